@@ -1,0 +1,27 @@
+# `make demo` and `make test` need only Python 3.11 or 3.12, a C++ compiler and cmake; see README.md.
+PYTHON ?=
+export PYTHON
+RUN := scripts/workspace run
+
+.PHONY: help demo test lint prepare bench clean
+
+help:  ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/demo
+
+test:  ## lint, types, colcon build, and every test
+	@$(RUN) dev -- scripts/check
+
+lint:  ## ruff, the import rules and the type checker
+	@$(RUN) dev -- scripts/check lint
+
+prepare:  ## environment and install/ only
+	@scripts/workspace prepare
+
+bench:  ## running times against the report's tables
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/bench
+
+clean:  ## remove what the commands made
+	rm -rf .venv build install log

@@ -1,0 +1,44 @@
+"""Installs the ament_python package smartmesh_ros."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "smartmesh_ros"
+
+
+def files(folder: str, pattern: str) -> list[str]:
+    """Files of a folder, as setuptools wants them: relative to this one."""
+    return sorted(str(path) for path in Path(folder).glob(pattern) if path.is_file())
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", files("config", "*")),
+        (f"share/{NAME}/launch", files("launch", "*.launch.py")),
+    ],
+    install_requires=["numpy", "pybullet"],
+    extras_require={
+        "studies": ["matplotlib"],
+        "test": ["hypothesis", "pytest"],
+    },
+    zip_safe=False,
+    maintainer="smartmesh_ros maintainers",
+    maintainer_email="maintainers@smartmesh-ros.invalid",
+    description="Collide with terrain that moves: small, velocity-carrying collider patches that follow bodies.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            f"terrain_collider = {NAME}.node.terrain_collider:main",
+            f"terrain_source = {NAME}.node.terrain_source:main",
+            f"demo = {NAME}.node.demo:main",
+            f"bench = {NAME}.studies.bench:main",
+        ],
+    },
+)

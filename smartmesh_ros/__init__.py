@@ -1,0 +1,61 @@
+"""Collide with terrain that moves.
+
+The public API for PyBullet users without ROS: a `HeightMap` (or a `Terrain` of tiles) deforms, `Ground` keeps a small
+velocity-carrying collider under each body of an existing PyBullet world, and `World` is a whole world of its own.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from smartmesh_ros.errors import InputError
+    from smartmesh_ros.patches.config import PatchConfig
+    from smartmesh_ros.physics.config import PhysicsConfig
+    from smartmesh_ros.physics.ground import Ground
+    from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Sphere
+    from smartmesh_ros.physics.state import BodyState
+    from smartmesh_ros.physics.world import World, WorldConfig
+    from smartmesh_ros.terrain.grid import GridGeometry
+    from smartmesh_ros.terrain.heightmap import HeightMap
+    from smartmesh_ros.terrain.motion import MotionConfig
+    from smartmesh_ros.terrain.terrain import Terrain
+
+_HOMES = {
+    "errors": ("InputError",),
+    "patches.config": ("PatchConfig",),
+    "physics.config": ("PhysicsConfig",),
+    "physics.ground": ("Ground",),
+    "physics.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
+    "physics.state": ("BodyState",),
+    "physics.world": ("World", "WorldConfig"),
+    "terrain.grid": ("GridGeometry",),
+    "terrain.heightmap": ("HeightMap",),
+    "terrain.motion": ("MotionConfig",),
+    "terrain.terrain": ("Terrain",),
+}
+_HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "BodyState",
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "GridGeometry",
+    "Ground",
+    "HeightMap",
+    "InputError",
+    "MotionConfig",
+    "PatchConfig",
+    "PhysicsConfig",
+    "Sphere",
+    "Terrain",
+    "World",
+    "WorldConfig",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a public name when it is first used, so that the terrain and patch rooms load without PyBullet."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME_OF[name]), name)

@@ -1,0 +1,158 @@
+"""Messages to the core's values, all of it, as pure functions. What cannot be converted raises `InputError`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from shape_msgs.msg import SolidPrimitive
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
+from smartmesh_ros.terrain.grid import GridGeometry
+
+FloatGrid = NDArray[np.float32]
+
+
+class MapInput(NamedTuple):
+    """A whole map: where it lies, heights (rows, columns) [m], and velocities [m/s] or None."""
+
+    geometry: GridGeometry
+    heights: FloatGrid
+    velocities: FloatGrid | None
+
+
+class RegionInput(NamedTuple):
+    """A rectangle of new heights (rows, columns) [m] from a first row and column, and velocities [m/s] or None."""
+
+    row: int
+    column: int
+    heights: FloatGrid
+    velocities: FloatGrid | None
+
+
+class BodyInput(NamedTuple):
+    """A tracked body: its name, state and bounding radius [m], 0 = the default."""
+
+    name: str
+    state: BodyState
+    radius: float
+
+
+def stamp_seconds(stamp: Any) -> float | None:
+    """A stamp in seconds; None where it is not set (zero)."""
+    if stamp.sec < 0 or not 0 <= stamp.nanosec < 1_000_000_000:
+        raise InputError("stamp", f"stamp {stamp.sec} s {stamp.nanosec} ns is not a time; nanosec is 0 to 999999999")
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        return None
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def map_from(message: Any, max_samples: int) -> MapInput:
+    """A Heightmap message, sizes checked before anything is touched."""
+    info = message.info
+    _require_count(info.width, info.height, len(message.heights), len(message.velocities), max_samples)
+    geometry = GridGeometry(
+        rows=info.height,
+        columns=info.width,
+        resolution=info.resolution,
+        origin=(info.origin.position.x, info.origin.position.y, info.origin.position.z),
+        yaw=yaw_from(info.origin.orientation),
+    )
+    shape = (info.height, info.width)
+    velocities = _grid(message.velocities, shape) if message.velocities else None
+    return MapInput(geometry, _grid(message.heights, shape), velocities)
+
+
+def region_from(message: Any, max_samples: int) -> RegionInput:
+    """A HeightmapUpdate message."""
+    _require_count(message.width, message.height, len(message.heights), len(message.velocities), max_samples)
+    shape = (message.height, message.width)
+    velocities = _grid(message.velocities, shape) if message.velocities else None
+    return RegionInput(message.y, message.x, _grid(message.heights, shape), velocities)
+
+
+def bodies_from(message: Any) -> list[BodyInput]:
+    """A TrackedBodyArray message; refused whole if one of its bodies is impossible."""
+    bodies = []
+    for body in message.bodies:
+        if not (math.isfinite(body.radius) and body.radius >= 0.0):
+            raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
+        bodies.append(BodyInput(body.id, state_from(body.pose, body.twist), float(body.radius)))
+    _require_distinct([body.name for body in bodies])
+    return bodies
+
+
+def poses_from(message: Any) -> list[BodyInput]:
+    """A PoseArray message: body i is called ``body_<i>``."""
+    return [BodyInput(f"body_{index}", state_from(pose), 0.0) for index, pose in enumerate(message.poses)]
+
+
+def state_from(pose: Any, twist: Any = None) -> BodyState:
+    """A pose and a twist, finite and with a unit quaternion (then made exactly so)."""
+    p, q = pose.position, pose.orientation
+    linear = angular = (0.0, 0.0, 0.0)
+    if twist is not None:
+        linear = (twist.linear.x, twist.linear.y, twist.linear.z)
+        angular = (twist.angular.x, twist.angular.y, twist.angular.z)
+    return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
+
+
+def yaw_from(quaternion: Any) -> float:
+    """The turn about z [rad] of a unit quaternion that turns about nothing else."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    length = math.hypot(x, y, z, w)
+    if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
+    if math.hypot(x, y) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be turned about z only")
+    return 2.0 * math.atan2(z, w)
+
+
+def shape_from(primitive: Any) -> Shape:
+    """A SolidPrimitive as the core's shape."""
+    dimensions = [float(value) for value in primitive.dimensions]
+    wanted = {
+        SolidPrimitive.SPHERE: ("SPHERE", 1),
+        SolidPrimitive.BOX: ("BOX", 3),
+        SolidPrimitive.CYLINDER: ("CYLINDER", 2),
+    }
+    if primitive.type not in wanted:
+        raise InputError("shape", f"shape type {primitive.type} is not supported; use SPHERE, BOX or CYLINDER")
+    name, count = wanted[primitive.type]
+    if len(dimensions) != count:
+        raise InputError("shape", f"{name} needs {count} dimensions, not {len(dimensions)}")
+    if primitive.type == SolidPrimitive.SPHERE:
+        return Sphere(*dimensions)
+    if primitive.type == SolidPrimitive.BOX:
+        return Box(*dimensions)
+    height, radius = dimensions
+    return Cylinder(radius, height)
+
+
+def _grid(values: Any, shape: tuple[int, int]) -> FloatGrid:
+    """A message's float32 array as (rows, columns), without a copy."""
+    return np.frombuffer(values, np.float32).reshape(shape)
+
+
+def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
+    count = width * height
+    if count > max_samples:
+        raise InputError("size", f"{height} x {width} samples are more than terrain.max_samples = {max_samples}")
+    if heights != count:
+        raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
+    if velocities not in (0, count):
+        raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
+
+
+def _require_distinct(names: list[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if not name or "/" in name:
+            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        if name in seen:
+            raise InputError("duplicate_id", f"body {name!r} is in the message twice; names must be distinct")
+        seen.add(name)

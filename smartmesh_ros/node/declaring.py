@@ -1,0 +1,95 @@
+"""Parameters as tables: described, bounded, and checked by the same code at start and at run time."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from smartmesh_ros.errors import InputError
+
+
+class Spec(NamedTuple):
+    """One parameter: name, default, what it does, bounds or choices, and whether it is fixed after the start."""
+
+    name: str
+    default: Any
+    description: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+
+def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
+    """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
+
+    Raises `InputError` if a value cannot be; no node starts with settings other than those asked for.
+    """
+    for spec in specs:
+        node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+    names = [spec.name for spec in specs]
+    for name in sorted(node._parameter_overrides):
+        if name not in names and name != "use_sim_time" and not name.startswith("qos_overrides."):
+            nearest = difflib.get_close_matches(name, names, n=1)
+            hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+            node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{hint}")
+    return checked(current_values(node, specs), specs)
+
+
+def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
+    """Values of the parameters as they are set on the node."""
+    return {spec.name: plain_value(node.get_parameter(spec.name)) for spec in specs}
+
+
+def checked(values: Mapping[str, Any], specs: Sequence[Spec]) -> dict[str, Any]:
+    """The values, each of its type and within its bounds; raises `InputError` naming the first that is not.
+
+    A whole number is accepted where a fractional one is wanted.
+    """
+    return {spec.name: _checked(spec, values[spec.name]) for spec in specs}
+
+
+def plain_value(parameter: Parameter) -> Any:
+    """A parameter's value, arrays as lists."""
+    value = parameter.value
+    return list(value) if hasattr(value, "tolist") or isinstance(value, list) else value
+
+
+def _checked(spec: Spec, value: Any) -> Any:
+    wanted = type(spec.default)
+    if wanted is float and type(value) is int:
+        value = float(value)
+    if type(value) is not wanted:
+        raise InputError("parameter", f"{spec.name} is {value!r}; it must be of type {wanted.__name__}")
+    if isinstance(value, list):
+        kind = float if spec.default and isinstance(spec.default[0], float) else str
+        value = [float(item) if kind is float and type(item) is int else item for item in value]
+        if any(type(item) is not kind for item in value):
+            raise InputError("parameter", f"{spec.name} is {value!r}; every entry must be of type {kind.__name__}")
+    if spec.choices and value not in spec.choices:
+        raise InputError("parameter", f"{spec.name} is {value!r}; choose one of {', '.join(spec.choices)}")
+    if spec.low is not None and spec.high is not None and not (math.isfinite(value) and spec.low <= value <= spec.high):
+        raise InputError("parameter", f"{spec.name} is {value}; it must be {spec.low} to {spec.high}")
+    return value
+
+
+def _descriptor(spec: Spec) -> ParameterDescriptor:
+    # Typed dynamically, so that a YAML file may say 240 for 240.0; `checked` sees to the type.
+    descriptor = ParameterDescriptor(
+        description=spec.description,
+        read_only=spec.read_only,
+        dynamic_typing=True,
+        additional_constraints=f"one of {', '.join(spec.choices)}" if spec.choices else "",
+    )
+    if spec.low is not None and spec.high is not None:
+        if isinstance(spec.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=spec.low, to_value=spec.high)]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(spec.low), to_value=int(spec.high), step=1)]
+    return descriptor

@@ -1,0 +1,92 @@
+"""``/diagnostics``: how the node is doing, once a second."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from smartmesh_ros.physics.world import World
+
+# A map older than this is stale [s].
+STALE = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Health:
+    """What the diagnostics say beyond the world itself."""
+
+    map_age: float | None
+    real_time_factor: float
+    deadline_misses: int
+    paused: bool
+    refusals: Counter[str]
+    new_refusals: int
+
+
+def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
+    """One status per task: terrain, bodies, physics, inputs."""
+    return [
+        _status(node_name, "terrain", *_terrain(world, health)),
+        _status(node_name, "bodies", *_bodies(world)),
+        _status(node_name, "physics", *_physics(health)),
+        _status(node_name, "inputs", *_inputs(health)),
+    ]
+
+
+def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
+    tiles = world.terrain.tiles
+    values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.geometry.size for tile in tiles.values())}
+    for name, tile in list(tiles.items())[:16]:
+        geometry = tile.geometry
+        values[f"size of {name!r}"] = f"{geometry.rows} x {geometry.columns} at {geometry.resolution:g} m"
+        values[f"updates of {name!r}"] = tile.version
+    if health.map_age is None:
+        return DiagnosticStatus.WARN, "no map yet", values
+    values["age [s]"] = f"{health.map_age:.3f}"
+    if health.map_age > STALE:
+        return DiagnosticStatus.OK, f"the last map is {health.map_age:.1f} s old", values
+    return DiagnosticStatus.OK, "maps arrive", values
+
+
+def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
+    below = world.below_ground()
+    patches = sum(len(batch.bodies) for batch in world.ground.batches)
+    values = {
+        "simulated": sum(not body.tracked for body in world.bodies.values()),
+        "tracked": sum(body.tracked for body in world.bodies.values()),
+        "patches": patches,
+        "without ground": len(world.ground.followers) - patches,
+        "below ground": len(below),
+        "colliders replaced": world.ground.replacements,
+    }
+    if below:
+        return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+    return DiagnosticStatus.OK, f"{patches} patches", values
+
+
+def _physics(health: Health) -> tuple[bytes, str, dict[str, Any]]:
+    values = {
+        "real-time factor": f"{health.real_time_factor:.3f}",
+        "deadline misses": health.deadline_misses,
+        "paused": health.paused,
+    }
+    if health.paused:
+        return DiagnosticStatus.OK, "paused", values
+    if health.real_time_factor < 0.95:
+        return DiagnosticStatus.WARN, f"slower than real time ({health.real_time_factor:.2f})", values
+    return DiagnosticStatus.OK, "in real time", values
+
+
+def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
+    values = {f"refused, {reason}": count for reason, count in sorted(health.refusals.items())}
+    if health.new_refusals:
+        return DiagnosticStatus.WARN, f"{health.new_refusals} refused in the last second", values
+    return DiagnosticStatus.OK, f"{health.refusals.total()} refused so far", values
+
+
+def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=level, name=f"{node_name}: {task}", message=text, hardware_id="", values=pairs)

@@ -1,0 +1,138 @@
+"""When outputs are published: at their rates, while somebody listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, StageTiming, Timing, TrackedBodyArray
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from smartmesh_ros.node import diagnostics, outputs
+from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.parameters import PublishRates
+from smartmesh_ros.node.refusals import Refusals
+from smartmesh_ros.physics.world import World
+
+RELIABLE = QoSProfile(depth=10)
+
+
+class _Window:
+    """Time and misses since the last reading."""
+
+    def __init__(self) -> None:
+        self._start, self._time, self._misses = monotonic(), 0.0, 0
+
+    def read(self, world: World, pacer: Pacer) -> tuple[float, float, int]:
+        """Length of the window [s], its real-time factor and its missed deadlines; starts the next one."""
+        now = monotonic()
+        length = max(now - self._start, 1e-9)
+        factor = max(world.time - self._time, 0.0) / length
+        misses = pacer.misses - self._misses
+        self._start, self._time, self._misses = now, world.time, pacer.misses
+        return length, factor, misses
+
+
+class _Output(NamedTuple):
+    publisher: Any
+    make: Callable[[], Any]
+
+
+class Publishing:
+    """The node's outputs."""
+
+    def __init__(self, node: Node, world: World, pacer: Pacer, refusals: Refusals) -> None:
+        self.rates = PublishRates()
+        self.frame_id = ""
+        self.map_taken: float | None = None
+        self.paused = False
+        self._node, self._world, self._pacer, self._refusals = node, world, pacer, refusals
+        self._markers = outputs.PatchMarkers()
+        self._collider_patches = outputs.ColliderPatches()
+        self._body_states = outputs.BodyStates()
+        self._contacts = outputs.Contacts()
+        self._outputs = {
+            "patches": self._output(MarkerArray, "~/patches", self._make_patches),
+            "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
+            "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
+            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
+            "timing": self._output(Timing, "~/timing", self._make_timing),
+        }
+        self._diagnostics = self._output(DiagnosticArray, "/diagnostics", self._make_diagnostics)
+        self._due = dict.fromkeys(self._outputs, 0.0)
+        self._diagnostics_due = 0.0
+        self._timing_window = _Window()
+        self._diagnostics_window = _Window()
+        self._refused_before = 0
+
+    def publish(self, *, now: bool = False) -> None:
+        """Publishes every output that is due (or all of them) and has subscribers."""
+        time = monotonic()
+        for name, output in self._outputs.items():
+            rate = getattr(self.rates, name)
+            if rate > 0.0 and (now or time >= self._due[name]):
+                # Kept to the beat, unless a beat was missed.
+                self._due[name] = max(self._due[name] + 1.0 / rate, time)
+                if output.publisher.get_subscription_count():
+                    with self._world.stopwatch.stage("publish"):
+                        output.publisher.publish(output.make())
+        if time >= self._diagnostics_due:
+            self._diagnostics_due = time + 1.0
+            self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
+        return _Output(self._node.create_publisher(kind, topic, RELIABLE), make)
+
+    def _header(self) -> Header:
+        return Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self.frame_id)
+
+    def _make_patches(self) -> bytes:
+        return self._markers.write(self._header(), self._world.ground.batches, self._world.follower_names())
+
+    def _make_collider_patches(self) -> bytes:
+        world = self._world
+        carried = world.config.patch.carry_velocity
+        return self._collider_patches.write(self._header(), world.ground.batches, world.follower_names(), carried)
+
+    def _make_body_states(self) -> bytes:
+        world = self._world
+        simulated = [body for body in world.bodies.values() if not body.tracked]
+        return self._body_states.write(
+            self._header(), [(body.name, body.radius, world.state(body.name)) for body in simulated]
+        )
+
+    def _make_contacts(self) -> bytes:
+        return self._contacts.write(self._header(), self._world.contacts())
+
+    def _make_timing(self) -> Timing:
+        length, factor, misses = self._timing_window.read(self._world, self._pacer)
+        stages = [
+            StageTiming(
+                stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
+            )
+            for times in self._world.stopwatch.read()
+        ]
+        message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        return message
+
+    def _make_diagnostics(self) -> DiagnosticArray:
+        _, factor, _ = self._diagnostics_window.read(self._world, self._pacer)
+        refused = self._refusals.counts.total()
+        health = diagnostics.Health(
+            map_age=None if self.map_taken is None else monotonic() - self.map_taken,
+            real_time_factor=factor,
+            deadline_misses=self._pacer.misses,
+            paused=self.paused,
+            refusals=self._refusals.counts,
+            new_refusals=refused - self._refused_before,
+        )
+        self._refused_before = refused
+        message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        return message

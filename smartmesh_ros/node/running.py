@@ -1,0 +1,56 @@
+"""Runs a node to a steady beat until it is told to stop."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any, Literal
+
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from smartmesh_ros.errors import InputError
+
+ExecutorKind = Literal["events", "single_threaded"]
+
+
+def executor_of(kind: ExecutorKind) -> Executor:
+    """An executor by the name that the parameter ``executor`` uses."""
+    return EventsExecutor() if kind == "events" else SingleThreadedExecutor()
+
+
+def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
+    """Makes a node and calls its ``tick()`` at each of its ``pacer``'s deadlines, handling messages in between.
+
+    The events executor is driven by ``spin_once``: at 240 Hz it costs a tenth of what the others do, and a loop of our
+    own keeps the deadlines. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
+    """
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    stop: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: stop.append(received))
+    try:
+        try:
+            node = make_node()
+        except InputError as error:
+            print(f"cannot start: {error}", file=sys.stderr)
+            sys.exit(2)
+        executor = executor_of(node.settings.executor)
+        executor.add_node(node)
+        try:
+            while not stop:
+                executor.spin_once(timeout_sec=0.0)
+                while not stop and (left := node.pacer.remaining()) > 0.0:
+                    executor.spin_once(timeout_sec=left)
+                if not stop:
+                    node.pacer.advance()
+                    node.tick()
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+    finally:
+        try_shutdown()

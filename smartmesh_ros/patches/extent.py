@@ -1,0 +1,37 @@
+"""How many samples a patch needs: enough for the body, its way to the next update, and the search's rounding."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+
+# Rings of the largest patch: 9 x 9 samples (the report's largest collider); larger bodies get a coarser stride.
+MOST_RINGS = 4
+
+
+class Extent(NamedTuple):
+    """Size of N patches: rings around the centre and samples from one ring to the next, shapes (N,)."""
+
+    rings: IntArray
+    stride: IntArray
+
+
+def extent_for(
+    radii: FloatArray, travel: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0
+) -> Extent:
+    """Extent of patches for bodies of bounding ``radii`` [m] that may move by ``travel`` [m] before the next update.
+
+    ``resolution`` [m] and ``smallest_side`` [samples] are the map's; ``fixed_rings`` > 0 sets the rings (the report's
+    collider-size, stride 1) instead. The patch never outgrows the map.
+    """
+    # Half a cell more, because the patch is centred on the nearest vertex and not on the body.
+    cells = np.ceil((radii + travel) / resolution + 0.5 - 1e-9).astype(np.int64)
+    room = (smallest_side - 1) // 2
+    if fixed_rings:
+        rings = np.full(radii.shape, min(fixed_rings, room))
+        return Extent(rings, np.ones_like(rings))
+    cells = np.clip(cells, 1, room)
+    stride = -(-cells // MOST_RINGS)
+    rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
+    return Extent(rings, stride)

@@ -1,0 +1,1 @@
+"""Colliders, bodies and the world: PyBullet on patches."""

@@ -1,0 +1,124 @@
+"""Bodies and robots of the simulated world."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.bounds import bounding_radius
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.shapes import Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
+
+
+@dataclass(eq=False)
+class Body:
+    """One thing in the world: simulated (moves by physics) or tracked (its pose is dictated)."""
+
+    name: str
+    uid: int
+    radius: float
+    tracked: bool
+    initial: BodyState
+    links: dict[int, str]
+    joints: dict[str, int]
+
+    @property
+    def is_robot(self) -> bool:
+        """Whether it is a URDF robot."""
+        return bool(self.links)
+
+
+class BodyFactory:
+    """Creates bodies in one PyBullet world. Shapes of the same size are made once: PyBullet leaks removed ones."""
+
+    def __init__(self, client: Any, config: PhysicsConfig) -> None:
+        self._client = client
+        self.config = config
+        self._shapes: dict[Shape, int] = {}
+
+    def simulated(self, name: str, shape: Shape, mass: float, state: BodyState) -> Body:
+        """A body that moves by physics.
+
+        It is a rigid body (PyBullet's maximal coordinates): several times faster against a patch than a multibody of no
+        joints, and the only kind that continuous collision detection works for.
+        """
+        if not (np.isfinite(mass) and mass > 0.0):
+            raise InputError("geometry", f"mass of {name!r} is {mass} kg; it must be greater than zero")
+        client, config = self._client, self.config
+        uid = client.createMultiBody(
+            mass, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation,
+            useMaximalCoordinates=1,
+        )  # fmt: skip
+        client.changeDynamics(
+            uid, -1, lateralFriction=config.friction, restitution=config.restitution, linearDamping=0.0,
+            angularDamping=0.0,
+        )  # fmt: skip
+        body = Body(name, uid, shape.bounding_radius, False, state, {}, {})
+        self.place(body, state)
+        return body
+
+    def tracked(self, name: str, radius: float, state: BodyState) -> Body:
+        """A sphere whose pose is dictated; simulated bodies collide with it."""
+        # A multibody, because only a fixed multibody carries its velocity into contacts and on through the steps.
+        uid = self._client.createMultiBody(
+            0.0, self._shape(Sphere(radius)), basePosition=state.position, baseOrientation=state.orientation
+        )
+        body = Body(name, uid, radius, True, state, {}, {})
+        self.place(body, state)
+        return body
+
+    def robot(self, name: str, urdf: str, state: BodyState) -> Body:
+        """A robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely."""
+        client = self._client
+        try:
+            if urdf.lstrip().startswith("<"):
+                with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+                    file.write(urdf)
+                    file.flush()
+                    uid = client.loadURDF(file.name, state.position, state.orientation)
+            else:
+                if not Path(urdf).is_file():
+                    raise InputError("urdf", f"there is no URDF file {urdf!r}")
+                uid = client.loadURDF(urdf, state.position, state.orientation)
+        except pb.error as error:
+            raise InputError(
+                "urdf", f"the URDF of {name!r} does not load ({error}); check it with check_urdf"
+            ) from None
+        links, joints = {}, {}
+        for index in range(-1, client.getNumJoints(uid)):
+            if client.getCollisionShapeData(uid, index):
+                links[index] = self._link_name(uid, index)
+            if index >= 0:
+                info = client.getJointInfo(uid, index)
+                if info[2] in (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC):
+                    joints[info[1].decode()] = index
+                    client.setJointMotorControl2(uid, index, pb.VELOCITY_CONTROL, force=0.0)
+        if not links:
+            client.removeBody(uid)
+            raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
+        body = Body(name, uid, bounding_radius(client, uid, next(iter(links))), False, state, links, joints)
+        self.place(body, state)
+        return body
+
+    def place(self, body: Body, state: BodyState) -> None:
+        """Puts a body into a state."""
+        self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
+        self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
+        for joint in body.joints.values():
+            self._client.resetJointState(body.uid, joint, 0.0, 0.0)
+
+    def _shape(self, shape: Shape) -> int:
+        if shape not in self._shapes:
+            self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
+        return self._shapes[shape]
+
+    def _link_name(self, uid: int, index: int) -> str:
+        client = self._client
+        return str((client.getBodyInfo(uid)[0] if index < 0 else client.getJointInfo(uid, index)[12]).decode())

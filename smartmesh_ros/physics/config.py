@@ -1,0 +1,40 @@
+"""Settings of the physics."""
+
+import math
+from dataclasses import dataclass
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.state import Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicsConfig:
+    """How the world is stepped.
+
+    ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
+    body against the ground. ``restitution``: share of the closing speed that a body bounces back with.
+    ``contact_erp``: share of a penetration that the solver takes back in one step.
+    """
+
+    rate: float = 240.0
+    gravity: Vector = (0.0, 0.0, -9.81)
+    friction: float = 0.5
+    restitution: float = 0.0
+    contact_erp: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate) and self.rate > 0.0):
+            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be greater than zero")
+        if len(self.gravity) != 3 or not all(math.isfinite(value) for value in self.gravity):
+            raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
+        if not (math.isfinite(self.friction) and self.friction >= 0.0):
+            raise InputError("parameter", f"friction is {self.friction}; it must be zero or more")
+        if not 0.0 <= self.restitution <= 1.0:
+            raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
+        if not 0.0 < self.contact_erp <= 1.0:
+            raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
+
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return 1.0 / self.rate

@@ -1,0 +1,112 @@
+"""PyBullet heightfields that are replaced in place."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.terrain.grid import IntArray
+
+# Half the height of the bounds a heightfield is created with [m]. PyBullet never updates the bounds of a replaced
+# heightfield (bullet3 issues 4200 and 4236): what rises above them is not collided with. Samples are clamped to them,
+# and holes are this deep.
+BOUND = 100.0
+
+# Collision group of patches. Their mask is empty: they touch only the body they are paired with.
+PATCH_GROUP = 1 << 9
+
+# Where colliders wait that no body needs, far below and apart from one another [m].
+_PARK_DEPTH = -1.0e5
+_PARK_STEP = 1.0e3
+
+
+class Heightfield:
+    """One heightfield of ``size`` x ``size`` samples, ``spacing`` [m] apart, on a fixed body of its own.
+
+    The body is a multibody, because the contacts of a fixed rigid body do not see its velocity. It stands a quarter
+    turn from its grid: PyBullet cuts cells along the other diagonal than the main mesh does, and the turn brings the
+    two together (row r, column c of the patch is PyBullet's row size - 1 - c, column r).
+    """
+
+    def __init__(self, client: Any, size: int, spacing: float, park_x: float) -> None:
+        bounds = [0.0] * (size * size)
+        bounds[0], bounds[-1] = -BOUND, BOUND
+        self.size = size
+        self.spacing = spacing
+        self._create_shape = client.createCollisionShape
+        self._park_position = [park_x, 0.0, _PARK_DEPTH]
+        self._shape: int = client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD,
+            meshScale=[spacing, spacing, 1.0],
+            heightfieldData=bounds,
+            numHeightfieldRows=size,
+            numHeightfieldColumns=size,
+        )
+        self.body: int = client.createMultiBody(0.0, self._shape, basePosition=self._park_position)
+        client.setCollisionFilterGroupMask(self.body, -1, PATCH_GROUP, 0)
+        # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
+        client.changeDynamics(self.body, -1, lateralFriction=1.0, restitution=1.0)
+
+    def replace(self, heights: list[float], edge_filter: bool) -> None:
+        """Takes new heights [m] relative to the body, size * size values in PyBullet's order (see `collider_order`).
+
+        The flag is passed at every replacement; without it PyBullet drops the edges' data.
+        """
+        self._create_shape(
+            pb.GEOM_HEIGHTFIELD,
+            heightfieldData=heights,
+            numHeightfieldRows=self.size,
+            numHeightfieldColumns=self.size,
+            replaceHeightfieldIndex=self._shape,
+            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0,
+        )
+
+
+@lru_cache
+def collider_order(size: int) -> IntArray:
+    """Indices of a patch's samples (row by row) in the order PyBullet wants them, (size * size,)."""
+    samples = np.arange(size * size).reshape(size, size)
+    return np.ascontiguousarray(np.rot90(samples).ravel())
+
+
+def collider_yaw(yaw: float) -> tuple[float, float, float, float]:
+    """Orientation (x, y, z, w) of a heightfield's body over a grid turned by ``yaw`` [rad]."""
+    half = 0.5 * (yaw + 0.5 * math.pi)
+    return (0.0, 0.0, math.sin(half), math.cos(half))
+
+
+class HeightfieldPool:
+    """Hands out heightfields and takes them back.
+
+    PyBullet leaks when shapes are created and removed, so none ever is: a collider whose body left or whose size
+    changed waits for the next body that needs its size.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._free: dict[tuple[int, float], list[Heightfield]] = defaultdict(list)
+        self.created = 0
+
+    def take(self, size: int, spacing: float, body: int, link: int) -> Heightfield:
+        """A heightfield that collides with that body or link alone."""
+        free = self._free[size, spacing]
+        if free:
+            heightfield = free.pop()
+        else:
+            self.created += 1
+            heightfield = Heightfield(self._client, size, spacing, self.created * _PARK_STEP)
+        self._client.setCollisionFilterPair(heightfield.body, body, -1, link, 1)
+        return heightfield
+
+    def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
+        """Parks a heightfield that ``body`` or its ``link`` no longer needs."""
+        client = self._client
+        client.setCollisionFilterPair(heightfield.body, body, -1, link, 0)
+        client.resetBasePositionAndOrientation(heightfield.body, heightfield._park_position, [0.0, 0.0, 0.0, 1.0])
+        client.resetBaseVelocity(heightfield.body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+        self._free[heightfield.size, heightfield.spacing].append(heightfield)

@@ -1,0 +1,93 @@
+"""Shapes of simulated bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+
+
+class _Shape:
+    """Checks that every dimension is a positive number of metres."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]  # every shape is a dataclass
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0.0):
+                name = type(self).__name__.lower()
+                raise InputError("geometry", f"{field.name} of the {name} is {value} m; it must be greater than zero")
+
+
+@dataclass(frozen=True)
+class Sphere(_Shape):
+    """A sphere."""
+
+    radius: float
+
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of the sphere around the centre that holds the shape [m]."""
+        return self.radius
+
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": pb.GEOM_SPHERE, "radius": self.radius}
+
+
+@dataclass(frozen=True)
+class Box(_Shape):
+    """A box of edge lengths x, y, z."""
+
+    x: float
+    y: float
+    z: float
+
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of the sphere around the centre that holds the shape [m]."""
+        return 0.5 * math.hypot(self.x, self.y, self.z)
+
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": pb.GEOM_BOX, "halfExtents": [0.5 * self.x, 0.5 * self.y, 0.5 * self.z]}
+
+
+@dataclass(frozen=True)
+class Cylinder(_Shape):
+    """A cylinder along z."""
+
+    radius: float
+    height: float
+
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of the sphere around the centre that holds the shape [m]."""
+        return math.hypot(self.radius, 0.5 * self.height)
+
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": pb.GEOM_CYLINDER, "radius": self.radius, "height": self.height}
+
+
+@dataclass(frozen=True)
+class Capsule(_Shape):
+    """A capsule along z; ``height`` is the distance between the centres of its two half spheres."""
+
+    radius: float
+    height: float
+
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of the sphere around the centre that holds the shape [m]."""
+        return self.radius + 0.5 * self.height
+
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": pb.GEOM_CAPSULE, "radius": self.radius, "height": self.height}
+
+
+Shape = Sphere | Box | Cylinder | Capsule

@@ -1,0 +1,217 @@
+"""A physics world on deforming terrain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.bodies import Body, BodyFactory
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.contacts import GroundContact, contacts_of_spheres, contacts_of_step
+from smartmesh_ros.physics.ground import Ground
+from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldConfig:
+    """Settings of a world: its physics and its patches."""
+
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    patch: PatchConfig = field(default_factory=PatchConfig)
+
+
+class World:
+    """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
+
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it.
+    """
+
+    def __init__(
+        self,
+        terrain: HeightMap | Terrain | None = None,
+        config: WorldConfig | None = None,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self.config = config or WorldConfig()
+        self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
+        self.stopwatch = stopwatch or Stopwatch()
+        self.time = 0.0
+        self.bodies: dict[str, Body] = {}
+        self.client: Any = BulletClient(pb.DIRECT)
+        physics = self.config.physics
+        self._apply_physics(physics)
+        self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
+        self._factory = BodyFactory(self.client, physics)
+        self._follower_names: list[str] = []
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def configure(self, config: WorldConfig) -> None:
+        """Takes other settings while bodies rest on their patches; friction and restitution hold for later bodies."""
+        self.config = config
+        self._apply_physics(config.physics)
+        self._factory.config = config.physics
+        self.ground.configure(config.patch)
+
+    def close(self) -> None:
+        """Ends the world."""
+        if self.client.isConnected():
+            self.client.disconnect()
+
+    def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
+        """Adds a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
+        self._require_free(name)
+        self._add(self._factory.simulated(name, shape, mass, state or BodyState()))
+
+    def spawn_robot(self, name: str, urdf: str, state: BodyState | None = None) -> None:
+        """Adds a robot from a URDF file or text, with a patch for each link that has a collision shape."""
+        self._require_free(name)
+        self._add(self._factory.robot(name, urdf, state or BodyState()))
+
+    def track(self, name: str, radius: float, state: BodyState) -> None:
+        """Adds a body whose pose is dictated, or dictates its next pose.
+
+        Between calls it moves on with its velocity. A new radius replaces the body.
+        """
+        body = self.bodies.get(name)
+        if body is not None and body.radius != radius and body.tracked:
+            self.remove(name)
+            body = None
+        if body is None:
+            self._require_free(name)
+            body = self._factory.tracked(name, radius, state)
+            self._add(body)
+        elif not body.tracked:
+            raise InputError("duplicate_id", f"{name!r} is a simulated body; a tracked body needs another name")
+        else:
+            self._factory.place(body, state)
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the world; raises `InputError` if there is none of that name."""
+        body = self._body(name)
+        self.ground.detach(body.uid)
+        self.client.removeBody(body.uid)
+        del self.bodies[name]
+        self._rename_followers()
+
+    def drive(self, name: str, joint: str, velocity: float, force: float = 100.0) -> None:
+        """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N]."""
+        body = self._body(name)
+        if joint not in body.joints:
+            raise InputError(
+                "unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(body.joints) or 'none'}"
+            )
+        self.client.setJointMotorControl2(
+            body.uid, body.joints[joint], pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force
+        )
+
+    def refresh(self) -> None:
+        """Brings the patches to the bodies and the ground as they are now."""
+        self.ground.update(self.time, self.config.physics.dt)
+
+    def step(self, count: int = 1) -> None:
+        """Runs physics steps, each on patches as the ground is at its start."""
+        for _ in range(count):
+            self.refresh()
+            with self.stopwatch.stage("step"):
+                self.client.stepSimulation()
+            self.time += self.config.physics.dt
+            self.stopwatch.lap()
+
+    def reset(self) -> None:
+        """Puts every simulated body back where it was spawned and the time to zero; the terrain stays."""
+        self.terrain.shift_time(-self.time)
+        self.time = 0.0
+        for body in self.bodies.values():
+            if not body.tracked:
+                self._factory.place(body, body.initial)
+
+    def state(self, name: str) -> BodyState:
+        """Where a body is and how it moves."""
+        body = self._body(name)
+        return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
+
+    def follower_names(self) -> list[str]:
+        """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
+        return self._follower_names
+
+    def contacts(self) -> list[GroundContact]:
+        """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
+        followers = self.ground.followers
+        colliders = {
+            follower.heightfield.body: name
+            for follower, name in zip(followers, self._follower_names, strict=True)
+            if follower.heightfield is not None
+        }
+        contacts = contacts_of_step(self.client, colliders)
+        for batch in self.ground.batches:
+            members = [i for i, index in enumerate(batch.bodies) if not followers[index].solid]
+            if members:
+                bodies = batch.bodies[members]
+                contacts += contacts_of_spheres(
+                    [self._follower_names[index] for index in bodies],
+                    self.ground.positions_w[bodies],
+                    np.array([followers[index].radius for index in bodies]),
+                    batch,
+                    members,
+                )
+        return contacts
+
+    def below_ground(self) -> list[str]:
+        """Simulated bodies whose centre of mass is under the ground; each of them is a failure of a collider."""
+        bodies = [body for body in self.bodies.values() if not body.tracked]
+        if not bodies:
+            return []
+        positions = np.array([self.client.getBasePositionAndOrientation(body.uid)[0] for body in bodies])
+        heights = self.terrain.at(positions[:, :2], self.time).heights
+        return [bodies[index].name for index in np.flatnonzero(positions[:, 2] < heights)]
+
+    def _apply_physics(self, physics: PhysicsConfig) -> None:
+        self.client.setGravity(*physics.gravity)
+        self.client.setTimeStep(physics.dt)
+        self.client.setPhysicsEngineParameter(contactERP=physics.contact_erp, erp=physics.contact_erp)
+
+    def _body(self, name: str) -> Body:
+        try:
+            return self.bodies[name]
+        except KeyError:
+            raise InputError("unknown_body", f"there is no body {name!r}") from None
+
+    def _require_free(self, name: str) -> None:
+        if not name or "/" in name:
+            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        if name in self.bodies:
+            raise InputError(
+                "duplicate_id", f"there is a body {name!r} already; remove it first or choose another name"
+            )
+
+    def _add(self, body: Body) -> None:
+        self.bodies[body.name] = body
+        if body.is_robot:
+            for link in body.links:
+                self.ground.attach(body.uid, link)
+        else:
+            self.ground.attach(body.uid, radius=body.radius, solid=not body.tracked)
+        self._rename_followers()
+
+    def _rename_followers(self) -> None:
+        names = {}
+        for body in self.bodies.values():
+            names[body.uid, -1] = body.name
+            for link, name in body.links.items():
+                names[body.uid, link] = f"{body.name}/{name}"
+        self._follower_names = [names[follower.body, follower.link] for follower in self.ground.followers]

@@ -1,0 +1,75 @@
+"""Running times of the stages of the pipeline."""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+# Stages in the order of the pipeline.
+STAGES = ("ingest", "search", "collect", "collider", "step", "publish")
+# Runs of a stage that a window keeps; the newest replace the oldest.
+WINDOW = 4096
+
+
+class StageTimes(NamedTuple):
+    """Running times of one stage in a window: number of runs, and median, 99th percentile and maximum [us]."""
+
+    stage: str
+    runs: int
+    p50_us: float
+    p99_us: float
+    max_us: float
+
+
+class _Stage:
+    """Adds the time spent in a ``with`` block to the run of a stage that is under way."""
+
+    def __init__(self) -> None:
+        self.pending = 0.0
+        self.ran = False
+        self._start = 0.0
+
+    def __enter__(self) -> None:
+        self._start = perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.pending += perf_counter() - self._start
+        self.ran = True
+
+
+class Stopwatch:
+    """Collects running times by stage in preallocated rings.
+
+    A stage may be entered several times in one run (once per batch of bodies); `lap` ends the run.
+    """
+
+    def __init__(self) -> None:
+        self._stages = {stage: _Stage() for stage in STAGES}
+        self._times = {stage: np.zeros(WINDOW) for stage in STAGES}
+        self._counts = dict.fromkeys(STAGES, 0)
+
+    def stage(self, name: str) -> _Stage:
+        """``with stopwatch.stage("search"):`` times the block."""
+        return self._stages[name]
+
+    def lap(self) -> None:
+        """Ends the run of every stage that was entered since the last lap."""
+        for name, stage in self._stages.items():
+            if stage.ran:
+                count = self._counts[name]
+                self._times[name][count % WINDOW] = stage.pending
+                self._counts[name] = count + 1
+                stage.pending = 0.0
+                stage.ran = False
+
+    def read(self, *, clear: bool = True) -> list[StageTimes]:
+        """Times since the last clearing, one entry per stage in the order of the pipeline."""
+        result = []
+        for stage in STAGES:
+            count = self._counts[stage]
+            times = self._times[stage][: min(count, WINDOW)] * 1e6
+            median, high, most = np.percentile(times, (50, 99, 100)) if count else (0.0, 0.0, 0.0)
+            result.append(StageTimes(stage, count, float(median), float(high), float(most)))
+            if clear:
+                self._counts[stage] = 0
+        return result

@@ -1,0 +1,1 @@
+"""The main mesh: height maps, their sampling and their motion. Needs NumPy only."""

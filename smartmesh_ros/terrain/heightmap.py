@@ -1,0 +1,223 @@
+"""The main mesh as a height map that deforms in place."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain import triangles
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
+
+# Side of the square blocks of samples that share an age [samples].
+BLOCK = 64
+
+
+class Samples(NamedTuple):
+    """Ground at a set of samples: heights [m] (NaN = no ground) and vertical velocities [m/s], same shape."""
+
+    heights: FloatArray
+    velocities: FloatArray
+
+
+class HeightMap:
+    """Heights on a uniform grid, their holes, and how fast they move.
+
+    ``heights``: (rows, columns) array [m], kept as float32 and copied; NaN = no ground. ``resolution``, ``origin`` and
+    ``yaw`` place it (see `GridGeometry`; an origin of two numbers lies at z = 0), or pass a ``geometry``. ``time`` [s]
+    is the instant the heights hold for, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape, says how
+    fast the ground rises; without it velocity is the difference of successive heights.
+
+    Beside the heights the map keeps the heights before them, so that velocity is worked out only where a body stands,
+    and for each block of 64 x 64 samples the time of its last update.
+    """
+
+    def __init__(
+        self,
+        heights: ArrayLike,
+        *,
+        resolution: float = 1.0,
+        origin: tuple[float, ...] = (0.0, 0.0, 0.0),
+        yaw: float = 0.0,
+        geometry: GridGeometry | None = None,
+        time: float = 0.0,
+        velocities: ArrayLike | None = None,
+        motion: MotionConfig | None = None,
+    ) -> None:
+        if geometry is None:
+            shape = np.shape(heights)
+            if len(shape) != 2:
+                raise InputError("length", f"heights have shape {shape}; it must be (rows, columns)")
+            x, y, z = (*origin, 0.0)[:3]
+            geometry = GridGeometry(
+                rows=shape[0],
+                columns=shape[1],
+                resolution=resolution,
+                origin=(float(x), float(y), float(z)),
+                yaw=yaw,
+            )
+        self.geometry = geometry
+        self.motion = motion or MotionConfig()
+        new, speeds, self._has_holes = _checked(heights, velocities, (geometry.rows, geometry.columns), "the map")
+        self._heights = np.array(new, order="C")
+        self._before = self._heights.copy() if speeds is None else self._heights - speeds
+        blocks = (-(-geometry.rows // BLOCK), -(-geometry.columns // BLOCK))
+        self._time = np.full(blocks, -np.inf)
+        self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
+        self._lifetime = np.zeros(blocks)  # expected time to the next map; 0 = at rest
+        self._moves_until = -np.inf
+        self.version = 0  # counts the updates
+        self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
+
+    @property
+    def heights(self) -> NDArray[np.float32]:
+        """The last map's heights [m], (rows, columns), without the origin's z; read-only."""
+        view = self._heights.view()
+        view.setflags(write=False)
+        return view
+
+    @property
+    def has_holes(self) -> bool:
+        """Whether any sample may be NaN."""
+        return self._has_holes
+
+    @property
+    def time(self) -> float:
+        """Time of the newest sample [s]."""
+        return float(self._time.max())
+
+    def replace(self, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None) -> None:
+        """Takes a whole new map of the same geometry, (rows, columns) [m]; raises `InputError` and changes nothing."""
+        shape = (self.geometry.rows, self.geometry.columns)
+        new, speeds, has_holes = _checked(heights, velocities, shape, "the map")
+        # Swapping the two buffers saves a copy; not where a block is corrected, whose heights before must stay.
+        if speeds is None and np.all(self._time < time):
+            self._heights, self._before = self._before, self._heights
+        self._heights[...] = new
+        if speeds is not None:
+            np.subtract(self._heights, speeds, out=self._before)
+        self._has_holes = has_holes
+        self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
+
+    def update_region(
+        self, row: int, column: int, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None
+    ) -> None:
+        """Takes new heights (h, w) [m] for the rectangle whose first sample is (``row``, ``column``).
+
+        Costs the rectangle, not the map. Samples that share a block with the rectangle but lie outside it are taken as
+        at rest. Raises `InputError` and changes nothing.
+        """
+        shape = np.shape(heights)
+        if len(shape) != 2 or 0 in shape:
+            raise InputError("length", f"a region needs (rows, columns) of at least 1 x 1 samples, not {shape}")
+        end_row, end_column = row + shape[0], column + shape[1]
+        rows, columns = self.geometry.rows, self.geometry.columns
+        if row < 0 or column < 0 or end_row > rows or end_column > columns:
+            raise InputError(
+                "region",
+                f"rows {row} to {end_row - 1} and columns {column} to {end_column - 1} leave the map, whose last "
+                f"sample is row {rows - 1}, column {columns - 1}",
+            )
+        new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
+        region = (slice(row, end_row), slice(column, end_column))
+        blocks = (
+            slice(row // BLOCK, (end_row - 1) // BLOCK + 1),
+            slice(column // BLOCK, (end_column - 1) // BLOCK + 1),
+        )
+        if speeds is not None or np.all(self._time[blocks] < time):
+            around = (
+                slice(blocks[0].start * BLOCK, blocks[0].stop * BLOCK),
+                slice(blocks[1].start * BLOCK, blocks[1].stop * BLOCK),
+            )
+            self._before[around] = self._heights[around]
+        self._heights[region] = new
+        if speeds is not None:
+            self._before[region] = self._heights[region] - speeds
+        self._has_holes |= has_holes
+        self._set_clock(blocks, time, given=speeds is not None)
+
+    def shift_time(self, by: float) -> None:
+        """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
+        self._time += by
+        self._moves_until += by
+
+    def sample(self, indices: IntArray, centres: IntArray, time: float) -> Samples:
+        """Ground at ``time`` [s] at N x K samples, as ``indices`` (N, K) into the row-major map.
+
+        ``centres`` (N,) are the samples that say how old each row of ``indices`` is. Heights include the origin's z.
+        """
+        heights = self._heights.ravel()[indices].astype(np.float64)
+        if time >= self._moves_until:
+            velocities = np.zeros_like(heights)
+        else:
+            row, column = np.divmod(centres, self.geometry.columns)
+            block = (row // BLOCK, column // BLOCK)
+            velocities = (heights - self._before.ravel()[indices]) / self._interval[block][:, None]
+            # NaN where the sample was or is a hole; too fast is a jump, not a motion.
+            velocities[~(np.abs(velocities) <= self.motion.max_velocity)] = 0.0
+            offset, rate = progress(self.motion.mode, time - self._time[block], self._lifetime[block])
+            heights += velocities * offset[:, None]
+            velocities *= rate[:, None]
+        heights += self.geometry.origin[2]
+        return Samples(heights, velocities)
+
+    def at(self, xy_w: ArrayLike, time: float) -> Samples:
+        """Ground under N points (N, 2) [m] at ``time`` [s]; NaN outside the map and over holes. Shapes (N,)."""
+        geometry = self.geometry
+        grid = geometry.to_grid(np.atleast_2d(np.asarray(xy_w, np.float64)))
+        points = triangles.locate(grid, geometry.rows, geometry.columns)
+        indices = geometry.flat_index(points.rows, points.columns)
+        corners = self.sample(indices, indices[:, 0], time)
+        used = points.weights > 0.0
+        heights = np.where(used, corners.heights, 0.0) * points.weights
+        outside = ~triangles.inside(grid, geometry.rows, geometry.columns)
+        heights[outside] = np.nan
+        return Samples(heights.sum(axis=1), (corners.velocities * points.weights).sum(axis=1))
+
+    def _set_clock(self, blocks: tuple[slice, slice], time: float, *, given: bool) -> None:
+        """Notes that ``blocks`` were updated at ``time``, and over which interval their velocity is to be worked out.
+
+        A given velocity is kept as the heights one second before. An estimated one needs a map before that is recent;
+        the same instant sent again is a correction, and the velocity stands.
+        """
+        since = time - self._time[blocks]
+        recent = (since > 0.0) & (since <= self.motion.max_interval)
+        unknown = self.motion.max_interval if given else 0.0
+        lifetime = np.where(recent, since, unknown)
+        interval = np.full_like(since, 1.0) if given else np.where(recent, since, np.inf)
+        if not given:
+            corrected = since == 0.0
+            lifetime = np.where(corrected, self._lifetime[blocks], lifetime)
+            interval = np.where(corrected, self._interval[blocks], interval)
+        self._lifetime[blocks] = lifetime
+        self._interval[blocks] = interval
+        self._time[blocks] = time
+        self._moves_until = max(self._moves_until, time + REST * float(lifetime.max()))
+        self.version += 1
+
+
+def _checked(
+    heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, bool]:
+    """Heights and velocities as float32 of the right shape without infinities, and whether there are holes."""
+    new = _as_floats(heights, shape, f"heights of {what}")
+    has_holes = not np.isfinite(new.sum())  # one fast pass; the slow one only where it says so
+    if has_holes and np.isinf(new).any():
+        raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
+    if velocities is None:
+        return new, None, has_holes
+    speeds = _as_floats(velocities, shape, f"velocities of {what}")
+    if np.isinf(speeds).any():
+        raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
+    return new, speeds, has_holes
+
+
+def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
+    array = np.asarray(values)
+    if array.shape != shape:
+        raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
+    if array.dtype.kind not in "fiu":
+        raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
+    with np.errstate(over="ignore"):  # becomes infinity, which is refused
+        return array.astype(np.float32, copy=False)

@@ -1,0 +1,166 @@
+"""Terrain that moves, as a simulator would make it: heights as functions of time."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.terrain.grid import GridGeometry
+
+FloatGrid = NDArray[np.float32]
+
+
+class Region(NamedTuple):
+    """Heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``)."""
+
+    row: int
+    column: int
+    heights: FloatGrid
+
+
+class Scene(ABC):
+    """A moving surface on a grid. ``heights`` is the whole map at a time; ``changed`` the part that moves then."""
+
+    def __init__(self, geometry: GridGeometry) -> None:
+        self.geometry = geometry
+        columns = np.arange(geometry.columns, dtype=np.float32) * np.float32(geometry.resolution)
+        rows = np.arange(geometry.rows, dtype=np.float32) * np.float32(geometry.resolution)
+        # Positions on the grid [m], with the middle of the map as their origin.
+        self.x = columns - columns[-1] / 2
+        self.y = (rows - rows[-1] / 2)[:, None]
+
+    @abstractmethod
+    def heights(self, time: float) -> FloatGrid:
+        """The whole map (rows, columns) [m] at ``time`` [s]."""
+
+    def changed(self, time: float) -> Region:
+        """What moves at ``time``; the whole map unless a scene knows better."""
+        return Region(0, 0, self.heights(time))
+
+    def _window(self, x: float, y: float, reach: float) -> tuple[slice, slice]:
+        """Rows and columns within ``reach`` [m] of a point, at least one of each."""
+        step = self.geometry.resolution
+        slices = []
+        for centre, first, count in (
+            (y, float(self.y[0, 0]), self.geometry.rows),
+            (x, float(self.x[0]), self.geometry.columns),
+        ):
+            low = int(np.clip(math.floor((centre - reach - first) / step), 0, count - 1))
+            high = int(np.clip(math.ceil((centre + reach - first) / step) + 1, low + 1, count))
+            slices.append(slice(low, high))
+        return slices[0], slices[1]
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A wave of amplitude [m], wave number [rad/m] and angular frequency [rad/s]."""
+
+    amplitude: float = 0.3
+    number: float = 1.0
+    frequency: float = 2.0
+
+
+class InwardWaves(Scene):
+    """The report's terrain (Figure 1): circular waves that run towards the middle of the map."""
+
+    def __init__(self, geometry: GridGeometry, wave: Wave | None = None) -> None:
+        super().__init__(geometry)
+        self.wave = wave or Wave()
+        phase = np.hypot(self.x, self.y) * np.float32(self.wave.number)
+        # sin(a + b) = sin a cos b + cos a sin b: no trigonometry per sample and frame.
+        self._sin, self._cos = np.sin(phase), np.cos(phase)
+
+    def heights(self, time: float) -> FloatGrid:
+        turn = self.wave.frequency * time
+        amplitude = self.wave.amplitude
+        heights: FloatGrid = self._sin * np.float32(amplitude * math.cos(turn))
+        heights += self._cos * np.float32(amplitude * math.sin(turn))
+        return heights
+
+
+class Heave(Scene):
+    """The whole ground rises and falls: ``height`` [m] up and down again in every ``period`` [s]."""
+
+    def __init__(self, geometry: GridGeometry, height: float = 0.5, period: float = 4.0) -> None:
+        super().__init__(geometry)
+        self.height, self.period = height, period
+
+    def heights(self, time: float) -> FloatGrid:
+        level = 0.5 * self.height * (1.0 - math.cos(2.0 * math.pi * time / self.period))
+        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+
+
+class Crater(Scene):
+    """A crater that opens in the middle of flat ground within ``duration`` [s], with a raised rim."""
+
+    def __init__(self, geometry: GridGeometry, radius: float = 2.0, depth: float = 0.6, duration: float = 3.0) -> None:
+        super().__init__(geometry)
+        self.duration = duration
+        self._rows, self._columns = self._window(0.0, 0.0, 3.0 * radius)
+        r = np.hypot(self.x[self._columns], self.y[self._rows]) / radius
+        self._bowl = (depth * (r**2 - 1.0) * np.exp(-(r**2))).astype(np.float32)
+
+    def heights(self, time: float) -> FloatGrid:
+        whole = np.zeros((self.geometry.rows, self.geometry.columns), np.float32)
+        whole[self._rows, self._columns] = self.changed(time).heights
+        return whole
+
+    def changed(self, time: float) -> Region:
+        share = float(np.clip(time / self.duration, 0.0, 1.0))
+        smooth = share * share * (3.0 - 2.0 * share)
+        return Region(self._rows.start, self._columns.start, self._bowl * np.float32(smooth))
+
+
+class Rut(Scene):
+    """A rut that follows a wheel along a circle; the ground stays down where the wheel has been."""
+
+    def __init__(
+        self, geometry: GridGeometry, radius: float = 3.0, speed: float = 1.0, width: float = 0.4, depth: float = 0.12
+    ) -> None:
+        super().__init__(geometry)
+        self.radius, self.speed, self.width, self.depth = radius, speed, width, depth
+        self._ground = np.zeros((geometry.rows, geometry.columns), np.float32)
+        self._time = 0.0
+
+    def wheel(self, time: float) -> tuple[float, float]:
+        """Where the wheel is [m], from the middle of the map."""
+        angle = self.speed * time / self.radius
+        return self.radius * math.cos(angle), self.radius * math.sin(angle)
+
+    def heights(self, time: float) -> FloatGrid:
+        self.changed(time)
+        return self._ground.copy()
+
+    def changed(self, time: float) -> Region:
+        """Presses the ground down along the wheel's way since the last call."""
+        if time < self._time:
+            self._ground[:] = 0.0
+            self._time = 0.0
+        steps = max(1, math.ceil((time - self._time) * self.speed / (0.25 * self.width)))
+        for moment in np.linspace(self._time, time, steps + 1)[1:]:
+            x, y = self.wheel(float(moment))
+            rows, columns = self._window(x, y, 1.5 * self.width)
+            distance = np.hypot(self.x[columns] - np.float32(x), self.y[rows] - np.float32(y)) / self.width
+            pressed = np.float32(-self.depth) * np.exp(-((2.0 * distance) ** 2))
+            np.minimum(self._ground[rows, columns], pressed, out=self._ground[rows, columns])
+        self._time = time
+        x, y = self.wheel(time)
+        rows, columns = self._window(x, y, 2.5 * self.width + self.speed * 0.2)
+        return Region(rows.start, columns.start, self._ground[rows, columns].copy())
+
+
+class WaveOnRelief(Scene):
+    """A wave over fixed ground, ``relief`` (rows, columns) [m]: an elevation model, say."""
+
+    def __init__(self, geometry: GridGeometry, relief: FloatGrid, wave: Wave | None = None) -> None:
+        super().__init__(geometry)
+        self.relief = relief
+        self._waves = InwardWaves(geometry, wave)
+
+    def heights(self, time: float) -> FloatGrid:
+        return self.relief + self._waves.heights(time)

@@ -1,0 +1,158 @@
+"""Messages written as bytes are what rclpy would have serialised."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Point, Pose, Twist, Vector3
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from shape_msgs.msg import Mesh, MeshTriangle
+from smartmesh_msgs.msg import (
+    ColliderPatch,
+    ColliderPatchArray,
+    Contact,
+    ContactArray,
+    TrackedBody,
+    TrackedBodyArray,
+)
+from smartmesh_ros.node import outputs
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.tracker import PatchBatch, PatchTracker
+from smartmesh_ros.physics.contacts import GroundContact
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+HEADER = Header(frame_id="some_map")
+HEADER.stamp.sec, HEADER.stamp.nanosec = 1234, 567890123
+
+names = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF, exclude_characters="/"), min_size=1, max_size=12)
+numbers = st.floats(-1e6, 1e6, width=32)
+
+
+def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]:
+    """Patches of bodies in a row over random moving ground."""
+    rng = np.random.default_rng(count)
+    heights = rng.normal(size=(60, 80)).astype(np.float32)
+    if holes:
+        heights[rng.random(heights.shape) < 0.05] = np.nan
+    terrain = Terrain(HeightMap(heights, resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4, velocities=heights * 0.1))
+    tracker = PatchTracker(terrain, PatchConfig())
+    tracker.set_bodies(np.resize(radii, count), np.full(count, -1))
+    inner = terrain.tiles[""].geometry.to_world(rng.uniform(5, 55, count), rng.uniform(5, 75, count))
+    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros(count), 0.01)
+
+
+def assert_same(mine: bytes, reference: Any) -> None:
+    """Equal as messages and equally long; only padding, which rclpy leaves undefined, may differ."""
+    serialised = serialize_message(reference)
+    assert deserialize_message(mine, type(reference)) == deserialize_message(serialised, type(reference))
+    assert len(mine) == len(serialised)
+
+
+@pytest.mark.parametrize("holes", [False, True])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 7, 40])
+def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None:
+    batches = batches_for(count, [0.2, 0.4, 0.9], holes)
+    names = [f"body_{index}" for index in range(count)]
+    mine = outputs.PatchMarkers().write(HEADER, batches, names)
+    received = deserialize_message(mine, MarkerArray)
+    # Rebuilt from what was received, so that every field that is not geometry is checked against its meaning ...
+    expected = MarkerArray()
+    for got in received.markers:
+        marker = Marker(header=HEADER, ns="patches", id=got.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = outputs.COLOUR
+        marker.points = got.points
+        expected.markers.append(marker)
+    assert_same(mine, expected)
+    # ... and the geometry against the patches.
+    corners = {}
+    for batch in batches:
+        vertices = batch.vertices_w()
+        for row, body in enumerate(batch.bodies.tolist()):
+            triangles = vertices[row][batch.template.triangles]
+            corners[body] = triangles[~np.isnan(triangles).any(axis=(1, 2))].reshape(-1, 3)
+    shown = {marker.id: np.array([(p.x, p.y, p.z) for p in marker.points]) for marker in received.markers}
+    assert shown.keys() == {body for body, points in corners.items() if len(points)}
+    for body, points in shown.items():
+        np.testing.assert_array_equal(points, corners[body])
+
+
+def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
+    markers = outputs.PatchMarkers()
+    three = markers.write(HEADER, batches_for(3, [0.2], False), ["a", "b", "c"])
+    assert sorted(m.id for m in deserialize_message(three, MarkerArray).markers) == [0, 1, 2]
+    two = ["c", "b"]
+    after = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two), MarkerArray).markers
+    assert sorted((m.id, m.action) for m in after) == [(0, Marker.DELETE), (1, Marker.ADD), (2, Marker.ADD)]
+    again = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two), MarkerArray).markers
+    assert sorted((m.id, m.action) for m in again) == [(1, Marker.ADD), (2, Marker.ADD)]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(names, unique=True, max_size=30), st.booleans())
+def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carry: bool) -> None:
+    batches = batches_for(len(bodies), [0.2, 0.2, 0.9], False)
+    writer = outputs.ColliderPatches()
+    writer.write(HEADER, batches_for(4, [0.9], True), ["w", "x", "yy", "zzz"], True)  # buffers are reused, so use them
+    mine = writer.write(HEADER, batches, bodies, carry)
+    expected = {}
+    for batch in batches:
+        triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in batch.template.triangles]
+        for row, (body, vertices) in enumerate(zip(batch.bodies.tolist(), batch.vertices_w().tolist(), strict=True)):
+            twist = Twist()
+            if carry:
+                twist.linear = Vector3(**dict(zip("xyz", batch.linear_w[row].tolist(), strict=True)))
+                twist.angular = Vector3(**dict(zip("xyz", batch.angular_w[row].tolist(), strict=True)))
+            expected[bodies[body]] = ColliderPatch(
+                body_id=bodies[body],
+                row=int(batch.rows[row]),
+                column=int(batch.columns[row]),
+                stride=int(batch.stride[row]),
+                surface_twist=twist,
+                mesh=Mesh(triangles=triangles, vertices=[Point(x=x, y=y, z=z) for x, y, z in vertices]),
+            )
+    order = [patch.body_id for patch in deserialize_message(mine, ColliderPatchArray).patches]
+    assert sorted(order) == sorted(bodies)
+    assert_same(mine, ColliderPatchArray(header=HEADER, patches=[expected[name] for name in order]))
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(names, st.floats(0.125, 100.0, width=32), st.tuples(*[numbers] * 9)), max_size=30))
+def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float, tuple[float, ...]]]) -> None:
+    unit = (0.0, 0.6, 0.0, 0.8)
+    bodies = [(name, radius, BodyState(v[0:3], unit, v[3:6], v[6:9])) for name, radius, v in rows]
+    expected = TrackedBodyArray(header=HEADER)
+    for name, radius, state in bodies:
+        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**dict(zip("xyz", state.position)))))
+        body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
+        body.twist = Twist(
+            linear=Vector3(**dict(zip("xyz", state.linear))), angular=Vector3(**dict(zip("xyz", state.angular)))
+        )
+        expected.bodies.append(body)
+    assert_same(outputs.BodyStates().write(HEADER, bodies), expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(names, st.tuples(*[numbers] * 8)), max_size=30))
+def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[float, ...]]]) -> None:
+    contacts = [GroundContact(name, v[0:3], v[3:6], v[6], v[7]) for name, v in rows]
+    mine = outputs.Contacts().write(HEADER, contacts)
+    received = deserialize_message(mine, ContactArray)
+    messages = [
+        Contact(
+            body_id=contact.body,
+            position=Point(**dict(zip("xyz", contact.position))),
+            normal=Vector3(**dict(zip("xyz", contact.normal))),
+            depth=contact.depth,
+            normal_force=contact.normal_force,
+        )
+        for contact in contacts
+    ]
+    assert sorted(map(str, received.contacts)) == sorted(map(str, messages))
+    assert_same(mine, received)

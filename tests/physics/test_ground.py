@@ -1,0 +1,169 @@
+"""Colliders agree with the terrain and are touched only when they must be."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.ground import Ground
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+DT = 1.0 / 240.0
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    bullet = BulletClient(pb.DIRECT)
+    yield bullet
+    bullet.disconnect()
+
+
+def sphere(client: Any, position: tuple[float, float, float], radius: float = 0.3) -> int:
+    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=radius)
+    return int(client.createMultiBody(1.0, shape, basePosition=position))
+
+
+class Counting:
+    """A client that counts the calls a Ground makes."""
+
+    def __init__(self, client: Any) -> None:
+        self.calls: dict[str, int] = {}
+        self._client = client
+
+    def __getattr__(self, name: str) -> Any:
+        call = getattr(self._client, name)
+
+        def counted(*args: Any, **kwargs: Any) -> Any:
+            key = "replace" if "replaceHeightfieldIndex" in kwargs else name
+            self.calls[key] = self.calls.get(key, 0) + 1
+            return call(*args, **kwargs)
+
+        return counted
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
+@pytest.mark.parametrize("radius", [0.2, 0.6, 1.5])
+def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: float, radius: float) -> None:
+    """The diagonal of the cells is the same on both sides: on rough ground the other one is off by decimetres."""
+    rng = np.random.default_rng(7)
+    heightmap = HeightMap(rng.uniform(-0.5, 0.5, (60, 70)), resolution=0.2, origin=(1.0, 2.0, 0.7), yaw=yaw)
+    middle = heightmap.geometry.to_world(30.3, 33.2)
+    body = sphere(client, (*middle, 5.0), radius)
+    ground = Ground(client, heightmap)
+    follower = ground.attach(body)
+    assert follower.radius == radius
+    ground.update(0.0, DT)
+    assert follower.heightfield is not None
+    client.setCollisionFilterGroupMask(follower.heightfield.body, -1, 1, -1)  # rays see no patch otherwise
+    client.performCollisionDetection()
+    [batch] = ground.batches
+    stride = int(batch.stride[0])
+    coarse = HeightMap(heightmap.heights[30 % stride :: stride, 33 % stride :: stride], resolution=0.2 * stride)
+    angle, distance = rng.uniform(-np.pi, np.pi, 200), 0.99 * radius * np.sqrt(rng.uniform(0.0, 1.0, 200))
+    points = middle + np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
+    grid = (heightmap.geometry.to_grid(points) - (30 % stride, 33 % stride)) / stride
+    expected = coarse.at(grid[:, ::-1] * 0.2 * stride, 0.0).heights + 0.7
+    hits = client.rayTestBatch([(x, y, 4.9 - radius) for x, y in points], [(x, y, -4.0) for x, y in points])
+    assert {hit[0] for hit in hits} == {follower.heightfield.body}
+    np.testing.assert_allclose([hit[3][2] for hit in hits], expected, atol=1e-5)
+
+
+def test_untouched_moved_or_replaced_as_needed(client: Any) -> None:
+    bumps = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 50)).astype(np.float32)
+    heightmap = HeightMap(bumps, resolution=0.1)
+    body = sphere(client, (2.0, 2.0, 1.0))
+    counting = Counting(client)
+    ground = Ground(counting, heightmap)
+    ground.attach(body, radius=0.2)
+
+    def calls_of_update(time: float) -> dict[str, int]:
+        counting.calls.clear()
+        ground.update(time, DT)
+        wanted = ("replace", "resetBasePositionAndOrientation", "resetBaseVelocity")
+        return {name: counting.calls[name] for name in wanted if name in counting.calls}
+
+    assert calls_of_update(0.0)["replace"] == 1
+    assert calls_of_update(0.0) == {}
+    client.resetBasePositionAndOrientation(body, (2.04, 2.0, 1.0), (0, 0, 0, 1))
+    assert calls_of_update(0.0) == {}, "the nearest vertex is the same"
+    heightmap.replace(bumps + 1.0, time=10.0)
+    assert calls_of_update(10.0) == {"resetBasePositionAndOrientation": 1}, "the ground rose as it is"
+    heightmap.replace(bumps + 1.1, time=10.1)
+    moved = calls_of_update(10.1)
+    assert moved == {"resetBasePositionAndOrientation": 1, "resetBaseVelocity": 1}, "and rises at 1 m/s"
+    client.resetBasePositionAndOrientation(body, (2.1, 2.0, 1.0), (0, 0, 0, 1))
+    assert calls_of_update(20.0)["replace"] == 1, "another vertex"
+    ground.update(20.0, DT)  # a body that came to rest may get a smaller patch
+    heightmap.update_region(40, 40, np.ones((3, 3)), time=21.0)
+    assert calls_of_update(21.0) == {}, "the ground changed elsewhere"
+
+
+def test_a_patch_collides_with_its_own_body_only(client: Any) -> None:
+    client.setGravity(0, 0, -9.81)
+    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
+    followed, other = sphere(client, (2.0, 2.0, 0.3)), sphere(client, (2.0, 2.7, 0.3))
+    ground = Ground(client, heightmap)
+    ground.attach(followed)
+    for step in range(120):
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+    assert client.getBasePositionAndOrientation(followed)[0][2] == pytest.approx(0.3, abs=1e-3)
+    assert client.getBasePositionAndOrientation(other)[0][2] < -0.5
+
+
+def test_colliders_are_used_again_and_never_pile_up(client: Any) -> None:
+    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
+    bodies = [sphere(client, (1.0 + 0.5 * i, 2.0, 1.0)) for i in range(4)]
+    ground = Ground(client, heightmap)
+    for _ in range(50):
+        for body in bodies:
+            ground.attach(body, radius=0.2)
+        ground.update(0.0, DT)
+        for body in bodies:
+            ground.detach(body)
+    assert client.getNumBodies() == 8
+
+
+def test_a_hole_carries_nothing_and_its_rim_does(client: Any) -> None:
+    client.setGravity(0, 0, -9.81)
+    heights = np.zeros((60, 60))
+    heights[20:41, 20:41] = np.nan
+    heightmap = HeightMap(heights, resolution=0.1)
+    over_hole = sphere(client, (3.0, 3.0, 0.3), 0.1)
+    at_rim = sphere(client, (1.85, 3.0, 0.1), 0.1)
+    ground = Ground(client, heightmap)
+    for body in (over_hole, at_rim):
+        ground.attach(body)
+    for step in range(240):
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+    assert client.getBasePositionAndOrientation(over_hole)[0][2] < -3.0
+    assert client.getBasePositionAndOrientation(at_rim)[0][2] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_settings_change_while_bodies_rest(client: Any) -> None:
+    client.setGravity(0, 0, -9.81)
+    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
+    body = sphere(client, (2.5, 2.5, 0.3))
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    for step in range(300):
+        if step % 50 == 0:
+            ground.configure(PatchConfig(rings=(step // 50) % 5, edge_filter=step % 100 == 0))
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+        assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_bad_attachments_are_refused(client: Any) -> None:
+    ground = Ground(client, HeightMap(np.zeros((5, 5))))
+    body = sphere(client, (2.0, 2.0, 1.0))
+    ground.attach(body)
+    with pytest.raises(InputError, match="attached already"):
+        ground.attach(body)
+    with pytest.raises(InputError, match="radius"):
+        ground.attach(sphere(client, (3.0, 2.0, 1.0)), radius=-1.0)

@@ -1,0 +1,196 @@
+"""Worlds refuse what cannot be, and track, drive and reset bodies."""
+
+import math
+import os
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pybullet_data
+import pytest
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Capsule,
+    Cylinder,
+    HeightMap,
+    InputError,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.physics.tracking import Tracking
+
+HUSKY = os.path.join(pybullet_data.getDataPath(), "husky", "husky.urdf")
+CART = """
+<robot name="cart">
+  <link name="body">
+    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.6 0.3 0.1"/></geometry></collision>
+  </link>
+  <link name="wheel">
+    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius="0.2"/></geometry></collision>
+  </link>
+  <joint name="axle" type="continuous">
+    <parent link="body"/><child link="wheel"/><origin xyz="0.2 0 -0.1"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
+        yield made
+
+
+@pytest.mark.parametrize(
+    ("act", "reason"),
+    [
+        (lambda w: w.spawn("ball", Sphere(0.1), 1.0), "duplicate_id"),
+        (lambda w: w.spawn("", Sphere(0.1), 1.0), "empty_id"),
+        (lambda w: w.spawn("a/b", Sphere(0.1), 1.0), "empty_id"),
+        (lambda w: w.spawn("x", Sphere(0.1), 0.0), "geometry"),
+        (lambda w: w.spawn("x", Sphere(0.1), math.nan), "geometry"),
+        (lambda w: w.spawn("x", Sphere(-0.1), 1.0), "geometry"),
+        (lambda w: w.spawn("x", Box(0.1, math.inf, 0.1), 1.0), "geometry"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState((math.nan, 0.0, 0.0))), "non_finite"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 0.0))), "quaternion"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 2.0))), "quaternion"),
+        (lambda w: w.spawn_robot("x", "/no/such.urdf"), "urdf"),
+        (lambda w: w.spawn_robot("x", "<robot"), "urdf"),
+        (lambda w: w.spawn_robot("x", '<robot name="r"><link name="l"/></robot>'), "urdf"),
+        (lambda w: w.remove("nobody"), "unknown_body"),
+        (lambda w: w.state("nobody"), "unknown_body"),
+        (lambda w: w.drive("ball", "axle", 1.0), "unknown_joint"),
+        (lambda w: w.track("ball", 0.1, BodyState()), "duplicate_id"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callable[[World], None], reason: str) -> None:
+    world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
+    bodies = world.client.getNumBodies()
+    with pytest.raises(InputError) as error:
+        act(world)
+    assert error.value.reason == reason
+    assert str(error.value)
+    assert list(world.bodies) == ["ball"]
+    assert world.client.getNumBodies() == bodies
+    world.step(10)
+    assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_impossible_physics_is_refused() -> None:
+    for bad in ({"rate": 0.0}, {"gravity": (0.0, math.nan, 0.0)}, {"restitution": 1.5}, {"friction": -0.1}):
+        with pytest.raises(InputError):
+            PhysicsConfig(**bad)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("shape", "height"),
+    [(Sphere(0.2), 0.2), (Box(0.4, 0.5, 0.6), 0.3), (Cylinder(0.3, 0.5), 0.25), (Capsule(0.15, 0.4), 0.35)],
+)
+def test_every_shape_rests_on_the_ground(world: World, shape: Sphere | Box | Cylinder | Capsule, height: float) -> None:
+    world.spawn("body", shape, 1.0, BodyState((0.03, -0.02, height + 0.05)))
+    world.step(200)
+    assert world.state("body").position[2] == pytest.approx(height, abs=2e-3)
+    assert world.below_ground() == []
+
+
+def test_bodies_beyond_one_another_collide(world: World) -> None:
+    world.spawn("lower", Box(0.4, 0.4, 0.4), 1.0, BodyState((0.0, 0.0, 0.2)))
+    world.spawn("upper", Box(0.4, 0.4, 0.4), 1.0, BodyState((0.0, 0.0, 0.65)))
+    world.step(240)
+    assert world.state("upper").position[2] == pytest.approx(0.6, abs=3e-3)
+
+
+def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: World) -> None:
+    world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.3)))
+    names = [name for name in world.follower_names() if name.startswith("husky/")]
+    assert {name for name in names if "wheel" in name} == {
+        f"husky/{side}_wheel_link" for side in ("front_left", "front_right", "rear_left", "rear_right")
+    }
+    world.step(240)
+    assert {contact.body for contact in world.contacts()} <= set(names)
+    assert len({contact.body for contact in world.contacts() if "wheel" in contact.body}) == 4
+    rest = world.state("husky").position
+    for joint in world.bodies["husky"].joints:
+        world.drive("husky", joint, 5.0)
+    world.step(240)
+    assert math.dist(world.state("husky").position, rest) > 0.3
+    world.remove("husky")
+    assert world.follower_names() == []
+
+
+def test_a_robot_from_text_rolls_freely(world: World) -> None:
+    world.spawn_robot("cart", CART, BodyState((0.0, 0.0, 0.35)))
+    assert world.follower_names() == ["cart/body", "cart/wheel"]
+    world.drive("cart", "axle", 3.0)
+    world.step(240)
+    assert world.state("cart").position[0] > 0.2
+    with pytest.raises(InputError, match="axle"):
+        world.drive("cart", "steering", 1.0)
+
+
+def test_simulated_bodies_are_pushed_by_tracked_ones(world: World) -> None:
+    world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.0, 0.0, 0.2)))
+    for step in range(240):
+        world.track("pusher", 0.3, BodyState((step / 240.0, 0.0, 0.3), linear=(1.0, 0.0, 0.0)))
+        world.step()
+    assert world.state("ball").position[0] > 1.3
+    assert world.state("pusher").position[0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_tracked_bodies_report_depth_and_normal_of_their_contact() -> None:
+    slope = 0.5
+    x = np.arange(101) * 0.1 - 5.0
+    with World(HeightMap(np.broadcast_to(slope * x, (101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as world:
+        normal = np.array([-slope, 0.0, 1.0]) / math.hypot(slope, 1.0)
+        for depth in (0.05, 0.25, 0.35):  # touching, deep, and with the centre below the surface
+            world.track("probe", 0.3, BodyState(tuple((0.3 - depth) * normal + np.array([0.0, 0.013, 0.0]))))
+            world.refresh()
+            [contact] = world.contacts()
+            assert contact.depth == pytest.approx(depth, abs=1e-5)
+            np.testing.assert_allclose(contact.normal, normal, atol=1e-5)
+            assert contact.position[2] == pytest.approx(slope * contact.position[0], abs=1e-5)
+            assert math.isnan(contact.normal_force)
+        world.track("probe", 0.3, BodyState((0.0, 0.0, 0.5)))
+        world.refresh()
+        assert world.contacts() == []
+
+
+def test_tracking_estimates_velocity_and_forgets_what_it_does_not_hear_of(world: World) -> None:
+    tracking = Tracking(world, timeout=0.5)
+    half = 0.5 * 0.1
+    tracking.update("rover", 0.3, BodyState((0.0, 0.0, 0.3)), 10.0)
+    turned = (0.0, 0.0, math.sin(half), math.cos(half))
+    tracking.update("rover", 0.3, BodyState((0.1, 0.0, 0.3), turned), 10.1)
+    state = world.state("rover")
+    np.testing.assert_allclose(state.linear, (1.0, 0.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(state.angular, (0.0, 0.0, 1.0), atol=1e-6)
+    assert tracking.expire(10.55) == []
+    assert tracking.expire(10.65) == ["rover"]
+    assert world.bodies == {}
+
+
+def test_reset_puts_bodies_back_and_the_time_to_zero(world: World) -> None:
+    start = BodyState((0.0, 0.0, 1.0), linear=(1.0, 0.0, 0.0))
+    world.spawn("ball", Sphere(0.2), 1.0, start)
+    world.terrain.tiles[""].replace(np.full((101, 101), 0.1), time=0.1)
+    world.step(100)
+    world.reset()
+    assert world.time == 0.0
+    assert world.state("ball") == start
+    world.step(300)
+    assert world.state("ball").position[2] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_settings_change_while_bodies_rest(world: World) -> None:
+    world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
+    world.step(60)
+    world.configure(WorldConfig(physics=PhysicsConfig(rate=480.0, gravity=(0.0, 0.0, -1.6))))
+    time = world.time
+    world.step(480)
+    assert world.time == pytest.approx(time + 1.0)
+    assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+    assert sum(contact.normal_force for contact in world.contacts()) == pytest.approx(1.6, rel=0.02)

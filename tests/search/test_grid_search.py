@@ -1,0 +1,47 @@
+"""Grid traversal finds the nearest vertex."""
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from smartmesh_ros.search.grid import nearest_vertices
+from smartmesh_ros.terrain.grid import GridGeometry
+
+
+@given(
+    st.integers(3, 40),
+    st.integers(3, 40),
+    st.floats(0.05, 5.0),
+    st.floats(-math.pi, math.pi),
+    st.integers(0, 10**6),
+    st.integers(1, 3),
+)
+def test_agrees_with_brute_force_inside_on_the_rim_and_outside(
+    rows: int, columns: int, resolution: float, yaw: float, seed: int, rim: int
+) -> None:
+    rim = min(rim, (min(rows, columns) - 1) // 2)
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(3.0, -2.0, 0.0), yaw=yaw)
+    rng = np.random.default_rng(seed)
+    around = geometry.to_world(rng.uniform(-5, rows + 5, 50), rng.uniform(-5, columns + 5, 50))
+    found = nearest_vertices(geometry, np.column_stack([around, rng.normal(size=50)]), rim)
+    inner_rows, inner_columns = np.meshgrid(np.arange(rim, rows - rim), np.arange(rim, columns - rim), indexing="ij")
+    vertices = geometry.to_world(inner_rows.ravel(), inner_columns.ravel())
+    distance = np.linalg.norm(around[:, None] - vertices, axis=2)
+    chosen = np.linalg.norm(around - geometry.to_world(found.rows, found.columns), axis=1)
+    np.testing.assert_allclose(chosen, distance.min(axis=1), rtol=1e-9, atol=1e-9)
+    assert found.rows.min() >= rim
+    assert found.rows.max() <= rows - 1 - rim
+
+
+def test_ties_go_to_the_lower_row_and_column() -> None:
+    geometry = GridGeometry(rows=10, columns=10, resolution=1.0)
+    found = nearest_vertices(geometry, np.array([[4.5, 6.5, 0.0], [5.5, 3.5, 0.0]]))
+    np.testing.assert_array_equal(found.rows, [6, 3])
+    np.testing.assert_array_equal(found.columns, [4, 5])
+
+
+def test_the_rim_may_differ_per_body() -> None:
+    geometry = GridGeometry(rows=20, columns=20, resolution=1.0)
+    found = nearest_vertices(geometry, np.zeros((3, 3)), np.array([1, 2, 4]))
+    np.testing.assert_array_equal(found.rows, [1, 2, 4])

@@ -1,0 +1,144 @@
+"""Heights, holes and motion of a height map."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.heightmap import BLOCK, HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
+
+
+def velocity_at(heightmap: HeightMap, row: int, column: int, time: float) -> tuple[float, float]:
+    """Height and velocity of one sample."""
+    index = np.array([[row * heightmap.geometry.columns + column]])
+    heights, velocities = heightmap.sample(index, index[:, 0], time)
+    return float(heights[0, 0]), float(velocities[0, 0])
+
+
+@given(st.floats(0, 8.999), st.floats(0, 6.999), st.integers(0, 10**6))
+def test_sampling_follows_the_triangles_of_the_reports_diagonal(x: float, y: float, seed: int) -> None:
+    heights = np.random.default_rng(seed).normal(size=(8, 10))
+    row, column = int(y), int(x)
+    v, u = y - row, x - column
+    near, right, far, up = (heights[row + r, column + c] for r, c in ((0, 0), (0, 1), (1, 1), (1, 0)))
+    # The diagonal runs from (row, column) to (row + 1, column + 1); each side of it is one plane.
+    expected = near + u * (right - near) + v * (far - right) if u > v else near + v * (up - near) + u * (far - up)
+    sampled = HeightMap(heights).at([[x, y]], 0.0).heights[0]
+    assert sampled == pytest.approx(expected, abs=1e-5)
+
+
+def test_outside_and_over_holes_there_is_no_ground() -> None:
+    heights = np.zeros((5, 5))
+    heights[2, 2] = np.nan
+    heightmap = HeightMap(heights, resolution=0.5)
+    points = [[-0.01, 1.0], [1.0, 2.01], [1.1, 1.2], [0.1, 0.2], [2.0, 2.0]]
+    np.testing.assert_array_equal(np.isnan(heightmap.at(points, 0.0).heights), [True, True, True, False, False])
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.integers(1, 12), st.sampled_from([(3, 3), (40, 70), (65, 64), (130, 200)]))
+def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(seed)
+    reference = rng.normal(size=shape).astype(np.float32)
+    heightmap = HeightMap(reference.copy(), time=0.0)
+    for step in range(1, count + 1):
+        row, column = int(rng.integers(shape[0])), int(rng.integers(shape[1]))
+        size = (int(rng.integers(1, shape[0] - row + 1)), int(rng.integers(1, shape[1] - column + 1)))
+        region = rng.normal(size=size).astype(np.float32)
+        region[rng.random(size) < 0.1] = np.nan
+        heightmap.update_region(row, column, region, time=step * 0.01)
+        reference[row : row + size[0], column : column + size[1]] = region
+    np.testing.assert_array_equal(heightmap.heights, reference)
+    assert heightmap.has_holes or not np.isnan(reference).any()
+
+
+@given(st.floats(-5, 5), st.floats(0.01, 0.2))
+def test_velocity_is_that_of_successive_maps(speed: float, interval: float) -> None:
+    heightmap = HeightMap(np.zeros((10, 10)), time=0.0)
+    heightmap.replace(np.full((10, 10), speed * interval), time=interval)
+    height, velocity = velocity_at(heightmap, 4, 4, interval)
+    assert velocity == pytest.approx(speed, rel=1e-4, abs=1e-4)
+    assert height == pytest.approx(speed * interval, rel=1e-5, abs=1e-6)
+
+
+def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
+    rising = np.full((10, 10), 1.5)
+    rising[3, 3] = np.nan
+    heightmap = HeightMap(np.zeros((10, 10)), time=0.0)
+    heightmap.replace(np.zeros((10, 10)), time=0.1, velocities=rising)
+    assert velocity_at(heightmap, 5, 5, 0.1)[1] == pytest.approx(1.5)
+    assert velocity_at(heightmap, 3, 3, 0.1)[1] == 0.0
+    heightmap.replace(np.zeros((10, 10)), time=0.2)
+    assert velocity_at(heightmap, 5, 5, 0.2)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_region_moves_alone() -> None:
+    size = 3 * BLOCK
+    heightmap = HeightMap(np.zeros((size, size)), time=0.0)
+    heightmap.update_region(10, 10, np.full((8, 8), 0.1), time=0.1)
+    assert velocity_at(heightmap, 12, 12, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
+    assert velocity_at(heightmap, 30, 30, 0.1)[1] == 0.0
+    assert velocity_at(heightmap, 2 * BLOCK, 2 * BLOCK, 0.1)[1] == 0.0
+    # A neighbour in the same block moves next; what moved before has come to rest at its last height.
+    heightmap.update_region(20, 10, np.full((8, 8), 0.2), time=0.2)
+    assert velocity_at(heightmap, 12, 12, 0.2) == (pytest.approx(0.1), 0.0)
+    assert velocity_at(heightmap, 22, 12, 0.2)[1] == pytest.approx(2.0, rel=1e-4)
+
+
+def test_regions_of_one_frame_may_share_a_stamp() -> None:
+    heightmap = HeightMap(np.zeros((20, 20)), time=0.0)
+    for column in (0, 10):
+        heightmap.update_region(0, column, np.full((20, 10), 0.1), time=0.1)
+    # The second half of the frame corrects the same block at the same instant: both halves have moved.
+    assert velocity_at(heightmap, 5, 5, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
+    assert velocity_at(heightmap, 5, 15, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
+
+
+def test_jumps_and_old_maps_give_no_velocity() -> None:
+    motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
+    jumped = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
+    jumped.replace(np.full((5, 5), 3.0), time=0.1)
+    assert velocity_at(jumped, 2, 2, 0.1) == (3.0, 0.0)
+    late = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
+    late.replace(np.full((5, 5), 3.0), time=0.3)
+    assert velocity_at(late, 2, 2, 0.35) == (3.0, 0.0)
+
+
+@pytest.mark.parametrize("velocities", [None, np.full((6, 6), 2.0)])
+def test_ground_comes_to_rest_at_the_last_map_when_maps_stop(velocities: np.ndarray | None) -> None:
+    heightmap = HeightMap(np.zeros((6, 6)), time=0.0)
+    heightmap.replace(np.full((6, 6), 0.2), time=0.1, velocities=velocities)
+    times = np.linspace(0.1, 2.0, 400)
+    states = np.array([velocity_at(heightmap, 3, 3, time) for time in times])
+    assert states[-1] == pytest.approx((0.2, 0.0))
+    # On the way nothing jumps, and what is carried is the derivative of the height.
+    slope = np.diff(states[:, 0]) / np.diff(times)
+    between = 0.5 * (states[1:, 1] + states[:-1, 1])
+    assert np.count_nonzero(np.abs(slope - between) > 1e-3) <= 2
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (lambda m: m.replace(np.zeros((5, 6)), time=1.0), "length"),
+        (lambda m: m.replace(np.full((5, 5), np.inf), time=1.0), "non_finite"),
+        (lambda m: m.replace(np.full((5, 5), 1e300), time=1.0), "non_finite"),
+        (lambda m: m.replace(np.full((5, 5), 1j), time=1.0), "type"),
+        (lambda m: m.replace(np.zeros((5, 5)), time=1.0, velocities=np.zeros((5, 4))), "length"),
+        (lambda m: m.replace(np.zeros((5, 5)), time=1.0, velocities=np.full((5, 5), -np.inf)), "non_finite"),
+        (lambda m: m.update_region(3, 0, np.zeros((3, 1)), time=1.0), "region"),
+        (lambda m: m.update_region(0, -1, np.zeros((1, 1)), time=1.0), "region"),
+        (lambda m: m.update_region(0, 0, np.zeros((0, 1)), time=1.0), "length"),
+        (lambda m: m.update_region(0, 0, np.zeros(3), time=1.0), "length"),
+        (lambda m: m.update_region(0, 0, np.full((2, 2), np.inf), time=1.0), "non_finite"),
+    ],
+)
+def test_bad_input_is_refused_whole(call: object, reason: str) -> None:
+    before = np.arange(25.0).reshape(5, 5)
+    heightmap = HeightMap(before, time=0.0)
+    with pytest.raises(InputError) as error:
+        call(heightmap)  # type: ignore[operator]
+    assert error.value.reason == reason
+    np.testing.assert_array_equal(heightmap.heights, before)
+    assert (heightmap.time, heightmap.version) == (0.0, HeightMap(before).version)

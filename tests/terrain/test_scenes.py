@@ -1,0 +1,50 @@
+"""Scenes move as they say."""
+
+import numpy as np
+import pytest
+from smartmesh_ros.terrain.elevation import jacksboro_fault
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.scenes import Crater, Heave, InwardWaves, Rut, Scene, Wave, WaveOnRelief
+
+GRID = GridGeometry(rows=81, columns=121, resolution=0.2)
+
+
+def scenes() -> list[Scene]:
+    relief = np.random.default_rng(1).normal(size=(81, 121)).astype(np.float32)
+    return [InwardWaves(GRID), Heave(GRID), Crater(GRID), Rut(GRID), WaveOnRelief(GRID, relief)]
+
+
+@pytest.mark.parametrize("scene", scenes(), ids=lambda scene: type(scene).__name__)
+def test_regions_build_the_whole_map(scene: Scene) -> None:
+    built = scene.heights(0.0)
+    for time in np.linspace(0.02, 4.0, 200):
+        region = scene.changed(float(time))
+        height, width = region.heights.shape
+        built[region.row : region.row + height, region.column : region.column + width] = region.heights
+    np.testing.assert_allclose(built, scene.heights(4.0), atol=1e-6)
+
+
+def test_waves_run_inwards_at_their_speed() -> None:
+    wave = Wave(amplitude=0.3, number=1.0, frequency=2.0)
+    scene = InwardWaves(GRID, wave)
+    radius = np.hypot(scene.x, scene.y)
+    for time in (0.0, 0.7, 3.1):
+        expected = 0.3 * np.sin(radius + 2.0 * time)
+        np.testing.assert_allclose(scene.heights(time), expected, atol=1e-5)
+
+
+def test_a_rut_stays_where_the_wheel_was() -> None:
+    scene = Rut(GRID, depth=0.1)
+    early = scene.heights(2.0)
+    late = scene.heights(4.0)
+    assert early.min() == pytest.approx(-0.1, abs=0.01)
+    assert np.all(late <= early)
+    assert np.count_nonzero(late < -0.05) > 1.5 * np.count_nonzero(early < -0.05)
+
+
+def test_the_elevation_model_is_real_and_northwards() -> None:
+    elevation = jacksboro_fault()
+    assert elevation.shape == (344, 403)
+    assert (elevation.min(), elevation.max()) == (236.0, 1076.0)
+    scaled = jacksboro_fault(relief=10.0)
+    assert (scaled.min(), scaled.max()) == (0.0, pytest.approx(10.0))

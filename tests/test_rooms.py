@@ -1,0 +1,44 @@
+"""Rooms load without what stands to their right."""
+
+import subprocess
+import sys
+
+import pytest
+
+BLOCKED = """
+import importlib, pkgutil, sys
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {blocked!r}:
+            raise ModuleNotFoundError(f"{{name}} is blocked in this test")
+
+sys.meta_path.insert(0, Blocker())
+import smartmesh_ros
+for room in {rooms!r}:
+    package = importlib.import_module(f"smartmesh_ros.{{room}}")
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"smartmesh_ros.{{room}}.{{module.name}}")
+"""
+ROS = ["rclpy", "rosidl_parser", "rosidl_runtime_py", "smartmesh_msgs", "std_msgs", "geometry_msgs"]
+BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
+
+
+@pytest.mark.parametrize(
+    ("rooms", "blocked"),
+    [
+        (["terrain", "search", "patches", "physics"], ROS),
+        (["terrain", "search", "patches"], [*ROS, *BULLET]),
+    ],
+)
+def test_rooms_load_without(rooms: list[str], blocked: list[str]) -> None:
+    script = BLOCKED.format(blocked=blocked, rooms=rooms)
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_blocker_of_this_test_blocks() -> None:
+    script = BLOCKED.format(blocked=BULLET, rooms=["physics"])
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert "pybullet" in result.stderr
+    assert result.returncode != 0
