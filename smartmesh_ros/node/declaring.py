@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -32,7 +33,11 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
     Raises `InputError` if a value cannot be; no node starts with settings other than those asked for.
     """
     for spec in specs:
-        node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+        try:
+            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+        except ParameterException as error:
+            bounds = f"; it must be {spec.low} to {spec.high}" if spec.low is not None else ""
+            raise InputError("parameter", f"{error}{bounds}") from None
     names = [spec.name for spec in specs]
     for name in sorted(node._parameter_overrides):
         if name not in names and name != "use_sim_time" and not name.startswith("qos_overrides."):

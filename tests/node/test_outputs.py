@@ -1,5 +1,6 @@
 """Messages written as bytes are what rclpy would have serialised."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from smartmesh_msgs.msg import (
     TrackedBody,
     TrackedBodyArray,
 )
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
 from smartmesh_ros.node import outputs
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchBatch, PatchTracker
@@ -24,8 +28,6 @@ from smartmesh_ros.physics.contacts import GroundContact
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
-from std_msgs.msg import Header
-from visualization_msgs.msg import Marker, MarkerArray
 
 HEADER = Header(frame_id="some_map")
 HEADER.stamp.sec, HEADER.stamp.nanosec = 1234, 567890123
@@ -45,6 +47,10 @@ def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]
     tracker.set_bodies(np.resize(radii, count), np.full(count, -1))
     inner = terrain.tiles[""].geometry.to_world(rng.uniform(5, 55, count), rng.uniform(5, 75, count))
     return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros(count), 0.01)
+
+
+def xyz(values: Sequence[float]) -> dict[str, float]:
+    return dict(zip("xyz", values, strict=True))
 
 
 def assert_same(mine: bytes, reference: Any) -> None:
@@ -107,8 +113,8 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
         for row, (body, vertices) in enumerate(zip(batch.bodies.tolist(), batch.vertices_w().tolist(), strict=True)):
             twist = Twist()
             if carry:
-                twist.linear = Vector3(**dict(zip("xyz", batch.linear_w[row].tolist(), strict=True)))
-                twist.angular = Vector3(**dict(zip("xyz", batch.angular_w[row].tolist(), strict=True)))
+                twist.linear = Vector3(**xyz(batch.linear_w[row].tolist()))
+                twist.angular = Vector3(**xyz(batch.angular_w[row].tolist()))
             expected[bodies[body]] = ColliderPatch(
                 body_id=bodies[body],
                 row=int(batch.rows[row]),
@@ -129,11 +135,9 @@ def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float,
     bodies = [(name, radius, BodyState(v[0:3], unit, v[3:6], v[6:9])) for name, radius, v in rows]
     expected = TrackedBodyArray(header=HEADER)
     for name, radius, state in bodies:
-        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**dict(zip("xyz", state.position)))))
+        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(state.position))))
         body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
-        body.twist = Twist(
-            linear=Vector3(**dict(zip("xyz", state.linear))), angular=Vector3(**dict(zip("xyz", state.angular)))
-        )
+        body.twist = Twist(linear=Vector3(**xyz(state.linear)), angular=Vector3(**xyz(state.angular)))
         expected.bodies.append(body)
     assert_same(outputs.BodyStates().write(HEADER, bodies), expected)
 
@@ -147,8 +151,8 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
     messages = [
         Contact(
             body_id=contact.body,
-            position=Point(**dict(zip("xyz", contact.position))),
-            normal=Vector3(**dict(zip("xyz", contact.normal))),
+            position=Point(**xyz(contact.position)),
+            normal=Vector3(**xyz(contact.normal)),
             depth=contact.depth,
             normal_force=contact.normal_force,
         )

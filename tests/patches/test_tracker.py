@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.patches.tracker import PatchTracker

@@ -7,6 +7,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.ground import Ground

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.physics import heightfield
 from smartmesh_ros.terrain.grid import GridGeometry

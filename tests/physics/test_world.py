@@ -1,12 +1,12 @@
 """Worlds refuse what cannot be, and track, drive and reset bodies."""
 
 import math
-import os
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pybullet_data
 import pytest
+
 from smartmesh_ros import (
     BodyState,
     Box,
@@ -21,7 +21,7 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.physics.tracking import Tracking
 
-HUSKY = os.path.join(pybullet_data.getDataPath(), "husky", "husky.urdf")
+HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
 CART = """
 <robot name="cart">
   <link name="body">

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+
 from smartmesh_ros.search.grid import nearest_vertices
 from smartmesh_ros.terrain.grid import GridGeometry
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import GridGeometry
 

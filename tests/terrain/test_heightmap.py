@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import BLOCK, HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig

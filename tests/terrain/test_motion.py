@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionConfig, MotionMode, progress
 

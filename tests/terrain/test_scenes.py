@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from smartmesh_ros.terrain.elevation import jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import Crater, Heave, InwardWaves, Rut, Scene, Wave, WaveOnRelief

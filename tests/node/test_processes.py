@@ -1,0 +1,100 @@
+"""Starting, stopping and restarting processes."""
+
+import signal
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.testing import Probe, Process, assert_on_map
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("executor", ["events", "single_threaded"])
+def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, executor: str) -> None:
+    with probe.running(parameters={"executor": executor}) as process:
+        probe.publish_map(np.zeros((50, 50)))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
+        assert process.stop(number) == 0
+        assert "Traceback" not in process.output
+
+
+def test_a_source_may_be_killed_and_started_again(probe: Probe) -> None:
+    """The map stays while there is no source, and the new source's maps are taken."""
+    source = {"scene": "waves", "rate": 30.0, "rows": 60, "columns": 80, "yaw": 0.3}
+    with probe.running():
+        first = Process("terrain_source", source)
+        maps = []
+        try:
+            probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "4800")
+            probe.publish_poses([(1.0, 1.0, 0.3)])
+            probe.wait_for(probe.patches)
+        finally:
+            first.process.kill()
+            first.close()
+        probe.wait_for(lambda: "old" in probe.diagnostics("terrain")["message"])
+        assert probe.diagnostics("terrain")["samples"] == "4800"
+        probe.node.create_subscription(
+            type(probe.publish_map(np.zeros((3, 3)), tile="far", origin=(500.0, 500.0, 0.0))),
+            "/terrain_collider/heightmap",
+            maps.append,
+            10,
+        )
+        second = Process("terrain_source", {**source, "scene": "heave"})
+        try:
+            updates = int(probe.diagnostics("terrain")["updates of ''"])
+            probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > updates + 10)
+        finally:
+            second.stop()
+            second.close()
+        last = next(message for message in reversed(maps) if message.tile == "")
+
+        def on_last_map() -> bool:
+            probe.publish_poses([(1.0, 1.0, 0.3)])
+            try:
+                for points in probe.patches().values():
+                    assert_on_map(points, last)
+            except AssertionError:
+                return False
+            return True
+
+        probe.wait_for(on_last_map)
+
+
+def test_impossible_parameters_stop_the_start_and_unknown_ones_are_named(domain: int) -> None:
+    for parameters, words in (
+        ({"physics.rate": 0.0}, "physics.rate"),
+        ({"physics.rate": "fast"}, "physics.rate"),
+        ({"patch.kind": "jelly"}, "patch.kind"),
+        ({"physics.gravity": [0.0, 1.0]}, "gravity"),
+        ({"bodies.spawn": ["{id: x}"]}, "bodies.spawn"),
+    ):
+        process = Process("terrain_collider", parameters)
+        try:
+            assert process.process.wait(30) == 2
+            assert words in process.output
+            assert "Traceback" not in process.output
+        finally:
+            process.close()
+
+
+def test_misspelt_parameters_are_warned_about(probe: Probe) -> None:
+    with probe.running(parameters={"patch.tolerence": 0.01}) as process:
+        probe.wait_for(lambda: "'patch.tolerence' is unknown" in process.output)
+        assert "did you mean 'patch.tolerance'" in process.output
+
+
+def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:
+    """The promise is a second; the test allows for a busy machine."""
+    with probe.running() as process:
+        probe.publish_map(np.zeros((512, 512)))
+        crowd = [(5.0 + 0.1 * (i % 20), 5.0 + 0.1 * (i // 20), 0.0) for i in range(200)]
+
+        def all_patched() -> bool:
+            probe.publish_poses(crowd)
+            return len(probe.patches()) == 200
+
+        probe.wait_for(all_patched)
+        start = monotonic()
+        assert process.stop(signal.SIGTERM) == 0
+        assert monotonic() - start < 10.0

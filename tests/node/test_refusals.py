@@ -1,0 +1,190 @@
+"""Bad input over real topics: refused whole, counted by reason, and the last good state stays."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseArray
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
+
+from smartmesh_ros.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
+
+GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
+
+
+def changed(message: Any, **changes: Any) -> Any:
+    """The message with fields set by dotted path (double underscores)."""
+    for path, value in changes.items():
+        target = message
+        *parents, name = path.split("__")
+        for parent in parents:
+            target = getattr(target, parent)
+        setattr(target, name, value)
+    return message
+
+
+def bad_map(**changes: Any) -> Callable[[Probe], Heightmap]:
+    return lambda probe: changed(heightmap_message(GOOD + 5.0, stamp=probe.now()), **changes)
+
+
+def bad_update(**changes: Any) -> Callable[[Probe], HeightmapUpdate]:
+    def make(probe: Probe) -> HeightmapUpdate:
+        message = HeightmapUpdate(x=3, y=3, width=2, height=2, heights=floats(np.full(4, 9.0, np.float32)))
+        message.header.stamp, message.header.frame_id = probe.now(), "map"
+        return changed(message, **changes)
+
+    return make
+
+
+def bad_bodies(*bodies: TrackedBody, **changes: Any) -> Callable[[Probe], TrackedBodyArray]:
+    def make(probe: Probe) -> TrackedBodyArray:
+        message = TrackedBodyArray(bodies=[TrackedBody(id="rover", pose=pose_message((1, 1, 1))), *bodies])
+        message.header.stamp, message.header.frame_id = probe.now(), "map"
+        return changed(message, **changes)
+
+    return make
+
+
+def bad_poses(probe: Probe) -> PoseArray:
+    message = PoseArray(poses=[pose_message((1, 1, math.inf))])
+    message.header.frame_id = "map"
+    return message
+
+
+def body(**changes: Any) -> TrackedBody:
+    return changed(TrackedBody(id="other", pose=pose_message((1, 1, 1))), **changes)
+
+
+NAN = float("nan")
+CASES = [
+    ("heightmap", "length", bad_map(info__width=31)),
+    ("heightmap", "length", bad_map(heights=floats(np.zeros(0, np.float32)))),
+    ("heightmap", "length", bad_map(velocities=floats(np.zeros(7, np.float32)))),
+    ("heightmap", "size", bad_map(info__width=2**32 - 1, info__height=2**32 - 1)),
+    ("heightmap", "size", bad_map(info__width=2**16, info__height=2**16, heights=floats(np.zeros(0, np.float32)))),
+    ("heightmap", "length", bad_map(info__width=0, info__height=2**32 - 1)),
+    ("heightmap", "geometry", bad_map(info__width=1, info__height=1200)),
+    ("heightmap", "geometry", bad_map(info__resolution=0.0)),
+    ("heightmap", "geometry", bad_map(info__resolution=-0.5)),
+    ("heightmap", "geometry", bad_map(info__resolution=NAN)),
+    ("heightmap", "geometry", bad_map(info__origin__position__x=math.inf)),
+    ("heightmap", "quaternion", bad_map(info__origin__orientation__w=0.0)),
+    ("heightmap", "quaternion", bad_map(info__origin__orientation__w=0.5)),
+    ("heightmap", "quaternion", bad_map(info__origin__orientation__x=0.6, info__origin__orientation__w=0.8)),
+    ("heightmap", "quaternion", bad_map(info__origin__orientation__z=NAN)),
+    ("heightmap", "non_finite", bad_map(heights=floats(np.full(1200, np.inf, np.float32)))),
+    ("heightmap", "non_finite", bad_map(velocities=floats(np.full(1200, -np.inf, np.float32)))),
+    ("heightmap", "frame", bad_map(header__frame_id="odom")),
+    ("heightmap", "stamp_backwards", bad_map(header__stamp=Time(sec=10))),
+    ("heightmap", "stamp", bad_map(header__stamp=Time(sec=-5))),
+    ("heightmap", "stamp", bad_map(header__stamp=Time(nanosec=2_000_000_000))),
+    ("heightmap_update", "region", bad_update(x=29)),
+    ("heightmap_update", "region", bad_update(y=2**32 - 1)),
+    ("heightmap_update", "length", bad_update(width=3)),
+    ("heightmap_update", "length", bad_update(width=0, height=0, heights=floats(np.zeros(0, np.float32)))),
+    ("heightmap_update", "size", bad_update(width=2**32 - 1, height=2**32 - 1)),
+    ("heightmap_update", "non_finite", bad_update(heights=floats(np.full(4, np.inf, np.float32)))),
+    ("heightmap_update", "unknown_tile", bad_update(tile="north")),
+    ("heightmap_update", "frame", bad_update(header__frame_id="odom")),
+    ("heightmap_update", "stamp_backwards", bad_update(header__stamp=Time(sec=10))),
+    ("tracked_bodies", "duplicate_id", bad_bodies(body(id="rover"))),
+    ("tracked_bodies", "empty_id", bad_bodies(body(id=""))),
+    ("tracked_bodies", "quaternion", bad_bodies(body(pose__orientation__w=0.0))),
+    ("tracked_bodies", "quaternion", bad_bodies(body(pose__orientation__x=1.0))),
+    ("tracked_bodies", "non_finite", bad_bodies(body(pose__position__x=NAN))),
+    ("tracked_bodies", "non_finite", bad_bodies(body(twist__angular__z=math.inf))),
+    ("tracked_bodies", "geometry", bad_bodies(body(radius=-1.0))),
+    ("tracked_bodies", "geometry", bad_bodies(body(radius=NAN))),
+    ("tracked_bodies", "frame", bad_bodies(header__frame_id="odom")),
+    ("tracked_bodies", "duplicate_id", bad_bodies(body(id="ball"))),
+    ("body_poses", "non_finite", bad_poses),
+]
+
+
+def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) -> None:
+    with probe.running() as process:
+        early = bad_update()(probe)
+        probe.publishers["heightmap_update"].publish(early)
+        key = "refused, heightmap_update: no_map"
+        probe.wait_for(lambda: probe.diagnostics("inputs").get(key) == "1")
+        good = probe.publish_map(GOOD)
+        ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "1200")
+        assert probe.call(
+            "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((2, 2, 1))
+        ).success
+        before = probe.diagnostics("inputs")
+        expected: dict[str, int] = {}
+        for topic, reason, make in CASES:
+            probe.publishers[topic].publish(make(probe))
+            probe.latest("contacts")  # a round of the node's loop, so that no queue overflows
+            key = f"refused, {topic}: {reason}"
+            expected[key] = expected.get(key, int(before.get(key, 0))) + 1
+
+        def counted() -> bool:
+            values = probe.diagnostics("inputs")
+            return all(int(values.get(key, 0)) >= count for key, count in expected.items())
+
+        probe.wait_for(counted)
+        counts = {key: int(value) for key, value in probe.diagnostics("inputs").items() if key.startswith("refused")}
+        assert counts == expected | {"refused, heightmap_update: no_map": 1}
+        # The last good map still carries the ball, and nothing but the ball is there.
+        assert {patch.body_id for patch in probe.latest("collider_patches").patches} == {"ball"}
+        for points in probe.patches().values():
+            assert_on_map(points, good)
+        # Each reason was logged, and said what would be right.
+        for words in ("there must be 1240", "greater than zero", "is not the terrain's frame", "known: ''"):
+            assert words in process.output
+        # And good input is taken as before.
+        better = probe.publish_map(GOOD + 1.0)
+
+        def taken() -> bool:
+            return all(points[:, 2].min() > 0.3 for points in probe.patches().values())
+
+        probe.wait_for(taken)
+        for points in probe.patches().values():
+            assert_on_map(points, better)
+
+
+SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+
+
+@pytest.mark.parametrize(
+    ("words", "fields"),
+    [
+        ("already", {"id": "ball"}),
+        ("not empty", {"id": ""}),
+        ("mass", {"mass": 0.0}),
+        ("mass", {"mass": NAN}),
+        ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),
+        ("finite", {"pose": pose_message((0, NAN, 0))}),
+        ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
+        ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
+        ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
+        ("no URDF file", {"urdf": "/no/such/file.urdf"}),
+        ("does not load", {"urdf": "<robot>"}),
+    ],
+)
+def test_bad_spawns_are_answered_with_what_is_wrong(
+    words: str, fields: dict[str, Any], spawner: Callable[..., Any]
+) -> None:
+    response = spawner(**{"id": "new", "shape": SPHERE, "mass": 1.0, "pose": pose_message((0, 0, 1)), **fields})
+    assert not response.success
+    assert words in response.message
+
+
+@pytest.fixture(scope="module")
+def spawner(domain: int) -> Any:
+    """Spawns bodies in one node that has a body ``ball``."""
+    probe = Probe()
+    with probe.running():
+        assert probe.call("spawn_body", SpawnBody, id="ball", shape=SPHERE, mass=1.0).success
+        yield lambda **fields: probe.call("spawn_body", SpawnBody, **fields)
+        assert not probe.call("remove_body", RemoveBody, id="nobody").success
+        assert [item.id for item in probe.latest("body_states").bodies] == ["ball"]
+    probe.close()

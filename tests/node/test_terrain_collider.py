@@ -1,0 +1,226 @@
+"""The node over real DDS, in a process of its own."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+from sensor_msgs.msg import JointState
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import HeightmapUpdate
+from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import Marker
+
+from smartmesh_ros.testing import Probe, assert_on_map, floats, pose_message
+
+SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+
+
+def spawn(probe: Probe, name: str, position: tuple[float, float, float], **fields: object) -> object:
+    return probe.call(
+        "spawn_body", SpawnBody, **{"id": name, "shape": SPHERE, "mass": 1.0, "pose": pose_message(position), **fields}
+    )
+
+
+def state(probe: Probe, name: str) -> Callable[[], tuple[float, float, float] | None]:
+    """A condition: the newest position of a simulated body."""
+
+    def position() -> tuple[float, float, float] | None:
+        for body in probe.latest("body_states").bodies:
+            if body.id == name:
+                return body.pose.position.x, body.pose.position.y, body.pose.position.z
+        return None
+
+    return position
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(probe: Probe, yaw: float) -> None:
+    heights = np.random.default_rng(3).normal(size=(80, 60)) * 0.3
+    with probe.running():
+        message = probe.publish_map(heights, resolution=0.25, origin=(2.0, -1.0, 0.4), yaw=yaw)
+        middle = np.array([2.0, -1.0]) + np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]]) @ [
+            7,
+            9,
+        ]
+        bodies = {name: (middle[0] + i, middle[1], 3.0) for i, name in enumerate(("rover", "arm", "dog"))}
+
+        def three_patches() -> bool:
+            probe.publish_bodies(bodies, radius=0.3)
+            return len(probe.patches()) == 3
+
+        probe.wait_for(three_patches)
+        probe.publish_bodies(bodies, radius=0.3)
+        last = probe.latest("patches")
+        assert {marker.header.frame_id for marker in last.markers} == {"map"}
+        for points in probe.patches().values():
+            assert len(points) >= 24
+            assert_on_map(points, message)
+        ids = set(probe.patches())
+        gone: set[int] = set()
+
+        def one_is_gone() -> bool:
+            probe.publish_bodies({name: bodies[name] for name in ("rover", "dog")}, radius=0.3)
+            markers = probe.latest("patches").markers
+            gone.update(marker.id for marker in markers if marker.action == Marker.DELETE)
+            return bool(gone)
+
+        probe.wait_for(one_is_gone)
+        assert len(gone) == 1
+        assert set(probe.patches()) == ids - gone
+
+
+def test_poses_make_bodies_and_a_shorter_array_takes_them_away(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((50, 50)))
+        seen: set[str] = set()
+
+        def patched(count: int) -> bool:
+            probe.publish_poses([(2.0 + 0.3 * i, 2.0, 0.1) for i in range(count)])
+            seen.clear()
+            seen.update(patch.body_id for patch in probe.latest("collider_patches").patches)
+            return len(seen) == count
+
+        probe.wait_for(lambda: patched(4))
+        assert seen == {"body_0", "body_1", "body_2", "body_3"}
+        probe.wait_for(lambda: patched(2))
+        contacts = {contact.body_id: contact for contact in probe.latest("contacts").contacts}
+        assert contacts["body_0"].depth == pytest.approx(0.15, abs=1e-3)  # the default radius less the height
+        assert contacts["body_0"].normal.z == pytest.approx(1.0)
+
+
+def test_bodies_fall_rest_and_report(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((60, 60)))
+        assert spawn(probe, "ball", (3.0, 3.0, 0.6)).success
+        assert spawn(probe, "box", (2.0, 3.0, 0.6), shape=SolidPrimitive(type=1, dimensions=[0.2, 0.3, 0.4])).success
+        assert spawn(probe, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1])).success
+
+        def resting() -> bool:
+            heights = [body.pose.position.z for body in probe.latest("body_states").bodies]
+            return np.allclose(heights, [0.2, 0.2, 0.2], atol=2e-3)
+
+        probe.wait_for(resting)
+
+        def carried() -> bool:
+            forces = {"ball": 0.0, "box": 0.0, "can": 0.0}
+            for contact in probe.latest("contacts").contacts:
+                forces[contact.body_id] += contact.normal_force
+            return forces == pytest.approx(dict.fromkeys(forces, 9.81), rel=0.02)
+
+        probe.wait_for(carried)
+        timing = probe.latest("timing")
+        assert [stage.stage for stage in timing.stages] == [
+            "ingest",
+            "search",
+            "collect",
+            "collider",
+            "step",
+            "publish",
+        ]
+        step = timing.stages[4]
+        assert step.count > 0
+        assert 0.0 < step.p50_us <= step.p99_us <= step.max_us
+        bodies = probe.diagnostics("bodies")
+        assert (bodies["simulated"], bodies["patches"], bodies["below ground"]) == ("3", "3", "0")
+        assert probe.diagnostics("terrain")["samples"] == "3600"
+        assert probe.call("remove_body", RemoveBody, id="box").success
+        probe.wait_for(lambda: {patch.body_id for patch in probe.latest("collider_patches").patches} == {"ball", "can"})
+
+
+def test_a_region_lifts_what_stands_on_it(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((60, 60)))
+        spawn(probe, "ball", (3.0, 3.0, 0.2))
+        probe.wait_for(probe.patches)
+        update = HeightmapUpdate(x=20, y=25, width=21, height=11, heights=floats(np.full(231, 0.5, np.float32)))
+        update.header.stamp, update.header.frame_id = probe.now(), "map"
+        probe.publishers["heightmap_update"].publish(update)
+        position = state(probe, "ball")
+        probe.wait_for(lambda: (p := position()) is not None and p[2] > 0.69)
+
+
+def test_pause_step_and_reset(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((60, 60)))
+        refused = probe.call("step", StepPhysics, steps=1)
+        assert not refused.success
+        assert "pause" in refused.message
+        assert probe.call("pause", SetBool, data=True).success
+        spawn(probe, "ball", (3.0, 3.0, 5.0))
+        position = state(probe, "ball")
+        assert position() == (3.0, 3.0, 5.0)
+        assert probe.call("step", StepPhysics, steps=24).success
+        fallen = 5.0 - 9.81 / 240.0**2 * 24 * 25 / 2  # symplectic Euler: the sum of 1 .. 24 steps of g dt^2
+        assert probe.wait_for(lambda: (p := position()) and p[2] < 5.0 and p)[2] == pytest.approx(fallen, abs=1e-6)
+        assert not probe.call("step", StepPhysics, steps=0).success
+        assert not probe.call("step", StepPhysics, steps=4_000_000_000).success
+        assert probe.call("reset", Trigger).success
+        probe.wait_for(lambda: position() == (3.0, 3.0, 5.0))
+        assert probe.diagnostics("physics")["paused"] == "True"
+        assert probe.call("pause", SetBool, data=False).success
+        probe.wait_for(lambda: (p := position()) and p[2] < 0.3)
+
+
+def test_a_robot_drives_by_joint_commands(probe: Probe) -> None:
+    import pybullet_data
+
+    with probe.running():
+        probe.publish_map(np.zeros((80, 80)))
+        urdf = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
+        spawned = probe.call("spawn_body", SpawnBody, id="husky", urdf=urdf, pose=pose_message((4.0, 4.0, 0.3)))
+        assert spawned.success, spawned.message
+        probe.wait_for(lambda: sum("wheel" in patch.body_id for patch in probe.latest("collider_patches").patches) == 4)
+        wheels = [f"husky/{name}_wheel" for name in ("front_left", "front_right", "rear_left", "rear_right")]
+        commands = probe.node.create_publisher(JointState, "/terrain_collider/joint_commands", 10)
+        position = state(probe, "husky")
+
+        def driven() -> bool:
+            commands.publish(JointState(name=wheels, velocity=[4.0] * 4))
+            p = position()
+            return p is not None and p[0] > 4.5
+
+        probe.wait_for(driven)
+
+
+def test_bodies_spawned_by_parameter_wait_for_ground(probe: Probe) -> None:
+    entries = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 0.1, yaw: 0.5}",
+    ]
+    with probe.running(parameters={"bodies.spawn": entries, "physics.gravity": [0.0, 0.0, 0.0]}):
+        probe.wait_for(lambda: [body.id for body in probe.latest("body_states").bodies] == ["low"])
+        probe.publish_map(np.full((60, 60), 1.0))
+        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 2)
+        assert state(probe, "high")() == pytest.approx((3.0, 3.0, 1.1))
+
+
+def set_parameter(probe: Probe, **values: float | str) -> object:
+    parameters = [
+        Parameter(
+            name=name.replace("__", "."),
+            value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+            if isinstance(value, str)
+            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value),
+        )
+        for name, value in values.items()
+    ]
+    return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=parameters).result
+
+
+def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(probe: Probe) -> None:
+    with probe.running(parameters={"physics.rate": 120}):
+        probe.publish_map(np.zeros((60, 60)))
+        spawn(probe, "ball", (3.0, 3.0, 1000.0))
+        assert set_parameter(probe, physics__rate=60.0, bodies__default_radius=0.5).successful
+        bad = set_parameter(probe, physics__rate=120.0, patch__kind="jelly")
+        assert not bad.successful
+        assert "patch.kind" in bad.reason
+        assert not set_parameter(probe, physics__rate=0.0).successful
+        assert not set_parameter(probe, executor="single_threaded").successful, "read-only"
+        probe.latest("timing")
+        timing = probe.latest("timing")
+        assert timing.stages[4].count == pytest.approx(60.0 * timing.window_s, rel=0.2), "still 60 Hz"
