@@ -46,8 +46,8 @@ class _Output(NamedTuple):
 class Publishing:
     """The node's outputs."""
 
-    def __init__(self, node: Node, world: World, pacer: Pacer, refusals: Refusals) -> None:
-        self.rates = PublishRates()
+    def __init__(self, node: Node, world: World, pacer: Pacer, refusals: Refusals, rates: PublishRates) -> None:
+        self.rates = rates
         self.frame_id = ""
         self.map_taken: float | None = None
         self.paused = False
@@ -64,7 +64,12 @@ class Publishing:
             "timing": self._output(Timing, "~/timing", self._make_timing),
         }
         self._diagnostics = self._output(DiagnosticArray, "/diagnostics", self._make_diagnostics)
-        self._due = dict.fromkeys(self._outputs, 0.0)
+        # Staggered, so that no step has to write all of them.
+        start = monotonic()
+        self._due = {
+            name: start + place / (len(self._outputs) * max(getattr(rates, name), 1.0))
+            for place, name in enumerate(self._outputs)
+        }
         self._diagnostics_due = 0.0
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
@@ -76,7 +81,7 @@ class Publishing:
         for name, output in self._outputs.items():
             rate = getattr(self.rates, name)
             if rate > 0.0 and (now or time >= self._due[name]):
-                # Kept to the beat, unless a beat was missed.
+                # On the beat, unless one was missed.
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
                     with self._world.stopwatch.stage("publish"):

@@ -44,8 +44,7 @@ class TerrainCollider(Node):
         self.paused = False
         self.refusals = Refusals(self.get_logger())
         self.pacer = Pacer(self.settings.world.physics.dt)
-        self._outputs = Publishing(self, self.world, self.pacer, self.refusals)
-        self._outputs.rates = self.settings.publish
+        self._outputs = Publishing(self, self.world, self.pacer, self.refusals, self.settings.publish)
         self._outputs.frame_id = self.settings.frame_id
         self._tracking = Tracking(self.world, self.settings.body_timeout)
         self._map_clocks: dict[str, StampClock] = {}

@@ -11,27 +11,29 @@ MOST_RINGS = 4
 
 
 class Extent(NamedTuple):
-    """Size of N patches: rings around the centre and samples from one ring to the next, shapes (N,)."""
+    """Size of N patches, shapes (N,): rings around the centre and samples from one ring to the next; and between which
+    reaches [m] another size is not worth changing to."""
 
     rings: IntArray
     stride: IntArray
+    least: FloatArray
+    most: FloatArray
 
 
-def extent_for(
-    radii: FloatArray, travel: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0
-) -> Extent:
-    """Extent of patches for bodies of bounding ``radii`` [m] that may move by ``travel`` [m] before the next update.
+def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0) -> Extent:
+    """Extent of patches for bodies that may touch ground within ``reach`` [m] of their centre until the next update.
 
     ``resolution`` [m] and ``smallest_side`` [samples] are the map's; ``fixed_rings`` > 0 sets the rings (the report's
     collider-size, stride 1) instead. The patch never outgrows the map.
     """
-    # Half a cell more, because the patch is centred on the nearest vertex and not on the body.
-    cells = np.ceil((radii + travel) / resolution + 0.5 - 1e-9).astype(np.int64)
     room = (smallest_side - 1) // 2
     if fixed_rings:
-        rings = np.full(radii.shape, min(fixed_rings, room))
-        return Extent(rings, np.ones_like(rings))
-    cells = np.clip(cells, 1, room)
+        rings = np.full(reach.shape, min(fixed_rings, room))
+        return Extent(rings, np.ones_like(rings), np.zeros_like(reach), np.full_like(reach, np.inf))
+    # Half a cell more, because the patch is centred on the nearest vertex and not on the body.
+    cells = np.clip(np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64), 1, room)
     stride = -(-cells // MOST_RINGS)
     rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
-    return Extent(rings, stride)
+    covered = rings * stride
+    most = np.where(covered + stride > room, np.inf, (covered - 0.5) * resolution)
+    return Extent(rings, stride, (covered - stride - 1.0) * resolution, most)

@@ -1,6 +1,6 @@
 """The constant layout of a grid patch: the cache of the report's Chapter 3, one template for every vertex of a map."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -25,6 +25,14 @@ class PatchTemplate:
     columns: IntArray
     triangles: NDArray[np.int32]
     fit: FloatArray
+    _indices: dict[int, IntArray] = field(default_factory=dict, repr=False)
+
+    def indices(self, columns: int) -> IntArray:
+        """Offsets of the samples (1, K) in a row-major map of so many columns."""
+        cached = self._indices.get(columns)
+        if cached is None:
+            cached = self._indices[columns] = (self.rows * columns + self.columns)[None, :]
+        return cached
 
     @property
     def centre(self) -> int:

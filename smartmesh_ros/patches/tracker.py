@@ -59,75 +59,109 @@ class PatchTracker:
         self._radii = np.empty(0)
         self._rings = np.empty(0, np.int64)
         self._stride = np.empty(0, np.int64)
+        # A patch stays as it is while the reach its body needs lies between these [m].
+        self._least = np.empty(0)
+        self._most = np.empty(0)
 
     def set_bodies(self, radii: FloatArray, kept: IntArray) -> None:
         """Says which bodies there are: bounding ``radii`` (N,) [m] and, per body, its index before or -1 (N,)."""
         known = kept >= 0
-        for name in ("_rings", "_stride"):
+        for name, fill in (("_rings", 0), ("_stride", 0), ("_least", 0.0), ("_most", -1.0)):
             old = getattr(self, name)
-            new = np.zeros(len(radii), np.int64)
+            new = np.full(len(radii), fill, old.dtype)
             new[known] = old[kept[known]]
             setattr(self, name, new)
         self._radii = np.asarray(radii, np.float64)
 
+    def configure(self, config: PatchConfig) -> None:
+        """Takes other settings, from the next update on."""
+        self.config = config
+        self._most[:] = -1.0
+
     def update(self, positions_w: FloatArray, travel: FloatArray, time: float) -> list[PatchBatch]:
         """Patches at ``time`` [s] for bodies at ``positions_w`` (N, 3) [m] that may ``travel`` (N,) [m] until the next
         update. Bodies off the terrain, or whose position is not finite, get none."""
+        if not len(positions_w):
+            return []
+        reach = self._radii + travel
         batches = []
-        for name, heightmap, bodies in self._tiles_of(positions_w):
-            self._set_extent(heightmap, bodies, travel)
-            for rings in np.unique(self._rings[bodies]):
-                members = bodies[self._rings[bodies] == rings]
-                batches.append(self._batch(name, heightmap, int(rings), members, positions_w[members], time))
+        waiting: IntArray | None = None  # bodies without a tile yet; None = all
+        for name, heightmap in self.terrain.tiles.items():
+            bodies, grid = self._standing_on(heightmap, positions_w, waiting)
+            if waiting is None or len(bodies) < len(waiting):
+                everybody = np.arange(len(positions_w)) if waiting is None else waiting
+                waiting = np.setdiff1d(everybody, bodies, assume_unique=True)
+            if len(bodies):
+                self._set_extent(heightmap, bodies, reach)
+                batches += self._batches(name, heightmap, bodies, grid, time)
+            if not len(waiting):
+                break
         return batches
 
-    def _tiles_of(self, positions_w: FloatArray) -> list[tuple[str, HeightMap, IntArray]]:
-        """Bodies by the tile they stand on, or overlap from outside."""
-        waiting = np.asarray(np.isfinite(positions_w).all(axis=1))
-        found = []
-        for name, heightmap in self.terrain.tiles.items():
-            geometry = heightmap.geometry
-            grid = geometry.to_grid(positions_w[:, :2])
-            last = (geometry.rows - 1, geometry.columns - 1)
-            beyond = np.maximum(np.maximum(-grid, grid - last), 0.0).max(axis=1) * geometry.resolution
-            bodies = np.flatnonzero(waiting & (beyond <= self._radii))
-            if bodies.size:
-                waiting[bodies] = False
-                found.append((name, heightmap, bodies))
-        return found
+    def _standing_on(
+        self, heightmap: HeightMap, positions_w: FloatArray, among: IntArray | None
+    ) -> tuple[IntArray, FloatArray]:
+        """Bodies over the map, or overlapping it from outside, and their (row, column) as fractions."""
+        geometry = heightmap.geometry
+        grid = geometry.to_grid(positions_w if among is None else positions_w[among])
+        beyond = np.maximum(-grid, grid - (geometry.rows - 1, geometry.columns - 1)).max(axis=1)
+        radii = self._radii if among is None else self._radii[among]
+        # Not the other way round: this is false for positions that are not finite.
+        inside = (beyond * geometry.resolution <= radii) & np.isfinite(
+            positions_w[slice(None) if among is None else among, 2]
+        )
+        if inside.all():
+            return (np.arange(len(grid)) if among is None else among), grid
+        chosen = np.flatnonzero(inside)
+        return (chosen if among is None else among[chosen]), grid[chosen]
 
-    def _set_extent(self, heightmap: HeightMap, bodies: IntArray, travel: FloatArray) -> None:
+    def _set_extent(self, heightmap: HeightMap, bodies: IntArray, reach: FloatArray) -> None:
         """Grows patches at once and shrinks them only well below the size they have, so that none flickers."""
+        need = reach[bodies]
+        outgrown = (need > self._most[bodies]) | (need < self._least[bodies])
+        if not outgrown.any():
+            return
+        bodies = bodies[outgrown]
         geometry = heightmap.geometry
         side = min(geometry.rows, geometry.columns)
-        radii = self._radii[bodies]
-        need, slack = (
-            extent_for(radii, way, geometry.resolution, side, self.config.rings)
-            for way in (travel[bodies], travel[bodies] + 0.5 * geometry.resolution)
-        )
-        old_rings, old_stride = self._rings[bodies], self._stride[bodies]
-        keep = (old_rings == slack.rings) & (old_stride == slack.stride)
-        self._rings[bodies] = np.where(keep, old_rings, need.rings)
-        self._stride[bodies] = np.where(keep, old_stride, need.stride)
+        extent = extent_for(need[outgrown], geometry.resolution, side, self.config.rings)
+        self._rings[bodies], self._stride[bodies] = extent.rings, extent.stride
+        self._least[bodies], self._most[bodies] = extent.least, extent.most
+
+    def _batches(
+        self, name: str, heightmap: HeightMap, bodies: IntArray, grid: FloatArray, time: float
+    ) -> list[PatchBatch]:
+        """The bodies by the size of their patches."""
+        rings = self._rings[bodies]
+        first = int(rings[0])
+        if (rings == first).all():
+            return [self._batch(name, heightmap, first, bodies, grid, time)]
+        batches = []
+        for size in np.unique(rings):
+            members = rings == size
+            batches.append(self._batch(name, heightmap, int(size), bodies[members], grid[members], time))
+        return batches
 
     def _batch(
-        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, positions_w: FloatArray, time: float
+        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, grid: FloatArray, time: float
     ) -> PatchBatch:
         geometry = heightmap.geometry
         template = patch_template(rings)
         stride = self._stride[bodies]
         with self.stopwatch.stage("search"):
-            rows, columns = nearest_vertices(geometry, positions_w, rings * stride)
+            rows, columns = nearest_vertices(geometry, grid, rings * stride)
         with self.stopwatch.stage("collect"):
-            centres = geometry.flat_index(rows, columns)
-            offsets = template.rows * geometry.columns + template.columns
-            indices = centres[:, None] + offsets * stride[:, None]
+            centres = rows * geometry.columns + columns
+            indices = template.indices(geometry.columns) * stride[:, None]
+            indices += centres[:, None]
             heights, velocities = heightmap.sample(indices, centres, time)
-        spacing = stride.astype(np.float64) * geometry.resolution
+        spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2] = geometry.to_world(rows, columns)
         centres_w[:, 2] = heights[:, template.centre]
-        linear, angular = _surface_twist(velocities @ template.fit, spacing, geometry.yaw)
+        twist = np.zeros((2, len(bodies), 3))
+        if velocities is not None:
+            _set_surface_twist(twist, velocities @ template.fit, spacing, geometry.yaw)
         return PatchBatch(
             tile=name,
             heightmap=heightmap,
@@ -139,22 +173,19 @@ class PatchTracker:
             spacing=spacing,
             centres_w=centres_w,
             heights_w=heights,
-            linear_w=linear,
-            angular_w=angular,
+            linear_w=twist[0],
+            angular_w=twist[1],
         )
 
 
-def _surface_twist(fit: FloatArray, spacing: FloatArray, yaw: float) -> tuple[FloatArray, FloatArray]:
-    """Twist of rigid patches from the fit of their velocities (n, 3): at the centre, and per row and per column.
+def _set_surface_twist(twist: FloatArray, fit: FloatArray, spacing: FloatArray, yaw: float) -> None:
+    """Twist (2, n, 3) of rigid patches from the fit of their velocities (n, 3): at the centre, per row and per column.
 
     A point at (x, y) of a patch that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
     """
-    linear = np.zeros((len(fit), 3))
-    angular = np.zeros((len(fit), 3))
+    linear, angular = twist
     linear[:, 2] = fit[:, 0]
     per_row, per_column = fit[:, 1] / spacing, fit[:, 2] / spacing
-    slope_x = per_column * math.cos(yaw) - per_row * math.sin(yaw)
-    slope_y = per_column * math.sin(yaw) + per_row * math.cos(yaw)
-    angular[:, 0] = slope_y
-    angular[:, 1] = -slope_x
-    return linear, angular
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    angular[:, 0] = per_column * sin + per_row * cos
+    angular[:, 1] = per_row * sin - per_column * cos

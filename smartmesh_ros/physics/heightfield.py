@@ -38,33 +38,18 @@ class Heightfield:
         bounds[0], bounds[-1] = -BOUND, BOUND
         self.size = size
         self.spacing = spacing
-        self._create_shape = client.createCollisionShape
-        self._park_position = [park_x, 0.0, _PARK_DEPTH]
-        self._shape: int = client.createCollisionShape(
+        self.park_position = [park_x, 0.0, _PARK_DEPTH]
+        self.shape: int = client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             meshScale=[spacing, spacing, 1.0],
             heightfieldData=bounds,
             numHeightfieldRows=size,
             numHeightfieldColumns=size,
         )
-        self.body: int = client.createMultiBody(0.0, self._shape, basePosition=self._park_position)
+        self.body: int = client.createMultiBody(0.0, self.shape, basePosition=self.park_position)
         client.setCollisionFilterGroupMask(self.body, -1, PATCH_GROUP, 0)
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
         client.changeDynamics(self.body, -1, lateralFriction=1.0, restitution=1.0)
-
-    def replace(self, heights: list[float], edge_filter: bool) -> None:
-        """Takes new heights [m] relative to the body, size * size values in PyBullet's order (see `collider_order`).
-
-        The flag is passed at every replacement; without it PyBullet drops the edges' data.
-        """
-        self._create_shape(
-            pb.GEOM_HEIGHTFIELD,
-            heightfieldData=heights,
-            numHeightfieldRows=self.size,
-            numHeightfieldColumns=self.size,
-            replaceHeightfieldIndex=self._shape,
-            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0,
-        )
 
 
 @lru_cache
@@ -107,6 +92,6 @@ class HeightfieldPool:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""
         client = self._client
         client.setCollisionFilterPair(heightfield.body, body, -1, link, 0)
-        client.resetBasePositionAndOrientation(heightfield.body, heightfield._park_position, [0.0, 0.0, 0.0, 1.0])
+        client.resetBasePositionAndOrientation(heightfield.body, heightfield.park_position, [0.0, 0.0, 0.0, 1.0])
         client.resetBaseVelocity(heightfield.body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
         self._free[heightfield.size, heightfield.spacing].append(heightfield)

@@ -172,13 +172,11 @@ class World:
         return contacts
 
     def below_ground(self) -> list[str]:
-        """Simulated bodies whose centre of mass is under the ground; each of them is a failure of a collider."""
-        bodies = [body for body in self.bodies.values() if not body.tracked]
-        if not bodies:
-            return []
-        positions = np.array([self.client.getBasePositionAndOrientation(body.uid)[0] for body in bodies])
+        """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
+        positions = self.ground.positions_w
         heights = self.terrain.at(positions[:, :2], self.time).heights
-        return [bodies[index].name for index in np.flatnonzero(positions[:, 2] < heights)]
+        below = np.flatnonzero(positions[:, 2] < heights)
+        return [self._follower_names[index] for index in below if self.ground.followers[index].solid]
 
     def _apply_physics(self, physics: PhysicsConfig) -> None:
         self.client.setGravity(*physics.gravity)

@@ -14,16 +14,18 @@ class Cells(NamedTuple):
     columns: IntArray
 
 
-def nearest_vertices(geometry: GridGeometry, positions_w: FloatArray, rim: IntArray | int = 1) -> Cells:
-    """Vertices horizontally nearest to ``positions_w`` (N, 2+) [m], at least ``rim`` samples away from the map's edge.
+def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: IntArray | int = 1) -> Cells:
+    """Vertices horizontally nearest to points given as fractional (row, column), shape (N, 2) (see
+    `GridGeometry.to_grid`), at least ``rim`` samples away from the map's edge.
 
     Leaving out the rim keeps the topology of every patch constant (the report's Chapter 3, Figure 7); bodies beyond it
     get the nearest vertex inside. Assumes a uniform grid, where rounding finds the nearest vertex itself and no
     best-first step is left to take. Ties go to the lower row and column. ``rim`` may differ per body, shape (N,).
     """
-    grid = geometry.to_grid(positions_w[:, :2])
-    grid -= 0.5
-    np.ceil(grid, out=grid)
-    rows = np.clip(grid[:, 0], rim, geometry.rows - 1 - rim).astype(np.int64)
-    columns = np.clip(grid[:, 1], rim, geometry.columns - 1 - rim).astype(np.int64)
+    nearest = np.ceil(grid_rc - 0.5).T
+    rows, columns = nearest.astype(np.int64)
+    np.minimum(rows, geometry.rows - 1 - rim, out=rows)
+    np.maximum(rows, rim, out=rows)
+    np.minimum(columns, geometry.columns - 1 - rim, out=columns)
+    np.maximum(columns, rim, out=columns)
     return Cells(rows, columns)

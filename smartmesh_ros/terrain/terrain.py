@@ -53,5 +53,7 @@ class Terrain:
             missing = np.isnan(heights)
             if not missing.any():
                 break
-            heights[missing], velocities[missing] = heightmap.at(points[missing], time)
+            found = heightmap.at(points[missing], time)
+            heights[missing] = found.heights
+            velocities[missing] = 0.0 if found.velocities is None else found.velocities
         return Samples(heights, velocities)

@@ -138,7 +138,7 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) 
         for points in probe.patches().values():
             assert_on_map(points, good)
         # Each reason was logged, and said what would be right.
-        for words in ("there must be 1240", "greater than zero", "is not the terrain's frame", "known: ''"):
+        for words in ("there must be 1240", "at least 3 x 3", "is not the terrain's frame", "known: ''"):
             assert words in process.output
         # And good input is taken as before.
         better = probe.publish_map(GOOD + 1.0)

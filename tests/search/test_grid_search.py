@@ -25,7 +25,7 @@ def test_agrees_with_brute_force_inside_on_the_rim_and_outside(
     geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(3.0, -2.0, 0.0), yaw=yaw)
     rng = np.random.default_rng(seed)
     around = geometry.to_world(rng.uniform(-5, rows + 5, 50), rng.uniform(-5, columns + 5, 50))
-    found = nearest_vertices(geometry, np.column_stack([around, rng.normal(size=50)]), rim)
+    found = nearest_vertices(geometry, geometry.to_grid(around), rim)
     inner_rows, inner_columns = np.meshgrid(np.arange(rim, rows - rim), np.arange(rim, columns - rim), indexing="ij")
     vertices = geometry.to_world(inner_rows.ravel(), inner_columns.ravel())
     distance = np.linalg.norm(around[:, None] - vertices, axis=2)
@@ -37,12 +37,12 @@ def test_agrees_with_brute_force_inside_on_the_rim_and_outside(
 
 def test_ties_go_to_the_lower_row_and_column() -> None:
     geometry = GridGeometry(rows=10, columns=10, resolution=1.0)
-    found = nearest_vertices(geometry, np.array([[4.5, 6.5, 0.0], [5.5, 3.5, 0.0]]))
+    found = nearest_vertices(geometry, np.array([[6.5, 4.5], [3.5, 5.5]]))
     np.testing.assert_array_equal(found.rows, [6, 3])
     np.testing.assert_array_equal(found.columns, [4, 5])
 
 
 def test_the_rim_may_differ_per_body() -> None:
     geometry = GridGeometry(rows=20, columns=20, resolution=1.0)
-    found = nearest_vertices(geometry, np.zeros((3, 3)), np.array([1, 2, 4]))
+    found = nearest_vertices(geometry, np.zeros((3, 2)), np.array([1, 2, 4]))
     np.testing.assert_array_equal(found.rows, [1, 2, 4])

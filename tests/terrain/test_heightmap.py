@@ -14,7 +14,7 @@ def velocity_at(heightmap: HeightMap, row: int, column: int, time: float) -> tup
     """Height and velocity of one sample."""
     index = np.array([[row * heightmap.geometry.columns + column]])
     heights, velocities = heightmap.sample(index, index[:, 0], time)
-    return float(heights[0, 0]), float(velocities[0, 0])
+    return float(heights[0, 0]), 0.0 if velocities is None else float(velocities[0, 0])
 
 
 @given(st.floats(0, 8.999), st.floats(0, 6.999), st.integers(0, 10**6))

@@ -1,0 +1,34 @@
+"""Starts the collider and, unless told otherwise, a terrain source to try it with."""
+
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The launch description."""
+    config = PathJoinSubstitution([FindPackageShare("smartmesh_ros"), "config", LaunchConfiguration("config")])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("config", default_value="rover.yaml", description="Parameter file in config/."),
+            DeclareLaunchArgument("source", default_value="true", description="Whether to start terrain_source."),
+            DeclareLaunchArgument("scene", default_value="waves", description="Scene of terrain_source."),
+            Node(
+                package="smartmesh_ros",
+                executable="terrain_collider",
+                output="screen",
+                parameters=[config],
+            ),
+            Node(
+                package="smartmesh_ros",
+                executable="terrain_source",
+                output="screen",
+                parameters=[{"scene": LaunchConfiguration("scene")}],
+                condition=IfCondition(LaunchConfiguration("source")),
+            ),
+        ]
+    )

@@ -1,0 +1,53 @@
+"""The few PyBullet calls made for every body and step.
+
+A `BulletClient` adds the client to each call as a keyword, which costs as much as the call itself; these pass it by
+position. Everything else goes through the client.
+"""
+
+from typing import Any
+
+import pybullet as pb
+
+Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+
+
+class BulletCalls:
+    """Calls on one client: a connected `BulletClient`, or the module ``pybullet`` itself."""
+
+    def __init__(self, client: Any) -> None:
+        self._client: int = getattr(client, "_client", 0)
+
+    def poses(self, bodies: list[int]) -> list[Pose]:
+        """Position [m] and orientation (x, y, z, w) of each body."""
+        get, client = pb.getBasePositionAndOrientation, self._client
+        return [get(body, client) for body in bodies]
+
+    def set_poses(self, bodies: list[int], positions: list[list[float]], orientation: Any) -> None:
+        """Puts bodies at positions [m], all in one orientation. This stops them."""
+        reset, client = pb.resetBasePositionAndOrientation, self._client
+        for body, position in zip(bodies, positions, strict=True):
+            reset(body, position, orientation, client)
+
+    def set_velocities(self, bodies: list[int], twists: list[list[float]]) -> None:
+        """Gives bodies their linear and angular velocities, six numbers each [m/s, rad/s]."""
+        reset, client = pb.resetBaseVelocity, self._client
+        for body, twist in zip(bodies, twists, strict=True):
+            reset(body, twist[:3], twist[3:], client)
+
+    def replace_heightfields(self, shapes: list[int], size: int, heights: list[list[float]], edge_filter: bool) -> None:
+        """Gives heightfields of ``size`` x ``size`` samples their new heights.
+
+        The flag is passed at every replacement; without it PyBullet drops the edges' data.
+        """
+        create, client, kind = pb.createCollisionShape, self._client, pb.GEOM_HEIGHTFIELD
+        flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0
+        for shape, values in zip(shapes, heights, strict=True):
+            create(
+                kind,
+                flags=flags,
+                heightfieldData=values,
+                numHeightfieldRows=size,
+                numHeightfieldColumns=size,
+                replaceHeightfieldIndex=shape,
+                physicsClientId=client,
+            )
