@@ -136,11 +136,18 @@ def test_a_region_lifts_what_stands_on_it(probe: Probe) -> None:
         probe.publish_map(np.zeros((60, 60)))
         spawn(probe, "ball", (3.0, 3.0, 0.2))
         probe.wait_for(probe.patches)
-        update = HeightmapUpdate(x=20, y=25, width=21, height=11, heights=floats(np.full(231, 0.5, np.float32)))
-        update.header.stamp, update.header.frame_id = probe.now(), "map"
-        probe.publishers["heightmap_update"].publish(update)
-        position = state(probe, "ball")
-        probe.wait_for(lambda: (p := position()) is not None and p[2] > 0.69)
+        position, height = state(probe, "ball"), 0.0
+
+        def lifted() -> bool:
+            nonlocal height
+            height = min(height + 0.01, 0.5)  # as a simulator would: with every message a little
+            update = HeightmapUpdate(x=20, y=25, width=21, height=11, heights=floats(np.full(231, height, np.float32)))
+            update.header.stamp, update.header.frame_id = probe.now(), "map"
+            probe.publishers["heightmap_update"].publish(update)
+            p = position()
+            return p is not None and p[2] > 0.69
+
+        probe.wait_for(lifted)
 
 
 def test_pause_step_and_reset(probe: Probe) -> None:
