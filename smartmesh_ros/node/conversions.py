@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.cdr_reader import CdrReader, Stamped
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -32,6 +33,24 @@ class RegionInput(NamedTuple):
     column: int
     heights: FloatGrid
     velocities: FloatGrid | None
+
+
+class MeshInput(NamedTuple):
+    """A general mesh: vertices (V, 3) [m], triangles (T, 3), and velocities (V, 3) [m/s] or None."""
+
+    start: Stamped
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    velocities: NDArray[np.float64] | None
+
+
+class MeshUpdateInput(NamedTuple):
+    """New positions (n, 3) [m] of the vertices ``indices`` (n,), None = all; and velocities (n, 3) [m/s] or None."""
+
+    start: Stamped
+    indices: NDArray[np.uint32] | None
+    vertices: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
 
 
 class BodyInput(NamedTuple):
@@ -73,6 +92,33 @@ def region_from(message: Any, max_samples: int) -> RegionInput:
     shape = (message.height, message.width)
     velocities = _grid(message.velocities, shape) if message.velocities else None
     return RegionInput(message.y, message.x, _grid(message.heights, shape), velocities)
+
+
+def is_removal(message: Any) -> bool:
+    """Whether a Heightmap message takes its tile away."""
+    return message.info.width == 0 and message.info.height == 0 and not message.heights
+
+
+def mesh_from(data: bytes, max_samples: int) -> MeshInput:
+    """A TerrainMesh message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    triangles = reader.sequence("u4", 3)
+    vertices = reader.sequence("f8", 3)
+    velocities = reader.sequence("f8", 3)
+    _require_size(len(vertices), max_samples)
+    return MeshInput(start, vertices, triangles, velocities if len(velocities) else None)
+
+
+def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
+    """A TerrainMeshUpdate message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    indices = reader.sequence("u4")
+    vertices = reader.sequence("f8", 3)
+    velocities = reader.sequence("f8", 3)
+    _require_size(len(vertices), max_samples)
+    return MeshUpdateInput(start, indices if len(indices) else None, vertices, velocities if len(velocities) else None)
 
 
 def bodies_from(message: Any) -> list[BodyInput]:
@@ -140,12 +186,16 @@ def _grid(values: Any, shape: tuple[int, int]) -> FloatGrid:
 
 def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
     count = width * height
-    if count > max_samples:
-        raise InputError("size", f"{height} x {width} samples are more than terrain.max_samples = {max_samples}")
+    _require_size(count, max_samples)
     if heights != count:
         raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
     if velocities not in (0, count):
         raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
+
+
+def _require_size(count: int, max_samples: int) -> None:
+    if count > max_samples:
+        raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
 
 
 def _require_distinct(names: list[str]) -> None:

@@ -38,10 +38,9 @@ def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticSta
 
 def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     tiles = world.terrain.tiles
-    values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.geometry.size for tile in tiles.values())}
+    values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.size for tile in tiles.values())}
     for name, tile in list(tiles.items())[:16]:
-        geometry = tile.geometry
-        values[f"size of {name!r}"] = f"{geometry.rows} x {geometry.columns} at {geometry.resolution:g} m"
+        values[f"size of {name!r}"] = tile.description
         values[f"updates of {name!r}"] = tile.version
     if health.map_age is None:
         return DiagnosticStatus.WARN, "no map yet", values
@@ -61,6 +60,7 @@ def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
         "without ground": len(world.ground.followers) - patches,
         "below ground": len(below),
         "colliders replaced": world.ground.replacements,
+        "colliders leaked": world.ground.leaked,
     }
     if below:
         return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values

@@ -15,10 +15,18 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.node.cdr import HEADER, Elements, text_rows
-from smartmesh_ros.patches.tracker import PatchBatch
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.physics.contacts import GroundContact
 from smartmesh_ros.physics.state import BodyState
 
+KINDS = {
+    "heightfield": ColliderPatch.HEIGHTFIELD,
+    "plane": ColliderPatch.PLANE,
+    "trimesh": ColliderPatch.TRIMESH,
+    "hull": ColliderPatch.HULL,
+    "prisms": ColliderPatch.PRISMS,
+    "whole": ColliderPatch.WHOLE,
+}
 # Colour of the patches (r, g, b, a).
 COLOUR = (0.95, 0.55, 0.15, 0.85)
 
@@ -138,8 +146,8 @@ class ColliderPatches:
                         fields[f"surface_twist.linear.{name}"] = batch.linear_w[chosen, axis]
                         fields[f"surface_twist.angular.{name}"] = batch.angular_w[chosen, axis]
                 message.add(
-                    (batch.tile, len(texts[0].encode()), batch.template.rings, len(triangles)),
-                    lambda: _collider_patch(batch, texts[0], len(triangles)),  # noqa: B023  # called at once
+                    (batch.tile, batch.kind, len(texts[0].encode()), vertices.shape[1], len(triangles)),
+                    lambda: _collider_patch(batch.tile, batch.kind, texts[0], vertices.shape[1], len(triangles)),  # noqa: B023
                     len(texts),
                     fields,
                 )
@@ -213,15 +221,15 @@ def _by_triangles(batches: list[PatchBatch]) -> Iterator[tuple[PatchBatch, NDArr
     """Patches grouped by the triangles they show: those that touch a hole are left out."""
     for batch in batches:
         members = np.arange(len(batch.bodies))
-        if batch.heightmap.has_holes:
-            holed = np.isnan(batch.heights_w).any(axis=1)
-            for index in np.flatnonzero(holed):
-                solid = ~np.isnan(batch.heights_w[index])[batch.template.triangles].any(axis=1)
+        if batch.may_have_holes:
+            ground = ~np.isnan(batch.vertices_w()[..., 2])
+            for index in np.flatnonzero(~ground.all(axis=1)):
+                solid = ground[index][batch.triangles].all(axis=1)
                 if solid.any():
-                    yield batch, np.array([index]), batch.template.triangles[solid]
-            members = np.flatnonzero(~holed)
+                    yield batch, np.array([index]), batch.triangles[solid]
+            members = np.flatnonzero(ground.all(axis=1))
         if members.size:
-            yield batch, members, batch.template.triangles
+            yield batch, members, batch.triangles
 
 
 def _by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:
@@ -242,8 +250,8 @@ def _marker(frame_id: str, action: int, points: int) -> Marker:
     return marker
 
 
-def _collider_patch(batch: PatchBatch, name: str, triangles: int) -> ColliderPatch:
-    patch = ColliderPatch(body_id=name, tile=batch.tile, kind=ColliderPatch.HEIGHTFIELD)
+def _collider_patch(tile: str, kind: str, name: str, vertices: int, triangles: int) -> ColliderPatch:
+    patch = ColliderPatch(body_id=name, tile=tile, kind=KINDS[kind])
     patch.mesh.triangles = [MeshTriangle()] * triangles
-    patch.mesh.vertices = [Point()] * len(batch.template.rows)
+    patch.mesh.vertices = [Point()] * vertices
     return patch

@@ -5,7 +5,7 @@ Defaults live in the core's configurations; this module reads them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -17,13 +17,13 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import declaring
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import WorldConfig
+from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
 
-SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal"]
-CollectMethod = Literal["queue_bfs", "union_bfs", "cached"]
 Durability = Literal["volatile", "transient_local"]
 
 
@@ -63,8 +63,8 @@ SPECS = (
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
-    Spec("search.method", "grid_traversal", "How the nearest vertex is found.", choices=get_args(SearchMethod)),
-    Spec("collect.method", "cached", "How the vertices of a patch are found.", choices=get_args(CollectMethod)),
+    Spec("search.method", _PATCH.search, "How the nearest vertex is found.", choices=get_args(SearchMethod)),
+    Spec("collect.method", _PATCH.collect, "How the vertices of a patch are found.", choices=get_args(CollectMethod)),
     Spec("patch.kind", _PATCH.kind, "Collider of a patch.", choices=get_args(PatchKind)),
     Spec("patch.rings", _PATCH.rings, "Samples on each side of the nearest vertex; 0 = from the body's size.", 0, 4),
     Spec("patch.tolerance", _PATCH.tolerance, "How far a patch may lie from the terrain [m].", 1e-6, 10.0),
@@ -89,18 +89,14 @@ SPECS = (
     Spec("frame_id", _D.frame_id, "Frame of the terrain; empty = that of the first map.", read_only=True),
     Spec("executor", _D.executor, "How rclpy waits for messages.", choices=get_args(ExecutorKind), read_only=True),
 )  # fmt: skip
+NAMES = frozenset(spec.name for spec in SPECS)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings from the values of all parameters; raises `InputError` naming the first that cannot be."""
     v = declaring.checked(values, SPECS)
-    for name, supported in (("search.method", "grid_traversal"), ("collect.method", "cached")):
-        if v[name] != supported:
-            raise InputError("parameter", f"{name} {v[name]!r} is not available yet; use {supported!r}")
-    if v["patch.kind"] not in ("auto", "heightfield"):
-        raise InputError(
-            "parameter", f"patch.kind {v['patch.kind']!r} is not available yet; use 'auto' or 'heightfield'"
-        )
+    if v["patch.kind"] == "plane":
+        raise InputError("parameter", "patch.kind 'plane' is not available yet; use 'auto'")
     physics = PhysicsConfig(
         rate=v["physics.rate"],
         gravity=tuple(v["physics.gravity"]),
@@ -109,6 +105,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         contact_erp=v["physics.contact_erp"],
     )
     patch = PatchConfig(
+        search=v["search.method"],
+        collect=v["collect.method"],
         kind=v["patch.kind"],
         rings=v["patch.rings"],
         tolerance=v["patch.tolerance"],
@@ -143,12 +141,14 @@ def current_settings(node: Node) -> Settings:
     return settings_from(declaring.current_values(node, SPECS))
 
 
-def check_change(node: Node, changes: list[Parameter]) -> SetParametersResult:
-    """Whether a set of changes is possible as a whole; for the on-set callback, which changes nothing itself."""
+def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings], None]) -> SetParametersResult:
+    """Whether a set of changes is possible as a whole; for the on-set callback, which changes nothing itself.
+
+    ``check`` may object to the settings there would be by raising `InputError`.
+    """
     try:
-        names = {spec.name for spec in SPECS}
-        known = {change.name: declaring.plain_value(change) for change in changes if change.name in names}
-        settings_from({**declaring.current_values(node, SPECS), **known})
+        known = {change.name: declaring.plain_value(change) for change in changes if change.name in NAMES}
+        check(settings_from({**declaring.current_values(node, SPECS), **known}))
     except InputError as error:
         return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)

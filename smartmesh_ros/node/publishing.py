@@ -7,17 +7,13 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, StageTiming, Timing, TrackedBodyArray
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node import diagnostics, outputs
-from smartmesh_ros.node.pacing import Pacer
-from smartmesh_ros.node.parameters import PublishRates
-from smartmesh_ros.node.refusals import Refusals
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.node.session import Session
 
 RELIABLE = QoSProfile(depth=10)
 
@@ -28,8 +24,9 @@ class _Window:
     def __init__(self) -> None:
         self._start, self._time, self._misses = monotonic(), 0.0, 0
 
-    def read(self, world: World, pacer: Pacer) -> tuple[float, float, int]:
+    def read(self, session: Session) -> tuple[float, float, int]:
         """Length of the window [s], its real-time factor and its missed deadlines; starts the next one."""
+        world, pacer = session.world, session.pacer
         now = monotonic()
         length = max(now - self._start, 1e-9)
         factor = max(world.time - self._time, 0.0) / length
@@ -46,12 +43,9 @@ class _Output(NamedTuple):
 class Publishing:
     """The node's outputs."""
 
-    def __init__(self, node: Node, world: World, pacer: Pacer, refusals: Refusals, rates: PublishRates) -> None:
-        self.rates = rates
-        self.frame_id = ""
-        self.map_taken: float | None = None
-        self.paused = False
-        self._node, self._world, self._pacer, self._refusals = node, world, pacer, refusals
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._node, self._world = session.node, session.world
         self._markers = outputs.PatchMarkers()
         self._collider_patches = outputs.ColliderPatches()
         self._body_states = outputs.BodyStates()
@@ -67,7 +61,7 @@ class Publishing:
         # Staggered, so that no step has to write all of them.
         start = monotonic()
         self._due = {
-            name: start + place / (len(self._outputs) * max(getattr(rates, name), 1.0))
+            name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
         self._diagnostics_due = 0.0
@@ -78,8 +72,9 @@ class Publishing:
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
         time = monotonic()
+        rates = self._session.settings.publish
         for name, output in self._outputs.items():
-            rate = getattr(self.rates, name)
+            rate = getattr(rates, name)
             if rate > 0.0 and (now or time >= self._due[name]):
                 # On the beat, unless one was missed.
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
@@ -94,7 +89,7 @@ class Publishing:
         return _Output(self._node.create_publisher(kind, topic, RELIABLE), make)
 
     def _header(self) -> Header:
-        return Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self.frame_id)
+        return Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._session.frame_id)
 
     def _make_patches(self) -> bytes:
         return self._markers.write(self._header(), self._world.ground.batches, self._world.follower_names())
@@ -115,7 +110,7 @@ class Publishing:
         return self._contacts.write(self._header(), self._world.contacts())
 
     def _make_timing(self) -> Timing:
-        length, factor, misses = self._timing_window.read(self._world, self._pacer)
+        length, factor, misses = self._timing_window.read(self._session)
         stages = [
             StageTiming(
                 stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
@@ -127,14 +122,15 @@ class Publishing:
         return message
 
     def _make_diagnostics(self) -> DiagnosticArray:
-        _, factor, _ = self._diagnostics_window.read(self._world, self._pacer)
-        refused = self._refusals.counts.total()
+        _, factor, _ = self._diagnostics_window.read(self._session)
+        session = self._session
+        refused = session.refusals.counts.total()
         health = diagnostics.Health(
-            map_age=None if self.map_taken is None else monotonic() - self.map_taken,
+            map_age=None if session.map_taken is None else monotonic() - session.map_taken,
             real_time_factor=factor,
-            deadline_misses=self._pacer.misses,
-            paused=self.paused,
-            refusals=self._refusals.counts,
+            deadline_misses=session.pacer.misses,
+            paused=session.paused,
+            refusals=session.refusals.counts,
             new_refusals=refused - self._refused_before,
         )
         self._refused_before = refused

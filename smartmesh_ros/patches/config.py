@@ -4,21 +4,28 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.extent import MOST_RINGS
+from smartmesh_ros.search.methods import SearchMethod
 
-PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms"]
+# The collider of one patch; "whole" = none of its own, the body stands on a collider of the whole terrain.
+ColliderKind = Literal["heightfield", "plane", "trimesh", "hull", "prisms", "whole"]
+PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms", "whole_trimesh", "whole_heightfield"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchConfig:
     """How patches are made.
 
-    ``kind``: the collider. ``rings``: samples on each side of the nearest vertex (the report's collider-size);
-    0 = from the body's size and speed. ``tolerance`` [m]: how far a patch may lie from the main mesh.
+    ``search``, ``collect``: the report's methods. ``kind``: the collider; the last two are the report's Simple-Mesh,
+    one collider of the whole terrain. ``rings``: samples on each side of the nearest vertex (the report's
+    collider-size); 0 = from the body's size and speed. ``tolerance`` [m]: how far a patch may lie from the main mesh.
     ``edge_filter``: no ghost collisions at the inner edges of patches. ``carry_velocity``: patches carry the ground's
     velocity into the contact.
     """
 
+    search: SearchMethod = "grid_traversal"
+    collect: CollectMethod = "cached"
     kind: PatchKind = "auto"
     rings: int = 0
     tolerance: float = 0.002
@@ -26,11 +33,23 @@ class PatchConfig:
     carry_velocity: bool = True
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(PatchKind):
-            raise InputError(
-                "parameter", f"patch kind {self.kind!r} is unknown; choose {', '.join(get_args(PatchKind))}"
-            )
+        for name, kinds in (("search", SearchMethod), ("collect", CollectMethod), ("kind", PatchKind)):
+            value = getattr(self, name)
+            if value not in get_args(kinds):
+                raise InputError("parameter", f"patch {name} {value!r} is unknown; choose {', '.join(get_args(kinds))}")
         if not 0 <= self.rings <= MOST_RINGS:
             raise InputError("parameter", f"patch rings is {self.rings}; it must be 0 (from the body) to {MOST_RINGS}")
         if not self.tolerance > 0.0:
             raise InputError("parameter", f"patch tolerance is {self.tolerance} m; it must be greater than zero")
+
+    @property
+    def grid_kind(self) -> ColliderKind:
+        """Collider of the patches of height maps."""
+        if self.kind in ("trimesh", "hull", "prisms"):
+            return self.kind
+        return "whole" if self.kind in ("whole_trimesh", "whole_heightfield") else "heightfield"
+
+    @property
+    def mesh_kind(self) -> ColliderKind:
+        """Collider of the patches of general meshes, which are no heightfields."""
+        return "trimesh" if self.grid_kind == "heightfield" else self.grid_kind

@@ -1,191 +1,125 @@
 """One patch under each body, kept up with the bodies and the ground."""
 
-import math
-from dataclasses import dataclass
+from __future__ import annotations
 
 import numpy as np
 
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.extent import extent_for
-from smartmesh_ros.patches.template import PatchTemplate, patch_template
-from smartmesh_ros.search.grid import nearest_vertices
+from smartmesh_ros.patches.grid_patches import GridPatches
+from smartmesh_ros.patches.mesh_patches import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PatchBatch:
-    """Patches of n bodies that share a tile and a template of K samples.
-
-    ``bodies``: indices of the bodies (n,). ``rows``, ``columns``: nearest vertex (n,). ``stride``: samples of the map
-    from one sample of the patch to the next (n,), ``spacing`` the same in [m]. ``centres_w``: position of the nearest
-    vertex (n, 3) [m]. ``heights_w``: z of the samples (n, K) [m], NaN = no ground. ``linear_w``, ``angular_w``:
-    velocity of the ground at the centre and its turning, (n, 3) [m/s, rad/s].
-    """
-
-    tile: str
-    heightmap: HeightMap
-    template: PatchTemplate
-    bodies: IntArray
-    rows: IntArray
-    columns: IntArray
-    stride: IntArray
-    spacing: FloatArray
-    centres_w: FloatArray
-    heights_w: FloatArray
-    linear_w: FloatArray
-    angular_w: FloatArray
-
-    def vertices_w(self) -> FloatArray:
-        """Vertices of all patches (n, K, 3) [m], in the order of the template."""
-        template = self.template
-        rows = self.rows[:, None] + template.rows * self.stride[:, None]
-        columns = self.columns[:, None] + template.columns * self.stride[:, None]
-        vertices = np.empty((*rows.shape, 3))
-        vertices[..., :2] = self.heightmap.geometry.to_world(rows, columns)
-        vertices[..., 2] = self.heights_w
-        return vertices
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
 class PatchTracker:
-    """Searches and collects the patches of all bodies, a batch per tile and size."""
+    """Knows on which tile each body stands, and has its patch made there."""
 
     def __init__(self, terrain: Terrain, config: PatchConfig, stopwatch: Stopwatch | None = None) -> None:
         self.terrain = terrain
         self.config = config
         self.stopwatch = stopwatch or Stopwatch()
+        self.batches: list[PatchBatch] = []
         self._radii = np.empty(0)
-        self._rings = np.empty(0, np.int64)
-        self._stride = np.empty(0, np.int64)
-        # A patch stays as it is while the reach its body needs lies between these [m].
-        self._least = np.empty(0)
-        self._most = np.empty(0)
+        self._tile = np.empty(0, np.int64)  # place of the body's tile in _names, -1 = none
+        self._names: list[str] = []
+        self._meshes: dict[str, MainMesh] = {}
+        self._grid = GridPatches(terrain, config, self.stopwatch)
+        self._general: dict[str, MeshPatches] = {}
 
     def set_bodies(self, radii: FloatArray, kept: IntArray) -> None:
         """Says which bodies there are: bounding ``radii`` (N,) [m] and, per body, its index before or -1 (N,)."""
-        known = kept >= 0
-        for name, fill in (("_rings", 0), ("_stride", 0), ("_least", 0.0), ("_most", -1.0)):
-            old = getattr(self, name)
-            new = np.full(len(radii), fill, old.dtype)
-            new[known] = old[kept[known]]
-            setattr(self, name, new)
         self._radii = np.asarray(radii, np.float64)
+        carry_over(self, {"_tile": -1}, kept)
+        self._grid.set_bodies(kept)
+        for general in self._general.values():
+            general.set_bodies(kept)
+        self.batches = []
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings, from the next update on."""
-        self.config = config
-        self._most[:] = -1.0
+        self.config = self._grid.config = config
+        self._grid.forget(slice(None))
+        for general in self._general.values():
+            general.config = config
 
     def update(self, positions_w: FloatArray, travel: FloatArray, time: float) -> list[PatchBatch]:
         """Patches at ``time`` [s] for bodies at ``positions_w`` (N, 3) [m] that may ``travel`` (N,) [m] until the next
         update. Bodies off the terrain, or whose position is not finite, get none."""
-        if not len(positions_w):
-            return []
+        if self.terrain.tiles != self._meshes:
+            self._take_tiles()
+        before, self.batches = self.batches, []
+        if not (len(positions_w) and self._names):
+            return self.batches
         reach = self._radii + travel
-        batches = []
-        waiting: IntArray | None = None  # bodies without a tile yet; None = all
-        for name, heightmap in self.terrain.tiles.items():
-            bodies, grid = self._standing_on(heightmap, positions_w, waiting)
-            if waiting is None or len(bodies) < len(waiting):
-                everybody = np.arange(len(positions_w)) if waiting is None else waiting
-                waiting = np.setdiff1d(everybody, bodies, assume_unique=True)
-            if len(bodies):
-                self._set_extent(heightmap, bodies, reach)
-                batches += self._batches(name, heightmap, bodies, grid, time)
-            if not len(waiting):
-                break
-        return batches
+        for place, bodies, grid in self._on_tiles(positions_w):
+            name = self._names[place]
+            mesh = self._meshes[name]
+            if isinstance(mesh, HeightMap):
+                self.batches += self._grid.patches(name, bodies, grid, positions_w[bodies], reach[bodies], time, before)
+            else:
+                self.batches += self._general[name].patches(
+                    name, bodies, positions_w[bodies], reach[bodies], time, before
+                )
+        return self.batches
 
-    def _standing_on(
-        self, heightmap: HeightMap, positions_w: FloatArray, among: IntArray | None
-    ) -> tuple[IntArray, FloatArray]:
-        """Bodies over the map, or overlapping it from outside, and their (row, column) as fractions."""
-        geometry = heightmap.geometry
-        grid = geometry.to_grid(positions_w if among is None else positions_w[among])
-        beyond = np.maximum(-grid, grid - (geometry.rows - 1, geometry.columns - 1)).max(axis=1)
-        radii = self._radii if among is None else self._radii[among]
-        # Not the other way round: this is false for positions that are not finite.
-        inside = (beyond * geometry.resolution <= radii) & np.isfinite(
-            positions_w[slice(None) if among is None else among, 2]
-        )
-        if inside.all():
-            return (np.arange(len(grid)) if among is None else among), grid
-        chosen = np.flatnonzero(inside)
-        return (chosen if among is None else among[chosen]), grid[chosen]
+    def _take_tiles(self) -> None:
+        """Notices tiles that came, went or were replaced; bodies on them look for their tile anew."""
+        names = list(self.terrain.tiles)
+        same = [name for name in names if self._meshes.get(name) is self.terrain.tiles[name]]
+        places = np.full(len(self._names) + 1, -1)
+        for place, name in enumerate(self._names):
+            if name in same:
+                places[place] = names.index(name)
+        self._tile = places[self._tile]
+        self._grid.forget(np.flatnonzero(self._tile < 0))
+        self._names, self._meshes = names, dict(self.terrain.tiles)
+        everybody = np.full(len(self._radii), -1)
+        kept = {name: self._general[name] for name in same if name in self._general}
+        for name, mesh in self._meshes.items():
+            if name not in kept and not isinstance(mesh, HeightMap):
+                kept[name] = MeshPatches(mesh, self.config, self.stopwatch)
+                kept[name].set_bodies(everybody)
+        self._general = kept
 
-    def _set_extent(self, heightmap: HeightMap, bodies: IntArray, reach: FloatArray) -> None:
-        """Grows patches at once and shrinks them only well below the size they have, so that none flickers."""
-        need = reach[bodies]
-        outgrown = (need > self._most[bodies]) | (need < self._least[bodies])
-        if not outgrown.any():
-            return
-        bodies = bodies[outgrown]
-        geometry = heightmap.geometry
-        side = min(geometry.rows, geometry.columns)
-        extent = extent_for(need[outgrown], geometry.resolution, side, self.config.rings)
-        self._rings[bodies], self._stride[bodies] = extent.rings, extent.stride
-        self._least[bodies], self._most[bodies] = extent.least, extent.most
+    def _on_tiles(self, positions_w: FloatArray) -> list[tuple[int, IntArray, FloatArray]]:
+        """Bodies by tile: the place of the tile, indices (n,), and their fractional (row, column) (n, 2)."""
+        found = []
+        if len(self._names) == 1:
+            mesh = self._meshes[self._names[0]]
+            beyond, grid = mesh.beyond(positions_w)
+            inside = (beyond <= self._radii) & np.isfinite(positions_w[:, 2])
+            if inside.all():
+                return [(0, np.arange(len(positions_w)), grid)]
+            bodies = np.flatnonzero(inside)
+            return [(0, bodies, grid[bodies])] if bodies.size else []
+        stray = self._tile < 0
+        for place in np.unique(self._tile[~stray]).tolist():
+            bodies = np.flatnonzero(self._tile == place)
+            beyond, grid = self._meshes[self._names[place]].beyond(positions_w[bodies])
+            inside = (beyond <= 0.0) & np.isfinite(positions_w[bodies, 2])
+            stray[bodies[~inside]] = True
+            if inside.any():
+                found.append((place, bodies[inside], grid[inside]))
+        if stray.any():
+            found += self._settle(np.flatnonzero(stray), positions_w)
+        return found
 
-    def _batches(
-        self, name: str, heightmap: HeightMap, bodies: IntArray, grid: FloatArray, time: float
-    ) -> list[PatchBatch]:
-        """The bodies by the size of their patches."""
-        rings = self._rings[bodies]
-        first = int(rings[0])
-        if (rings == first).all():
-            return [self._batch(name, heightmap, first, bodies, grid, time)]
-        batches = []
-        for size in np.unique(rings):
-            members = rings == size
-            batches.append(self._batch(name, heightmap, int(size), bodies[members], grid[members], time))
-        return batches
-
-    def _batch(
-        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, grid: FloatArray, time: float
-    ) -> PatchBatch:
-        geometry = heightmap.geometry
-        template = patch_template(rings)
-        stride = self._stride[bodies]
-        with self.stopwatch.stage("search"):
-            rows, columns = nearest_vertices(geometry, grid, rings * stride)
-        with self.stopwatch.stage("collect"):
-            centres = rows * geometry.columns + columns
-            indices = template.indices(geometry.columns) * stride[:, None]
-            indices += centres[:, None]
-            heights, velocities = heightmap.sample(indices, centres, time)
-        spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
-        centres_w = np.empty((len(bodies), 3))
-        centres_w[:, :2] = geometry.to_world(rows, columns)
-        centres_w[:, 2] = heights[:, template.centre]
-        twist = np.zeros((2, len(bodies), 3))
-        if velocities is not None:
-            _set_surface_twist(twist, velocities @ template.fit, spacing, geometry.yaw)
-        return PatchBatch(
-            tile=name,
-            heightmap=heightmap,
-            template=template,
-            bodies=bodies,
-            rows=rows,
-            columns=columns,
-            stride=stride,
-            spacing=spacing,
-            centres_w=centres_w,
-            heights_w=heights,
-            linear_w=twist[0],
-            angular_w=twist[1],
-        )
-
-
-def _set_surface_twist(twist: FloatArray, fit: FloatArray, spacing: FloatArray, yaw: float) -> None:
-    """Twist (2, n, 3) of rigid patches from the fit of their velocities (n, 3): at the centre, per row and per column.
-
-    A point at (x, y) of a patch that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
-    """
-    linear, angular = twist
-    linear[:, 2] = fit[:, 0]
-    per_row, per_column = fit[:, 1] / spacing, fit[:, 2] / spacing
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    angular[:, 0] = per_column * sin + per_row * cos
-    angular[:, 1] = per_row * sin - per_column * cos
+    def _settle(self, stray: IntArray, positions_w: FloatArray) -> list[tuple[int, IntArray, FloatArray]]:
+        """Finds the tile of bodies that left theirs: the first they are on, or else the one they reach most nearly."""
+        least = self._radii[stray].copy()  # a body beyond its radius touches nothing
+        least[~np.isfinite(positions_w[stray]).all(axis=1)] = -1.0
+        chosen = np.full(len(stray), -1)
+        grids = np.zeros((len(stray), 2))
+        for place, name in enumerate(self._names):
+            beyond, grid = self._meshes[name].beyond(positions_w[stray])
+            nearer = (beyond <= least) & ((chosen < 0) | (beyond < least))
+            chosen[nearer], least[nearer], grids[nearer] = place, beyond[nearer], grid[nearer]
+        self._grid.forget(stray[chosen != self._tile[stray]])
+        self._tile[stray] = chosen
+        return [
+            (place, stray[chosen == place], grids[chosen == place]) for place in np.unique(chosen[chosen >= 0]).tolist()
+        ]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.tracker import PatchBatch
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -44,7 +44,7 @@ def contacts_of_spheres(
 
     Where the centre is below the surface the contact is that of a sphere pushed through the ground.
     """
-    vertices = batch.vertices_w()[members][:, batch.template.triangles]  # (n, T, 3, 3)
+    vertices = batch.vertices_w()[members][:, batch.triangles]  # (n, T, 3, 3)
     nearest = _closest_points(centres_w[:, None, :], vertices)
     offsets = centres_w[:, None, :] - nearest
     distance = np.where(np.isnan(offsets).any(axis=2), np.inf, np.linalg.norm(offsets, axis=2))

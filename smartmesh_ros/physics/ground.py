@@ -2,39 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.extent import MOST_RINGS
-from smartmesh_ros.patches.tracker import PatchBatch, PatchTracker
+from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
+from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.heightfields import Heightfields
+from smartmesh_ros.physics.mesh_colliders import MeshColliders
+from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
+from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-# Heights that differ by less than this from the collider's are not worth replacing it [m].
-SAME_HEIGHT = 1e-6
 # Faster bodies do not get larger patches; a teleport is not a speed [m/s].
 FASTEST = 50.0
 
 
-@dataclass(eq=False)
-class Follower:
-    """A body or link with a patch under it. ``solid``: it gets a collider; otherwise only the patch is computed."""
-
-    body: int
-    link: int
-    radius: float
-    solid: bool
-    heightfield: Heightfield | None = None
+def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
+    """Raises `InputError` where patches cannot be made of ``mesh`` as ``config`` says; the message says what can."""
+    if isinstance(mesh, TriangleMesh):
+        require_search(config.search, mesh)
+    if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":
+        require_whole(config.kind, mesh)
 
 
 class Ground:
@@ -47,68 +46,72 @@ class Ground:
     def __init__(
         self,
         client: Any,
-        terrain: HeightMap | Terrain,
+        terrain: MainMesh | Terrain,
         config: PatchConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
-        self.batches: list[PatchBatch] = []
-        self.replacements = 0
+        self.followers: list[Follower] = []
         self._client = client
         self._calls = BulletCalls(client)
         self._tracker = PatchTracker(self.terrain, self.config, self.stopwatch)
-        self._pool = HeightfieldPool(client)
-        self._followers: list[Follower] = []
+        self._heightfields = Heightfields(client)
+        self._meshes = MeshColliders(client)
+        self._whole = WholeMesh(client, self.terrain)
         self._positions = np.empty((0, 3))
-        # The followers' colliders, size 0 = none: samples on a side, their distance [m], shape and body.
-        self._sizes = np.empty(0, np.int64)
-        self._spacings = np.empty(0)
-        self._shapes = np.empty(0, np.int64)
-        self._colliders = np.empty(0, np.int64)
-        # What the colliders were last given: heights [m], base position [m] and yaw [rad], twist [m/s, rad/s].
-        self._heights = np.empty((0, (2 * MOST_RINGS + 1) ** 2))
-        self._poses = np.empty((0, 4))
-        self._twists = np.empty((0, 6))
         self._solid = np.empty(0, bool)
         self._links: list[int] = []
 
     @property
-    def followers(self) -> list[Follower]:
-        """Attached bodies and links, in the order of the indices that `batches` use."""
-        return self._followers
+    def batches(self) -> list[PatchBatch]:
+        """Patches as of the last update; their bodies are indices into `followers`."""
+        return self._tracker.batches
 
     @property
     def positions_w(self) -> FloatArray:
         """Positions of the followers at the last update (N, 3) [m]."""
         return self._positions
 
+    @property
+    def replacements(self) -> int:
+        """Colliders whose surface was changed so far."""
+        return self._heightfields.replacements + self._meshes.built
+
+    @property
+    def leaked(self) -> int:
+        """Colliders that were built anew so far; PyBullet keeps some KiB of each."""
+        return self._meshes.built
+
     def attach(self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True) -> Follower:
         """Puts a patch under ``body`` (or its ``link``), whose sphere around its centre of mass has ``radius`` [m].
 
         Without a radius it is read off the body's bounds. ``solid=False`` computes the patch without a collider.
         """
-        if any(follower.body == body and follower.link == link for follower in self._followers):
+        if any(follower.body == body and follower.link == link for follower in self.followers):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
         size = bounding_radius(self._client, body, link) if radius is None else radius
         if not (np.isfinite(size) and size > 0.0):
             raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
         follower = Follower(body, link, size, solid)
-        self._adopt([*self._followers, follower])
+        self._adopt([*self.followers, follower])
         return follower
 
     def detach(self, body: int) -> None:
         """Takes the patches of ``body`` and its links away. Call it before the body is removed from PyBullet."""
-        for index, follower in enumerate(self._followers):
+        for index, follower in enumerate(self.followers):
             if follower.body == body:
                 self._release(index)
-        self._adopt([follower for follower in self._followers if follower.body != body])
+        self._adopt([follower for follower in self.followers if follower.body != body])
 
     def configure(self, config: PatchConfig) -> None:
-        """Takes other settings for patches, from the next update on."""
+        """Takes other settings for patches, from the next update on; bodies may rest on them meanwhile. Raises
+        `InputError` and changes nothing where the terrain does not allow them."""
+        for mesh in self.terrain.tiles.values():
+            require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
-            self._heights[:] = np.nan
+            self._heightfields.forget_heights()
         self.config = config
         self._tracker.configure(config)
 
@@ -119,122 +122,93 @@ class Ground:
         travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
         travel = np.where(travel < FASTEST * dt, travel, FASTEST * dt * (travel > 0.0))  # zero where NaN: it is new
         self._positions = positions
-        self.batches = self._tracker.update(positions, travel, time)
+        batches = self._tracker.update(positions, travel, time)
         with self.stopwatch.stage("collider"):
-            supported = np.zeros(len(self._followers), bool)
-            for batch in self.batches:
-                supported[self._apply(batch)] = True
+            kind = self.config.kind
+            supported = np.zeros(len(self.followers), bool)
+            if kind == "whole_trimesh" or kind == "whole_heightfield":
+                self._whole.update(kind, time)
+            else:
+                self._whole.release()
+                for batch in batches:
+                    supported[self._apply(batch)] = True
             if not supported.all():
                 for index in np.flatnonzero(~supported).tolist():
                     self._release(index)
 
     def close(self) -> None:
-        """Takes all patches away."""
-        for index in range(len(self._followers)):
+        """Takes all colliders away."""
+        for index in range(len(self.followers)):
             self._release(index)
+        self._whole.release()
         self._adopt([])
 
     def _adopt(self, followers: list[Follower]) -> None:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
-        before = {id(follower): index for index, follower in enumerate(self._followers)}
-        kept = np.array([before.get(id(follower), -1) for follower in followers], np.int64)
-        known = kept >= 0
-        for name in ("_positions", "_sizes", "_spacings", "_shapes", "_colliders", "_heights", "_poses", "_twists"):
-            old = getattr(self, name)
-            fill = np.nan if old.dtype.kind == "f" else 0
-            new = np.full((len(followers), *old.shape[1:]), fill, old.dtype)
-            new[known] = old[kept[known]]
-            setattr(self, name, new)
-        self._followers = followers
+        before = {follower: index for index, follower in enumerate(self.followers)}
+        kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
+        carry_over(self, {"_positions": np.nan}, kept)
+        self.followers = followers
         self._solid = np.array([follower.solid for follower in followers], bool)
         self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
+        self._heightfields.adopt(followers, kept)
         self._tracker.set_bodies(np.array([follower.radius for follower in followers]), kept)
 
     def _read_positions(self) -> FloatArray:
-        positions = [pose[0] for pose in self._calls.poses([follower.body for follower in self._followers])]
+        positions = [pose[0] for pose in self._calls.poses([follower.body for follower in self.followers])]
         for index in self._links:
-            follower = self._followers[index]
+            follower = self.followers[index]
             positions[index] = self._client.getLinkState(follower.body, follower.link)[0]
         return np.array(positions, np.float64).reshape(-1, 3)
 
     def _apply(self, batch: PatchBatch) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
-        bodies, heights, base = batch.bodies, batch.heights_w, batch.centres_w
+        bodies, base = batch.bodies, batch.centres_w
         chosen = self._solid[bodies]
         supported = bodies
-        if batch.heightmap.has_holes:
-            base, grounded = _base_over_holes(base, heights)
+        if batch.may_have_holes:
+            base, grounded = _base_over_holes(base, batch.vertices_w()[..., 2])
             supported = bodies[grounded]
             chosen &= grounded
-        twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1) if self.config.carry_velocity else None
-        spacing = batch.spacing
-        if not chosen.all():
-            bodies, heights, base, spacing = bodies[chosen], heights[chosen], base[chosen], spacing[chosen]
-            twist = None if twist is None else twist[chosen]
-        if bodies.size:
-            relative = heights - base[:, 2:]
-            if batch.heightmap.has_holes:
-                np.nan_to_num(relative, copy=False, nan=-BOUND)
-            np.clip(relative, -BOUND, BOUND, out=relative)
-            size = batch.template.size
-            unfit = (self._sizes[bodies] != size) | (self._spacings[bodies] != spacing)
-            for i in np.flatnonzero(unfit).tolist():
-                self._fit(int(bodies[i]), size, float(spacing[i]))
-            self._replace(bodies, relative, size)
-            self._move(bodies, base, batch.heightmap.geometry.yaw, twist)
+        rows = np.flatnonzero(chosen)
+        if rows.size:
+            twist = None
+            if self.config.carry_velocity:
+                twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
+            if batch.kind == "heightfield" and isinstance(batch, GridBatch):
+                for index in bodies[rows].tolist():
+                    self._meshes.release(self.followers[index])
+                twist = None if twist is None else twist[rows]
+                self._heightfields.apply(batch, rows, base[rows], twist, self.config.edge_filter)
+            else:
+                self._apply_meshes(batch, rows, base, twist)
         return supported
 
-    def _fit(self, index: int, size: int, spacing: float) -> None:
-        """Gives a follower a heightfield of another size."""
-        follower = self._followers[index]
-        self._release(index)
-        heightfield = self._pool.take(size, spacing, follower.body, follower.link)
-        follower.heightfield = heightfield
-        self._sizes[index], self._spacings[index] = size, spacing
-        self._shapes[index], self._colliders[index] = heightfield.shape, heightfield.body
-        self._heights[index] = np.nan
-        self._poses[index] = np.nan
-        self._twists[index] = 0.0
-
-    def _replace(self, bodies: IntArray, relative: FloatArray, size: int) -> None:
-        count = size * size
-        # The largest difference is NaN, and so not small, where the collider is new.
-        difference = np.abs(relative - self._heights[bodies, :count]).max(axis=1)
-        changed = np.flatnonzero(~(difference <= SAME_HEIGHT))
-        if changed.size:
-            self.replacements += len(changed)
-            new, bodies = relative[changed], bodies[changed]
-            self._heights[bodies, :count] = new
-            self._calls.replace_heightfields(
-                self._shapes[bodies].tolist(), size, new[:, collider_order(size)].tolist(), self.config.edge_filter
+    def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None) -> None:
+        assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
+        vertices = batch.vertices_w()
+        for row in rows.tolist():
+            index = int(batch.bodies[row])
+            self._heightfields.release(index)
+            triangles = batch.triangles
+            if batch.may_have_holes:
+                triangles = triangles[~np.isnan(vertices[row, :, 2])[triangles].any(axis=1)]
+            if not len(triangles):
+                self._meshes.release(self.followers[index])
+                continue
+            self._meshes.apply(
+                self.followers[index],
+                batch.kind,
+                np.nan_to_num(vertices[row], nan=float(base[row, 2])),
+                triangles,
+                base[row],
+                None if twist is None else twist[row],
+                self.config.edge_filter,
             )
 
-    def _move(self, bodies: IntArray, base: FloatArray, yaw: float, twist: FloatArray | None) -> None:
-        """Puts colliders where they belong and gives them the ground's ``twist`` (n, 6), None = at rest."""
-        pose = np.empty((len(base), 4))
-        pose[:, :3] = base
-        pose[:, 3] = yaw
-        old_twist = self._twists[bodies]
-        if twist is None:
-            twist = np.zeros_like(old_twist)
-        # A collider that carries a velocity is moved on by the step itself, so it is put back even if nothing changed;
-        # and PyBullet stops what is put somewhere.
-        carried = twist.any(axis=1)
-        moved = old_twist.any(axis=1) | (pose != self._poses[bodies]).any(axis=1)
-        turned = (moved & carried) | (twist != old_twist).any(axis=1)
-        if moved.any():
-            self._poses[bodies] = pose
-            self._calls.set_poses(self._colliders[bodies[moved]].tolist(), base[moved].tolist(), collider_yaw(yaw))
-        if turned.any():
-            self._twists[bodies] = twist
-            self._calls.set_velocities(self._colliders[bodies[turned]].tolist(), twist[turned].tolist())
-
     def _release(self, index: int) -> None:
-        follower = self._followers[index]
-        if follower.heightfield is not None:
-            self._pool.give_back(follower.heightfield, follower.body, follower.link)
-            follower.heightfield = None
-            self._sizes[index] = 0
+        self._heightfields.release(index)
+        self._meshes.release(self.followers[index])
 
 
 def _base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:

@@ -18,8 +18,7 @@ from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +37,7 @@ class World:
 
     def __init__(
         self,
-        terrain: HeightMap | Terrain | None = None,
+        terrain: MainMesh | Terrain | None = None,
         config: WorldConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
@@ -110,14 +109,17 @@ class World:
 
     def drive(self, name: str, joint: str, velocity: float, force: float = 100.0) -> None:
         """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N]."""
-        body = self._body(name)
-        if joint not in body.joints:
-            raise InputError(
-                "unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(body.joints) or 'none'}"
-            )
+        self.require_joint(name, joint)
+        body = self.bodies[name]
         self.client.setJointMotorControl2(
             body.uid, body.joints[joint], pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force
         )
+
+    def require_joint(self, name: str, joint: str) -> None:
+        """Raises `InputError` if there is no robot of that name with such a joint."""
+        joints = self._body(name).joints
+        if joint not in joints:
+            raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
 
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now."""
@@ -153,9 +155,9 @@ class World:
         """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
         followers = self.ground.followers
         colliders = {
-            follower.heightfield.body: name
+            follower.collider: name
             for follower, name in zip(followers, self._follower_names, strict=True)
-            if follower.heightfield is not None
+            if follower.collider is not None
         }
         contacts = contacts_of_step(self.client, colliders)
         for batch in self.ground.batches:

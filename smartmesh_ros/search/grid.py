@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.shape import UniformGrid
 
 
 class Cells(NamedTuple):
@@ -29,3 +30,15 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: IntArray 
     np.minimum(columns, geometry.columns - 1 - rim, out=columns)
     np.maximum(columns, rim, out=columns)
     return Cells(rows, columns)
+
+
+def uniform_grid_vertices(grid: UniformGrid, positions_w: FloatArray) -> IntArray:
+    """Vertices (N,) of a general mesh that is an evenly spaced grid, horizontally nearest to positions (N, 2+) [m].
+
+    Nothing is left out: a general mesh has patches at its rim, too. Ties go to the lower row and column.
+    """
+    offset = positions_w[:, :2] - grid.origin
+    row = np.ceil(offset @ (grid.per_row / (grid.per_row @ grid.per_row)) - 0.5)
+    column = np.ceil(offset @ (grid.per_column / (grid.per_column @ grid.per_column)) - 0.5)
+    row = np.clip(row, 0, grid.rows - 1).astype(np.int64)
+    return row * grid.columns + np.clip(column, 0, grid.columns - 1).astype(np.int64)

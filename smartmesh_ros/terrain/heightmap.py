@@ -10,6 +10,8 @@ from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
 
+# How far outside a point may lie and still count as on the edge [samples].
+EDGE = 1e-6
 # Side of the square blocks of samples that share an age [samples].
 BLOCK = 64
 
@@ -78,6 +80,16 @@ class HeightMap:
         view = self._heights.view()
         view.setflags(write=False)
         return view
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return self.geometry.size
+
+    @property
+    def description(self) -> str:
+        """Size and kind, in words."""
+        return f"{self.geometry.rows} x {self.geometry.columns} at {self.geometry.resolution:g} m"
 
     @property
     def has_holes(self) -> bool:
@@ -175,17 +187,36 @@ class HeightMap:
             heights += self.geometry.origin[2]
         return Samples(heights, velocities)
 
+    def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside, and where they are as
+        fractional (row, column) (N, 2)."""
+        geometry = self.geometry
+        grid = geometry.to_grid(xy_w)
+        over = np.maximum(-grid, grid - (geometry.rows - 1, geometry.columns - 1)).max(axis=1)
+        # A point on the edge is inside, whatever rounding says.
+        return (over - EDGE) * geometry.resolution, grid
+
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]; NaN outside the map and over holes. Shapes (N,)."""
+        points = np.atleast_2d(np.asarray(xy_w, np.float64))
+        beyond, grid = self.beyond(points)
+        samples = self._at_grid(grid, time)
+        samples.heights[beyond > 0.0] = np.nan
+        return samples
+
+    def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
+        """The same for points (N, 2) [m] outside, at the point of the map that is nearest to each."""
         geometry = self.geometry
-        grid = geometry.to_grid(np.atleast_2d(np.asarray(xy_w, np.float64)))
+        return self._at_grid(np.clip(geometry.to_grid(xy_w), 0, (geometry.rows - 1, geometry.columns - 1)), time)
+
+    def _at_grid(self, grid: FloatArray, time: float) -> Samples:
+        """Ground at fractional (row, column) (N, 2); outside the map its outermost triangles are continued."""
+        geometry = self.geometry
         points = triangles.locate(grid, geometry.rows, geometry.columns)
         indices = geometry.flat_index(points.rows, points.columns)
         corners = self.sample(indices, indices[:, 0], time)
         used = points.weights > 0.0
         heights = np.where(used, corners.heights, 0.0) * points.weights
-        outside = ~triangles.inside(grid, geometry.rows, geometry.columns)
-        heights[outside] = np.nan
         velocities = None
         if corners.velocities is not None:
             velocities = (corners.velocities * points.weights).sum(axis=1)

@@ -6,32 +6,36 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+MainMesh = HeightMap | TriangleMesh
 
 
 class Terrain:
-    """Height maps by name; the single map of a terrain without tiles is called ``""``."""
+    """Main meshes by name: tiles that are height maps or general meshes. A single one is called ``""``."""
 
-    def __init__(self, single: HeightMap | None = None) -> None:
-        self.tiles: dict[str, HeightMap] = {}
+    def __init__(self, single: MainMesh | None = None) -> None:
+        self.tiles: dict[str, MainMesh] = {}
         if single is not None:
             self.put("", single)
 
     @classmethod
-    def of(cls, ground: HeightMap | Terrain) -> Terrain:
-        """``ground`` itself, or the terrain of that single map."""
+    def of(cls, ground: MainMesh | Terrain) -> Terrain:
+        """``ground`` itself, or the terrain of that single mesh."""
         return ground if isinstance(ground, Terrain) else cls(ground)
 
-    def put(self, name: str, heightmap: HeightMap) -> None:
+    def put(self, name: str, mesh: MainMesh) -> None:
         """Adds a tile or takes the place of the one of that name."""
-        self.tiles[name] = heightmap
+        self.tiles[name] = mesh
 
     def remove(self, name: str) -> None:
         """Takes a tile away; raises `InputError` if there is none of that name."""
         self.tile(name)
         del self.tiles[name]
 
-    def tile(self, name: str) -> HeightMap:
+    def tile(self, name: str) -> MainMesh:
         """The tile of that name; raises `InputError` if there is none."""
         try:
             return self.tiles[name]
@@ -41,19 +45,44 @@ class Terrain:
 
     def shift_time(self, by: float) -> None:
         """Moves the times of all maps by so many seconds, when the clock they are stamped with is set anew."""
-        for heightmap in self.tiles.values():
-            heightmap.shift_time(by)
+        for mesh in self.tiles.values():
+            mesh.shift_time(by)
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
         heights = np.full(len(points), np.nan)
         velocities = np.zeros(len(points))
-        for heightmap in self.tiles.values():
+        for mesh in self.tiles.values():
             missing = np.isnan(heights)
             if not missing.any():
                 break
-            found = heightmap.at(points[missing], time)
+            found = mesh.at(points[missing], time)
             heights[missing] = found.heights
             velocities[missing] = 0.0 if found.velocities is None else found.velocities
+        return Samples(heights, velocities)
+
+    def around(self, xy_w: FloatArray, time: float) -> Samples:
+        """Ground under points (N, 2) [m] as a patch that crosses from tile to tile sees it: as `at`, and in the gap of
+        a cell between tiles that do not overlap what lies between their edges. Shapes (N,)."""
+        heights, velocities = self.at(xy_w, time)
+        gap = np.flatnonzero(np.isnan(heights))
+        if not gap.size:
+            return Samples(heights, velocities)
+        total = np.zeros((3, gap.size))  # weights, weighted heights, weighted velocities
+        for mesh in self.tiles.values():
+            if not isinstance(mesh, HeightMap):
+                continue
+            beyond, _ = mesh.beyond(xy_w[gap])
+            near = np.flatnonzero((beyond > 0.0) & (beyond <= mesh.geometry.resolution * (1.0 + 1e-6)))
+            if near.size:
+                edge = mesh.at_edge(xy_w[gap[near]], time)
+                known = ~np.isnan(edge.heights)
+                weight = 1.0 / beyond[near[known]]
+                speed = 0.0 if edge.velocities is None else edge.velocities[known]
+                total[:, near[known]] += weight, weight * edge.heights[known], weight * speed
+        bridged = total[0] > 0.0
+        heights[gap[bridged]] = total[1, bridged] / total[0, bridged]
+        if velocities is not None:
+            velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]
         return Samples(heights, velocities)

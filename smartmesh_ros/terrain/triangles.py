@@ -31,10 +31,3 @@ def locate(grid_rc: FloatArray, rows: int, columns: int) -> TrianglePoints:
     corner_columns = np.stack([column, np.where(lower, column + 1, column), column + 1], axis=1)
     weights = np.stack([1.0 - np.maximum(u, v), np.abs(u - v), np.minimum(u, v)], axis=1)
     return TrianglePoints(corner_rows, corner_columns, weights)
-
-
-def inside(grid_rc: FloatArray, rows: int, columns: int) -> np.ndarray:
-    """Whether points (fractional row, column), shape (N, 2), lie on the grid; shape (N,) bool."""
-    return (
-        (grid_rc[:, 0] >= 0.0) & (grid_rc[:, 0] <= rows - 1) & (grid_rc[:, 1] >= 0.0) & (grid_rc[:, 1] <= columns - 1)
-    )

@@ -22,8 +22,9 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import outputs
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.tracker import PatchBatch, PatchTracker
+from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.contacts import GroundContact
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -81,7 +82,7 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
     for batch in batches:
         vertices = batch.vertices_w()
         for row, body in enumerate(batch.bodies.tolist()):
-            triangles = vertices[row][batch.template.triangles]
+            triangles = vertices[row][batch.triangles]
             corners[body] = triangles[~np.isnan(triangles).any(axis=(1, 2))].reshape(-1, 3)
     shown = {marker.id: np.array([(p.x, p.y, p.z) for p in marker.points]) for marker in received.markers}
     assert shown.keys() == {body for body, points in corners.items() if len(points)}
@@ -109,7 +110,7 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
     mine = writer.write(HEADER, batches, bodies, carry)
     expected = {}
     for batch in batches:
-        triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in batch.template.triangles]
+        triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in batch.triangles]
         for row, (body, vertices) in enumerate(zip(batch.bodies.tolist(), batch.vertices_w().tolist(), strict=True)):
             twist = Twist()
             if carry:

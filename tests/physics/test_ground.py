@@ -58,8 +58,8 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     follower = ground.attach(body)
     assert follower.radius == radius
     ground.update(0.0, DT)
-    assert follower.heightfield is not None
-    client.setCollisionFilterGroupMask(follower.heightfield.body, -1, 1, -1)  # rays see no patch otherwise
+    assert follower.collider is not None
+    client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise
     client.performCollisionDetection()
     [batch] = ground.batches
     stride = int(batch.stride[0])
@@ -69,7 +69,7 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     grid = (heightmap.geometry.to_grid(points) - (30 % stride, 33 % stride)) / stride
     expected = coarse.at(grid[:, ::-1] * 0.2 * stride, 0.0).heights + 0.7
     hits = client.rayTestBatch([(x, y, 4.9 - radius) for x, y in points], [(x, y, -4.0) for x, y in points])
-    assert {hit[0] for hit in hits} == {follower.heightfield.body}
+    assert {hit[0] for hit in hits} == {follower.collider}
     np.testing.assert_allclose([hit[3][2] for hit in hits], expected, atol=1e-5)
 
 

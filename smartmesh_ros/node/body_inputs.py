@@ -1,0 +1,79 @@
+"""Bodies from topics: poses that are dictated, and commands to robots' joints."""
+
+from __future__ import annotations
+
+import math
+from time import monotonic
+
+from geometry_msgs.msg import PoseArray
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import TrackedBodyArray
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node import conversions
+from smartmesh_ros.node.pacing import StampClock
+from smartmesh_ros.node.session import Session
+
+# Takes reliable and best-effort publishers alike.
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class BodyInputs:
+    """Takes messages about bodies into the world."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._clocks: dict[str, StampClock] = {}
+        self._of_poses: set[str] = set()
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
+        session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+
+    def forget_stamps(self) -> None:
+        """Accepts whatever stamps come next, after a reset."""
+        self._clocks.clear()
+
+    def _on_bodies(self, message: TrackedBodyArray) -> None:
+        self._track("tracked_bodies", message.header, conversions.bodies_from(message))
+
+    def _on_poses(self, message: PoseArray) -> None:
+        bodies = conversions.poses_from(message)
+        self._track("body_poses", message.header, bodies)
+        names = {body.name for body in bodies}
+        for name in self._of_poses - names:
+            self._session.tracking.forget(name)
+        self._of_poses = names
+
+    def _track(self, topic: str, header: Header, bodies: list[conversions.BodyInput]) -> None:
+        session = self._session
+        stamp = conversions.stamp_seconds(header.stamp)
+        session.require_frame(header.frame_id)
+        clock = self._clocks.setdefault(topic, StampClock())
+        time = clock.place(stamp, session.clock_now(), monotonic())
+        for body in bodies:
+            known = session.world.bodies.get(body.name)
+            if known is not None and not known.tracked:
+                raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
+        for body in bodies:
+            radius = body.radius or session.settings.default_radius
+            session.tracking.update(body.name, radius, body.state, time)
+        clock.accept(stamp, time)
+
+    def _on_joint_commands(self, message: JointState) -> None:
+        """Velocity commands: names are ``<robot>/<joint>``; efforts, where given, bound the force."""
+        count = len(message.name)
+        if len(message.velocity) != count or len(message.effort) not in (0, count):
+            raise InputError("length", "joint commands need one velocity for each name, and as many efforts or none")
+        if not all(math.isfinite(value) for value in (*message.velocity, *message.effort)):
+            raise InputError("non_finite", "velocities and efforts of joint commands must be finite")
+        world = self._session.world
+        joints = [name.partition("/")[::2] for name in message.name]
+        for robot, joint in joints:
+            world.require_joint(robot, joint)
+        for index, (robot, joint) in enumerate(joints):
+            if message.effort:
+                world.drive(robot, joint, message.velocity[index], message.effort[index])
+            else:
+                world.drive(robot, joint, message.velocity[index])

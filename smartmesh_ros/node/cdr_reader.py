@@ -1,0 +1,64 @@
+"""Reads messages straight from their CDR bytes: large arrays of numbers without an object for each."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.errors import InputError
+
+
+class Stamped(NamedTuple):
+    """The fields every terrain message starts with: stamp (seconds and nanoseconds), frame and tile."""
+
+    sec: int
+    nanosec: int
+    frame_id: str
+    tile: str
+
+
+class CdrReader:
+    """Reads fields in the order of the message definition. Raises `InputError` where the bytes end too soon."""
+
+    def __init__(self, data: bytes) -> None:
+        if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
+            raise InputError("malformed", f"{len(data)} bytes that do not start as plain CDR")
+        self._order = "<" if data[1] else ">"
+        self._data = memoryview(data)[4:]
+        self._at = 0
+
+    def number(self, code: str) -> Any:
+        """One number, by its `struct` code."""
+        size = struct.calcsize(code)
+        return struct.unpack(self._order + code, self._take(size, size))[0]
+
+    def text(self) -> str:
+        """A string."""
+        data = bytes(self._take(1, self.number("I")))
+        try:
+            return data.rstrip(b"\0").decode()
+        except UnicodeDecodeError:
+            raise InputError("malformed", f"a string of {len(data)} bytes is not UTF-8") from None
+
+    def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:
+        """A sequence of numbers, or of ``width`` numbers each, as an array (n,) or (n, width) over the bytes."""
+        count = self.number("I")
+        kind = np.dtype(self._order + dtype)
+        data = self._take(kind.itemsize, count * width * kind.itemsize) if count else b""
+        array = np.frombuffer(data, kind)
+        return array if width == 1 else array.reshape(-1, width)
+
+    def stamped(self) -> Stamped:
+        """Header and tile."""
+        return Stamped(self.number("i"), self.number("I"), self.text(), self.text())
+
+    def _take(self, alignment: int, size: int) -> memoryview:
+        start = -(-self._at // alignment) * alignment
+        end = start + size
+        if end > len(self._data):
+            raise InputError("malformed", f"the message ends after {len(self._data)} bytes; a field needs {end}")
+        self._at = end
+        return self._data[start:end]

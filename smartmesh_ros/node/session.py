@@ -1,0 +1,74 @@
+"""What the parts of the node share: the world, the settings, the clock, and how input is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.parameters import Settings
+from smartmesh_ros.node.refusals import Refusals
+from smartmesh_ros.physics.tracking import Tracking
+from smartmesh_ros.physics.world import World
+
+
+class Session:
+    """One running node.
+
+    ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
+    taken [s], None before the first. ``paused``: whether the physics stands still.
+    """
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self.node = node
+        self.settings = settings
+        self.world = World(config=settings.world)
+        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.refusals = Refusals(node.get_logger())
+        self.pacer = Pacer(settings.world.physics.dt)
+        self.frame_id = settings.frame_id
+        self.map_taken: float | None = None
+        self.paused = False
+
+    def listen(self, kind: Any, topic: str, take: Callable[[Any], None], qos: QoSProfile, *, raw: bool = False) -> None:
+        """Subscribes to ``~/topic``; what ``take`` refuses is counted and logged."""
+
+        def callback(message: Any) -> None:
+            try:
+                take(message)
+            except InputError as error:
+                self.refusals.add(topic, error)
+
+        self.node.create_subscription(kind, f"~/{topic}", callback, qos, raw=raw)
+
+    def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
+        """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
+
+        def callback(request: Any, response: Any) -> Any:
+            try:
+                response.message = act(request)
+                response.success = True
+            except InputError as error:
+                self.refusals.add(service, error)
+                response.message = str(error)
+                response.success = False
+            return response
+
+        self.node.create_service(kind, f"~/{service}", callback)
+
+    def clock_now(self) -> float:
+        """The node's clock [s]."""
+        return float(self.node.get_clock().now().nanoseconds) * 1e-9
+
+    def time_now(self) -> float:
+        """Simulated time at this instant [s]: that of the next step, less what is left until it is due."""
+        return self.world.time if self.paused else self.world.time - min(self.pacer.remaining(), self.pacer.period)
+
+    def require_frame(self, frame_id: str) -> None:
+        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame."""
+        if self.frame_id and frame_id and frame_id != self.frame_id:
+            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

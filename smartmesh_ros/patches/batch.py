@@ -1,0 +1,122 @@
+"""Patches as they are now: what colliders are made of and outputs show."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.patches.config import ColliderKind
+from smartmesh_ros.patches.template import PatchTemplate
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PatchBatch(ABC):
+    """Patches of n bodies that share a tile and their triangles.
+
+    ``kind``: their collider. ``bodies``: indices of the bodies (n,). ``triangles``: corners (T, 3) among the K vertices
+    of a patch. ``rows``, ``columns``: nearest vertex (n,); on a general mesh row 0 and the vertex's index. ``stride``:
+    samples of the map from one sample of the patch to the next (n,). ``centres_w``: position of the nearest
+    vertex (n, 3) [m]. ``linear_w``, ``angular_w``: velocity of the ground there and its turning, (n, 3) [m/s, rad/s].
+    """
+
+    tile: str
+    kind: ColliderKind
+    bodies: IntArray
+    triangles: NDArray[np.int32]
+    rows: IntArray
+    columns: IntArray
+    stride: IntArray
+    centres_w: FloatArray
+    linear_w: FloatArray
+    angular_w: FloatArray
+
+    @abstractmethod
+    def vertices_w(self) -> FloatArray:
+        """Vertices of all patches (n, K, 3) [m]; z is NaN where there is no ground."""
+
+    @property
+    @abstractmethod
+    def may_have_holes(self) -> bool:
+        """Whether any vertex may be without ground."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridBatch(PatchBatch):
+    """Patches of a height map. ``spacing``: distance of their samples (n,) [m]. ``heights_w``: their z (n, K) [m]."""
+
+    heightmap: HeightMap
+    template: PatchTemplate
+    spacing: FloatArray
+    heights_w: FloatArray
+    holes: bool
+
+    def vertices_w(self) -> FloatArray:
+        """Vertices of all patches (n, K, 3) [m], in the order of the template."""
+        template = self.template
+        rows = self.rows[:, None] + template.rows * self.stride[:, None]
+        columns = self.columns[:, None] + template.columns * self.stride[:, None]
+        vertices = np.empty((*rows.shape, 3))
+        vertices[..., :2] = self.heightmap.geometry.to_world(rows, columns)
+        vertices[..., 2] = self.heights_w
+        return vertices
+
+    @property
+    def may_have_holes(self) -> bool:
+        """Whether any sample may be NaN."""
+        return self.holes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshBatch(PatchBatch):
+    """The patch of one body on a general mesh, n = 1.
+
+    ``positions_w``: its vertices (1, K, 3) [m]; ``vertices``: their indices in the mesh (K,).
+    """
+
+    positions_w: FloatArray
+    vertices: IntArray
+
+    def vertices_w(self) -> FloatArray:
+        """Vertices (1, K, 3) [m]."""
+        return self.positions_w
+
+    @property
+    def may_have_holes(self) -> bool:
+        """A general mesh has no ground where it has no triangle."""
+        return False
+
+
+def grid_twist(fit: FloatArray, spacing: FloatArray, yaw: float, twist: FloatArray) -> None:
+    """Fills the ``twist`` (2, n, 3) of rigid patches from the fit of their velocities (n, 3): at the centre, per row
+    and per column.
+
+    A point at (x, y) of a patch that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
+    """
+    linear, angular = twist
+    linear[:, 2] = fit[:, 0]
+    per_row, per_column = fit[:, 1] / spacing, fit[:, 2] / spacing
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    angular[:, 0] = per_column * sin + per_row * cos
+    angular[:, 1] = per_row * sin - per_column * cos
+
+
+def mesh_twist(offsets: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Twist of the rigid motion nearest to the ``velocities`` (k, 3) of points at ``offsets`` (k, 3) from a centre.
+
+    By least squares, weighted towards the centre, where the body is.
+    """
+    distance = np.linalg.norm(offsets, axis=1)
+    weight = np.exp(-2.0 * (distance / max(float(distance.max()), 1e-12)) ** 2)[:, None]
+    share = weight / weight.sum()
+    middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
+    arm, swing = offsets - middle, velocities - linear
+    inertia = (share * arm * arm).sum() * np.eye(3) - (share * arm).T @ arm
+    # A flat patch does not tell about turning in its own plane beyond what its points show; lstsq leaves that out.
+    angular = np.linalg.lstsq(inertia, (share * np.cross(arm, swing)).sum(axis=0), rcond=1e-9)[0]
+    return linear - np.cross(angular, middle), angular

@@ -1,0 +1,20 @@
+"""What a patch is put under."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(eq=False)
+class Follower:
+    """A body or link with a patch under it.
+
+    ``solid``: it gets a collider; otherwise only the patch is computed. ``collider``: PyBullet's body of the collider
+    it has now, if any.
+    """
+
+    body: int
+    link: int
+    radius: float
+    solid: bool
+    collider: int | None = None

@@ -1,0 +1,142 @@
+"""Colliders of followers as meshes: the report's trimesh, its bulky convex hull, and one convex prism per triangle.
+
+PyBullet cannot change such a shape, so each is built anew when its vertices have moved, and PyBullet keeps 5 to 15 KiB
+of every one that was removed: they are for comparison, and for general meshes, not for hours of deforming terrain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pybullet as pb
+from numpy.typing import NDArray
+
+from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.heightfield import PATCH_GROUP
+from smartmesh_ros.terrain.grid import FloatArray
+
+MeshKind = Literal["trimesh", "hull", "prisms"]
+
+# How far below the nearest vertex the hull's extra point lies (Figure 18), and the prisms' lower faces [m].
+BULK = 50.0
+PRISM_DEPTH = 2.0
+# Vertices that moved by less than this are where they were [m].
+SAME_PLACE = 1e-6
+
+
+@dataclass(eq=False)
+class _MeshCollider:
+    kind: MeshKind
+    edge_filter: bool
+    uid: int
+    vertices: FloatArray
+    triangles: NDArray[np.int32]
+
+
+class MeshColliders:
+    """The mesh colliders under followers."""
+
+    def __init__(self, client: Any) -> None:
+        self.built = 0
+        self._client = client
+        self._colliders: dict[Follower, _MeshCollider] = {}
+
+    def apply(
+        self,
+        follower: Follower,
+        kind: MeshKind,
+        vertices_w: FloatArray,
+        triangles: NDArray[np.int32],
+        base: FloatArray,
+        twist: FloatArray | None,
+        edge_filter: bool,
+    ) -> None:
+        """Gives a follower its collider: a surface of ``vertices_w`` (K, 3) [m] and ``triangles`` (T, 3), on a body at
+        ``base`` (3,) [m] that carries the ground's ``twist`` (6,), None = at rest."""
+        relative = vertices_w - base
+        old = self._colliders.get(follower)
+        if old is None or not _same(old, kind, edge_filter, relative, triangles):
+            self.release(follower)
+            uid = self._build(kind, relative, triangles, base, edge_filter)
+            old = self._colliders[follower] = _MeshCollider(kind, edge_filter, uid, relative, triangles)
+            follower.collider = uid
+            self._client.setCollisionFilterPair(uid, follower.body, -1, follower.link, 1)
+            for link in range(self._client.getNumJoints(uid)):
+                self._client.setCollisionFilterPair(uid, follower.body, link, follower.link, 1)
+            self.built += 1
+        self._client.resetBasePositionAndOrientation(old.uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
+        if twist is not None:
+            self._client.resetBaseVelocity(old.uid, twist[:3].tolist(), twist[3:].tolist())
+
+    def release(self, follower: Follower) -> None:
+        """Takes a follower's mesh collider away, if it has one."""
+        collider = self._colliders.pop(follower, None)
+        if collider is not None:
+            client = self._client
+            for link in range(-1, client.getNumJoints(collider.uid)):
+                client.setCollisionFilterPair(collider.uid, follower.body, link, follower.link, 0)
+            client.removeBody(collider.uid)
+            follower.collider = None
+
+    def _build(
+        self, kind: MeshKind, relative: FloatArray, triangles: NDArray[np.int32], base: FloatArray, edge_filter: bool
+    ) -> int:
+        client = self._client
+        if kind == "prisms":
+            uid = self._build_prisms(relative[triangles], base)
+        else:
+            if kind == "hull":
+                points = [*relative[np.unique(triangles)].tolist(), [0.0, 0.0, -BULK]]
+                shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points)
+            else:
+                flags = pb.GEOM_FORCE_CONCAVE_TRIMESH | (pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0)
+                shape = client.createCollisionShape(
+                    pb.GEOM_MESH, vertices=relative.tolist(), indices=triangles.ravel().tolist(), flags=flags
+                )
+            uid = client.createMultiBody(0.0, shape, basePosition=base.tolist())
+        for link in range(-1, client.getNumJoints(uid)):
+            client.setCollisionFilterGroupMask(uid, link, PATCH_GROUP, 0)
+            client.changeDynamics(uid, link, lateralFriction=1.0, restitution=1.0)
+        return int(uid)
+
+    def _build_prisms(self, corners: FloatArray, base: FloatArray) -> int:
+        """One body with a fixed link per triangle (T, 3, 3): its convex prism down to a common depth."""
+        client = self._client
+        shapes = []
+        for triangle in corners:
+            lower = triangle - (0.0, 0.0, PRISM_DEPTH)
+            shapes.append(client.createCollisionShape(pb.GEOM_MESH, vertices=[*triangle.tolist(), *lower.tolist()]))
+        count = len(shapes)
+        zeros, unturned = [[0.0, 0.0, 0.0]] * count, [[0.0, 0.0, 0.0, 1.0]] * count
+        return int(
+            client.createMultiBody(
+                0.0,
+                -1,
+                basePosition=base.tolist(),
+                linkMasses=[0.0] * count,
+                linkCollisionShapeIndices=shapes,
+                linkVisualShapeIndices=[-1] * count,
+                linkPositions=zeros,
+                linkOrientations=unturned,
+                linkInertialFramePositions=zeros,
+                linkInertialFrameOrientations=unturned,
+                linkParentIndices=[0] * count,
+                linkJointTypes=[pb.JOINT_FIXED] * count,
+                linkJointAxis=[[0.0, 0.0, 1.0]] * count,
+            )
+        )
+
+
+def _same(
+    old: _MeshCollider, kind: MeshKind, edge_filter: bool, vertices: FloatArray, triangles: NDArray[np.int32]
+) -> bool:
+    return (
+        old.kind == kind
+        and old.edge_filter == edge_filter
+        and old.triangles.shape == triangles.shape
+        and old.vertices.shape == vertices.shape
+        and bool((np.abs(old.vertices - vertices) <= SAME_PLACE).all())
+        and bool((old.triangles == triangles).all())
+    )

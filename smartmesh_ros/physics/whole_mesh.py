@@ -1,0 +1,135 @@
+"""Simple-Mesh: one collider of each whole main mesh, which the report's patches are compared with.
+
+It knows nothing of the ground's velocity, and costs the map and not the bodies: for studies, not for use.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.heightfield import BOUND, collider_yaw
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.trimesh import grid_triangles
+
+WholeKind = Literal["whole_trimesh", "whole_heightfield"]
+
+# PyBullet takes no larger arrays.
+MOST_VERTICES = 131_072
+MOST_INDICES = 524_288
+
+
+def require_whole(kind: WholeKind, mesh: MainMesh) -> None:
+    """Raises `InputError` where PyBullet cannot make one collider of a whole mesh."""
+    if kind == "whole_heightfield" and not isinstance(mesh, HeightMap):
+        raise InputError("parameter", "a general mesh is no heightfield; use patch.kind 'whole_trimesh' or 'trimesh'")
+    if kind == "whole_trimesh":
+        indices = 6 * mesh.size if isinstance(mesh, HeightMap) else mesh.triangles.size
+        if mesh.size > MOST_VERTICES or indices > MOST_INDICES:
+            raise InputError(
+                "size",
+                f"PyBullet takes no trimesh of {mesh.size} vertices (at most about {MOST_INDICES // 6} of a grid); use "
+                "patch.kind 'whole_heightfield', or 'auto' for a patch per body",
+            )
+
+
+class WholeMesh:
+    """Colliders of the whole terrain, which every body of the world touches."""
+
+    def __init__(self, client: Any, terrain: Terrain) -> None:
+        self._client = client
+        self._calls = BulletCalls(client)
+        self._terrain = terrain
+        self._colliders: dict[str, tuple[MainMesh, int, int]] = {}  # by tile: mesh, shape and body
+        self._kind: WholeKind | None = None
+
+    def update(self, kind: WholeKind, time: float) -> None:
+        """Brings the colliders to the ground as it is at ``time`` [s]: a trimesh is rebuilt, a heightfield replaced.
+
+        Raises `InputError` where that is impossible (see `require_whole`).
+        """
+        for mesh in self._terrain.tiles.values():
+            require_whole(kind, mesh)
+        if kind != self._kind:
+            self.release()
+            self._kind = kind
+        for name in [
+            name for name, (mesh, _, _) in self._colliders.items() if self._terrain.tiles.get(name) is not mesh
+        ]:
+            self._client.removeBody(self._colliders.pop(name)[2])
+        for name, mesh in self._terrain.tiles.items():
+            if kind == "whole_heightfield":
+                self._replace(name, mesh, time)
+            else:
+                self._rebuild(name, mesh, time)
+
+    def release(self) -> None:
+        """Takes all whole colliders away."""
+        for _, _, body in self._colliders.values():
+            self._client.removeBody(body)
+        self._colliders.clear()
+
+    def _rebuild(self, name: str, mesh: MainMesh, time: float) -> None:
+        if isinstance(mesh, HeightMap):
+            vertices, triangles = whole_vertices(mesh, time), grid_triangles(mesh.geometry.rows, mesh.geometry.columns)
+        else:
+            vertices, triangles = mesh.sample(np.arange(mesh.size), time).positions, mesh.triangles
+        if name in self._colliders:
+            self._client.removeBody(self._colliders.pop(name)[2])
+        shape = self._client.createCollisionShape(
+            pb.GEOM_MESH,
+            vertices=vertices.tolist(),
+            indices=triangles.ravel().tolist(),
+            flags=pb.GEOM_FORCE_CONCAVE_TRIMESH,
+        )
+        self._colliders[name] = (mesh, shape, self._create(shape, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+
+    def _replace(self, name: str, mesh: MainMesh, time: float) -> None:
+        assert isinstance(mesh, HeightMap)
+        geometry = mesh.geometry
+        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-BOUND)
+        turned = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
+        rows, columns = geometry.columns, geometry.rows  # of the collider, a quarter turn from the map
+        if name not in self._colliders:
+            bounds = np.zeros(geometry.size)
+            bounds[0], bounds[-1] = -BOUND, BOUND
+            # PyBullet counts along its x first, whatever it calls that.
+            shape = self._client.createCollisionShape(
+                pb.GEOM_HEIGHTFIELD,
+                meshScale=[geometry.resolution, geometry.resolution, 1.0],
+                heightfieldData=bounds.tolist(),
+                numHeightfieldRows=columns,
+                numHeightfieldColumns=rows,
+            )
+            middle = geometry.to_world((geometry.rows - 1) / 2, (geometry.columns - 1) / 2)
+            position = (float(middle[0]), float(middle[1]), geometry.origin[2])
+            self._colliders[name] = (mesh, shape, self._create(shape, position, collider_yaw(geometry.yaw)))
+        self._client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD,
+            heightfieldData=turned.tolist(),
+            numHeightfieldRows=columns,
+            numHeightfieldColumns=rows,
+            replaceHeightfieldIndex=self._colliders[name][1],
+        )
+
+    def _create(self, shape: int, position: Any, orientation: Any) -> int:
+        body = self._client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
+        self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=1.0)
+        return int(body)
+
+
+def whole_vertices(heightmap: HeightMap, time: float) -> FloatArray:
+    """All vertices of a height map at ``time`` [s], row by row (V, 3) [m]."""
+    geometry = heightmap.geometry
+    rows, columns = np.divmod(np.arange(geometry.size), geometry.columns)
+    indices: IntArray = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
+    vertices = np.empty((geometry.size, 3))
+    vertices[:, :2] = geometry.to_world(rows, columns)
+    vertices[:, 2] = heightmap.sample(indices, indices[:, 0], time).heights.ravel()
+    return vertices

@@ -1,0 +1,125 @@
+"""What the searches may assume about a general mesh, checked when it arrives and when its vertices move sideways."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+
+
+class MeshShape(NamedTuple):
+    """Seen from above: whether greedy search finds the nearest vertex, and if not, why; and, where the vertices are a
+    grid of evenly spaced rows and columns, that grid."""
+
+    greedy: bool
+    reason: str
+    grid: UniformGrid | None
+
+
+class UniformGrid(NamedTuple):
+    """Vertex (r, c) = r * columns + c lies at ``origin`` + r ``per_row`` + c ``per_column`` (x, y) [m]."""
+
+    rows: int
+    columns: int
+    origin: FloatArray
+    per_row: FloatArray
+    per_column: FloatArray
+
+
+def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
+    """Examines a mesh of ``coordinates`` (3, V) [m] and ``triangles`` (T, 3) as it looks from above.
+
+    Greedy (best-first) search reaches the vertex nearest to any point from any start exactly on Delaunay
+    triangulations of convex regions (Bose and Morin, *Online routing in triangulations*, 2004). The report's weaker
+    condition, x and y ascending along rows and columns, is not enough: on a sheared grid the search gets stuck.
+    """
+    xy = coordinates[:2]
+    area = _doubled_areas(xy, triangles)
+    if not (area > 0.0).all():
+        return MeshShape(
+            False, "the mesh overlaps itself seen from above, or a triangle is upright or turned over", None
+        )
+    edges = _edges(triangles, coordinates.shape[1])
+    if edges is None:
+        return MeshShape(False, "an edge belongs to more than two triangles", None)
+    inner, opposite, outer = edges
+    if not _convex(xy, outer):
+        return MeshShape(False, "its outline is not one convex loop, so a search can get stuck at the rim", None)
+    if not _delaunay(xy, inner, opposite):
+        return MeshShape(False, "its triangles are too slanted (not Delaunay), so a search can get stuck", None)
+    return MeshShape(True, "", _uniform_grid(xy, triangles))
+
+
+def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:
+    a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
+    return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _edges(triangles: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray] | None:
+    """Inner edges (n, 2), the two vertices opposite them (n, 2), and outer edges (m, 2) in the triangles' direction."""
+    start = triangles.ravel()
+    end = np.roll(triangles, -1, axis=1).ravel()
+    apex = np.roll(triangles, -2, axis=1).ravel()
+    keys = np.minimum(start, end) * count + np.maximum(start, end)
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    first = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
+    uses = np.diff(np.r_[first, len(keys)])
+    if uses.max() > 2:
+        return None
+    twice = first[uses == 2]
+    once = order[first[uses == 1]]
+    inner = np.stack([start[order[twice]], end[order[twice]]], axis=1)
+    opposite = np.stack([apex[order[twice]], apex[order[twice + 1]]], axis=1)
+    return inner, opposite, np.stack([start[once], end[once]], axis=1)
+
+
+def _convex(xy: FloatArray, outer: IntArray) -> bool:
+    """Whether the outer edges are one loop that never turns right."""
+    if len(np.unique(outer[:, 0])) != len(outer):
+        return False
+    following = dict(zip(outer[:, 0].tolist(), outer[:, 1].tolist(), strict=True))
+    loop = [int(outer[0, 0])]
+    while (vertex := following.get(loop[-1], -1)) != loop[0]:
+        if vertex < 0 or len(loop) > len(outer):
+            return False
+        loop.append(vertex)
+    if len(loop) != len(outer):
+        return False
+    points = xy[:, loop]
+    side = np.roll(points, -1, axis=1) - points
+    after = np.roll(side, -1, axis=1)
+    turn = side[0] * after[1] - side[1] * after[0]
+    scale = np.linalg.norm(side, axis=0) * np.linalg.norm(after, axis=0)
+    return bool((turn >= -1e-9 * scale).all())
+
+
+def _delaunay(xy: FloatArray, inner: IntArray, opposite: IntArray) -> bool:
+    """Whether the two angles opposite every inner edge add up to half a turn at the most (a cocircular pair may)."""
+
+    def angle(apex: IntArray) -> FloatArray:
+        u, v = xy[:, inner[:, 0]] - xy[:, apex], xy[:, inner[:, 1]] - xy[:, apex]
+        return np.asarray(np.arctan2(np.abs(u[0] * v[1] - u[1] * v[0]), (u * v).sum(axis=0)))
+
+    return bool((angle(opposite[:, 0]) + angle(opposite[:, 1]) <= np.pi + 1e-9).all())
+
+
+def _uniform_grid(xy: FloatArray, triangles: IntArray) -> UniformGrid | None:
+    """The evenly spaced grid that the vertices form, if they do: rows of one length, numbered row by row."""
+    count = xy.shape[1]
+    # In a grid, vertex 0 shares a triangle with vertices 1, C and one of C + 1 or, cut the other way, none.
+    neighbours = np.unique(triangles[(triangles == 0).any(axis=1)])
+    for columns in {int(n) for n in neighbours if n > 1} | {int(n) - 1 for n in neighbours if n > 2}:
+        rows, rest = divmod(count, columns)
+        if rest or rows < 2 or columns < 2:
+            continue
+        per_row, per_column = xy[:, columns] - xy[:, 0], xy[:, 1] - xy[:, 0]
+        r, c = np.divmod(np.arange(count), columns)
+        expected = xy[:, :1] + per_row[:, None] * r + per_column[:, None] * c
+        size = max(float(np.abs(per_row).max()), float(np.abs(per_column).max()))
+        square = abs(float(per_row @ per_column)) <= 1e-9 * size * size
+        if square and np.abs(expected - xy).max() <= 1e-6 * size:
+            return UniformGrid(rows, columns, xy[:, 0].copy(), per_row, per_column)
+    return None

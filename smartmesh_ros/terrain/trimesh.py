@@ -1,0 +1,252 @@
+"""The main mesh in general: any shape, any triangle pattern, vertices that move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.graph import TriangleGraph
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import Samples
+from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
+from smartmesh_ros.terrain.shape import MeshShape, shape_of
+
+
+class MeshSamples(NamedTuple):
+    """Vertices at a time: positions (n, 3) [m] and velocities (n, 3) [m/s], None where all are at rest."""
+
+    positions: FloatArray
+    velocities: FloatArray | None
+
+
+class TriangleMesh:
+    """A triangle mesh whose vertices move and whose triangles stay (the report's general case).
+
+    ``vertices``: (V, 3) [m] in the terrain's frame. ``triangles``: (T, 3) indices, counter-clockwise seen from the side
+    that bodies are on. ``time`` [s] is the instant the vertices hold for. ``velocities`` (V, 3) [m/s] says how they
+    move; without it velocity is the difference of successive positions.
+    """
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        triangles: ArrayLike,
+        *,
+        time: float = 0.0,
+        velocities: ArrayLike | None = None,
+        motion: MotionConfig | None = None,
+    ) -> None:
+        self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
+        self.motion = motion or MotionConfig()
+        # Coordinate by coordinate, so that the search reads them in one stride each.
+        self._now = _checked_vertices(vertices, None).T.copy()
+        self._before = self._now.copy()
+        self.time = time
+        self._interval = np.inf
+        self._lifetime = 0.0
+        self.graph = TriangleGraph(self.triangles, self.size)
+        self.edge_length = _mean_edge(self._now, self.triangles)
+        corners = np.argsort(self.triangles.ravel(), kind="stable")
+        self._incident = corners // 3  # triangles, sorted by the vertex they touch
+        self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
+        self._shape: MeshShape | None = None
+        self.version = 0
+        if velocities is not None:
+            self.move(vertices, time=time, velocities=velocities)
+        self.triangles.setflags(write=False)
+
+    @property
+    def size(self) -> int:
+        """Number of vertices."""
+        return int(self._now.shape[1])
+
+    @property
+    def description(self) -> str:
+        """Size and kind, in words."""
+        return f"mesh of {self.size} vertices and {len(self.triangles)} triangles"
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Positions at the last update (V, 3) [m]; read-only."""
+        view = self._now.T.view()
+        view.setflags(write=False)
+        return view
+
+    @property
+    def coordinates(self) -> FloatArray:
+        """The same, coordinate by coordinate (3, V)."""
+        return self._now
+
+    @property
+    def shape(self) -> MeshShape:
+        """What the searches may assume about the mesh; worked out again when vertices have moved sideways."""
+        if self._shape is None:
+            self._shape = shape_of(self._now, self.triangles)
+        return self._shape
+
+    def move(
+        self,
+        vertices: ArrayLike,
+        *,
+        time: float,
+        indices: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        check: Callable[[MeshShape], None] | None = None,
+    ) -> None:
+        """Moves vertices to new positions (n, 3) [m]: all, or those of ``indices`` (n,); the others are at rest.
+
+        Raises `InputError` and changes nothing. ``check`` may object to the shape the mesh would have, by raising too.
+        """
+        chosen = None if indices is None else _checked_indices(indices, self.size)
+        count = self.size if chosen is None else len(chosen)
+        new = _checked_vertices(vertices, count).T
+        speeds = None if velocities is None else _checked_velocities(velocities, count).T
+        target = slice(None) if chosen is None else chosen
+        shape = self._shape
+        if not np.array_equal(self._now[:2, target], new[:2]):
+            shape = None
+            if check is not None:
+                moved = self._now.copy()
+                moved[:, target] = new
+                shape = shape_of(moved, self.triangles)
+                check(shape)
+        since = time - self.time
+        if since > 0.0 or speeds is not None:
+            self._before[...] = self._now
+        self._now[:, target] = new
+        recent = 0.0 < since <= self.motion.max_interval
+        if speeds is not None:
+            self._before[:, target] = new - speeds
+            self._interval, self._lifetime = 1.0, since if recent else self.motion.max_interval
+        elif since != 0.0:
+            self._interval, self._lifetime = (since, since) if recent else (np.inf, 0.0)
+        self.time = time
+        self._shape = shape
+        self.version += 1
+
+    def shift_time(self, by: float) -> None:
+        """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
+        self.time += by
+
+    def sample(self, indices: IntArray, time: float) -> MeshSamples:
+        """Vertices (n,) at ``time`` [s]."""
+        positions = self._now[:, indices].T
+        age = time - self.time
+        if self._lifetime == 0.0 or age >= REST * self._lifetime:
+            return MeshSamples(positions, None)
+        velocities = (positions - self._before[:, indices].T) / self._interval
+        # Faster than anything moves: it has jumped.
+        velocities[np.linalg.norm(velocities, axis=1) > self.motion.max_velocity] = 0.0
+        done = progress(self.motion.mode, np.array([age]), np.array([self._lifetime]))
+        return MeshSamples(positions + velocities * done.offset, velocities * done.rate)
+
+    def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far points (N, 2+) lie beyond the mesh's bounds seen from above (N,) [m], zero or less inside; a general
+        mesh has no rows and columns, so the second array is empty (N, 0)."""
+        low, high = self._now[:2].min(axis=1), self._now[:2].max(axis=1)
+        xy = xy_w[:, :2]
+        return np.asarray(np.maximum(low - xy, xy - high).max(axis=1)), np.empty((len(xy), 0))
+
+    def at(self, xy_w: ArrayLike, time: float) -> Samples:
+        """Ground under N points (N, 2) [m] at ``time`` [s]: the highest triangle there, NaN where there is none."""
+        points = np.atleast_2d(np.asarray(xy_w, np.float64))
+        everything = self.sample(np.arange(self.size), time)
+        heights = np.full(len(points), np.nan)
+        velocities = np.zeros(len(points))
+        for index, point in enumerate(points):
+            corners, weights = self._over(everything.positions, point)
+            if len(corners):
+                z = (weights * everything.positions[corners, 2]).sum(axis=1)
+                top = int(z.argmax())
+                heights[index] = z[top]
+                if everything.velocities is not None:
+                    velocities[index] = float(weights[top] @ everything.velocities[corners[top], 2])
+        return Samples(heights, None if everything.velocities is None else velocities)
+
+    def _over(self, positions: FloatArray, point: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Corners (n, 3) of the triangles over a point (2,), and its barycentric weights (n, 3) in them."""
+        a, b, c = (positions[self.triangles[:, corner], :2] - point for corner in range(3))
+        u, v, w = _cross(b, c), _cross(c, a), _cross(a, b)
+        area = u + v + w
+        # Inside where all three have the sign of the area; upright triangles have none and no height.
+        hit = np.flatnonzero((u * area >= 0.0) & (v * area >= 0.0) & (w * area >= 0.0) & (area != 0.0))
+        return self.triangles[hit], np.stack([u[hit], v[hit], w[hit]], axis=1) / area[hit, None]
+
+    def triangles_within(self, vertices: IntArray) -> IntArray:
+        """Triangles (n,) all of whose corners are among ``vertices`` (k,), ascending."""
+        starts, ends = self._incident_at[vertices], self._incident_at[vertices + 1]
+        touched = np.unique(
+            np.concatenate([self._incident[start:end] for start, end in zip(starts, ends, strict=True)])
+        )
+        inside: IntArray = touched[np.isin(self.triangles[touched], vertices).all(axis=1)]
+        return inside
+
+
+def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+    """Triangles of a grid of rows x columns vertices, in the report's pattern (Figure 3)."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
+    upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
+    return np.stack([lower, upper], axis=1).reshape(-1, 3)
+
+
+def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+def _mean_edge(coordinates: FloatArray, triangles: IntArray) -> float:
+    first, second = coordinates[:, triangles[:, 0]], coordinates[:, triangles[:, 1]]
+    return float(np.linalg.norm(first - second, axis=0).mean())
+
+
+def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
+    corners = np.asarray(triangles)
+    if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
+        raise InputError(
+            "length", f"triangles have shape {corners.shape}; it must be (T, 3) with at least one triangle"
+        )
+    if corners.dtype.kind not in "iu":
+        raise InputError("type", f"triangles are of type {corners.dtype}; they must be whole numbers")
+    corners = corners.astype(np.int64)
+    if corners.min() < 0 or corners.max() >= count:
+        raise InputError(
+            "index", f"a triangle names vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"
+        )
+    if (corners == np.roll(corners, 1, axis=1)).any():
+        raise InputError("index", "a triangle names the same vertex twice; its corners must be distinct")
+    return corners
+
+
+def _checked_vertices(vertices: ArrayLike, count: int | None) -> FloatArray:
+    return _checked_vectors(vertices, count, "vertices")
+
+
+def _checked_velocities(velocities: ArrayLike, count: int) -> FloatArray:
+    return _checked_vectors(velocities, count, "velocities")
+
+
+def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:
+    array = np.asarray(values)
+    if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
+        raise InputError("length", f"{what} have shape {array.shape}; it must be ({count or 'V'}, 3)")
+    if array.dtype.kind not in "fiu":
+        raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
+    if not np.isfinite(array).all():
+        raise InputError("non_finite", f"{what} contain numbers that are not finite; every coordinate must be")
+    return array.astype(np.float64)
+
+
+def _checked_indices(indices: ArrayLike, size: int) -> IntArray:
+    chosen = np.asarray(indices)
+    if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
+        raise InputError("length", f"indices have shape {chosen.shape}; they must be one row of whole numbers")
+    chosen = chosen.astype(np.int64)
+    if len(chosen) and (chosen.min() < 0 or chosen.max() >= size):
+        raise InputError("index", f"an update names vertex {chosen.min()} or {chosen.max()}; there are {size}")
+    if len(np.unique(chosen)) != len(chosen):
+        raise InputError("index", "an update names a vertex twice; each may move once")
+    return chosen
