@@ -68,6 +68,12 @@ class GridPatches:
         self._set_extent(heightmap, bodies, reach)
         with self._stopwatch.stage("search"):
             cells = self._search(heightmap, bodies, grid, positions_w, before)
+            if len(self._terrain.tiles) > 1:
+                # Where tiles meet there is no rim: the grid goes on beyond the edge.
+                nearest = np.ceil(grid - 0.5).astype(np.int64)
+                beyond = (nearest < 1) | (nearest > (heightmap.geometry.rows - 2, heightmap.geometry.columns - 2))
+                rows, columns = np.where(beyond.any(axis=1), nearest.T, cells)
+                cells = Cells(rows, columns)
         self._row[bodies], self._column[bodies] = cells.rows, cells.columns
         rings = self._rings[bodies]
         first = int(rings[0])
@@ -186,8 +192,9 @@ class GridPatches:
         r = rows[:, None] + template.rows * stride[:, None]
         c = columns[:, None] + template.columns * stride[:, None]
         inner_r, inner_c = np.clip(r, 0, geometry.rows - 1), np.clip(c, 0, geometry.columns - 1)
+        middle = template.centre
         heights, velocities = heightmap.sample(
-            inner_r * geometry.columns + inner_c, rows * geometry.columns + columns, time
+            inner_r * geometry.columns + inner_c, inner_r[:, middle] * geometry.columns + inner_c[:, middle], time
         )
         outside = (inner_r != r) | (inner_c != c)
         holes = heightmap.has_holes

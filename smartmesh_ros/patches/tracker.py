@@ -110,7 +110,8 @@ class PatchTracker:
 
     def _settle(self, stray: IntArray, positions_w: FloatArray) -> list[tuple[int, IntArray, FloatArray]]:
         """Finds the tile of bodies that left theirs: the first they are on, or else the one they reach most nearly."""
-        least = self._radii[stray].copy()  # a body beyond its radius touches nothing
+        # A body beyond its radius touches nothing, but in a gap of a cell between tiles there is ground.
+        least = np.maximum(self._radii[stray], self.terrain.widest_cell)
         least[~np.isfinite(positions_w[stray]).all(axis=1)] = -1.0
         chosen = np.full(len(stray), -1)
         grids = np.zeros((len(stray), 2))

@@ -17,6 +17,7 @@ from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
 from smartmesh_ros.physics.mesh_colliders import MeshColliders
+from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
 from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.stopwatch import Stopwatch
@@ -57,8 +58,9 @@ class Ground:
         self._client = client
         self._calls = BulletCalls(client)
         self._tracker = PatchTracker(self.terrain, self.config, self.stopwatch)
-        self._heightfields = Heightfields(client)
-        self._meshes = MeshColliders(client)
+        pairs = Pairs(client)
+        self._heightfields = Heightfields(client, pairs)
+        self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._positions = np.empty((0, 3))
         self._solid = np.empty(0, bool)

@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.terrain.grid import IntArray
 
 # Half the height of the bounds a heightfield is created with [m]. PyBullet never updates the bounds of a replaced
 # heightfield (bullet3 issues 4200 and 4236): what rises above them is not collided with. Samples are clamped to them,
 # and holes are this deep.
 BOUND = 100.0
-
-# Collision group of patches. Their mask is empty: they touch only the body they are paired with.
-PATCH_GROUP = 1 << 9
 
 # Where colliders wait that no body needs, far below and apart from one another [m].
 _PARK_DEPTH = -1.0e5
@@ -47,7 +45,6 @@ class Heightfield:
             numHeightfieldColumns=size,
         )
         self.body: int = client.createMultiBody(0.0, self.shape, basePosition=self.park_position)
-        client.setCollisionFilterGroupMask(self.body, -1, PATCH_GROUP, 0)
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
         client.changeDynamics(self.body, -1, lateralFriction=1.0, restitution=1.0)
 
@@ -72,8 +69,9 @@ class HeightfieldPool:
     changed waits for the next body that needs its size.
     """
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, pairs: Pairs) -> None:
         self._client = client
+        self._pairs = pairs
         self._free: dict[tuple[int, float], list[Heightfield]] = defaultdict(list)
         self.created = 0
 
@@ -85,13 +83,14 @@ class HeightfieldPool:
         else:
             self.created += 1
             heightfield = Heightfield(self._client, size, spacing, self.created * _PARK_STEP)
-        self._client.setCollisionFilterPair(heightfield.body, body, -1, link, 1)
+            self._pairs.claim(heightfield.body)
+        self._pairs.join(heightfield.body, body, link)
         return heightfield
 
     def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""
         client = self._client
-        client.setCollisionFilterPair(heightfield.body, body, -1, link, 0)
+        self._pairs.part(heightfield.body, body, link)
         client.resetBasePositionAndOrientation(heightfield.body, heightfield.park_position, [0.0, 0.0, 0.0, 1.0])
         client.resetBaseVelocity(heightfield.body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
         self._free[heightfield.size, heightfield.spacing].append(heightfield)

@@ -12,6 +12,7 @@ from smartmesh_ros.patches.extent import MOST_RINGS
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
+from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # Heights that differ by less than this from the collider's are not worth replacing it [m].
@@ -31,10 +32,10 @@ _FILLS = {
 class Heightfields:
     """The heightfields under followers, by the follower's index."""
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, pairs: Pairs) -> None:
         self.replacements = 0
         self._calls = BulletCalls(client)
-        self._pool = HeightfieldPool(client)
+        self._pool = HeightfieldPool(client, pairs)
         self._followers: list[Follower] = []
         self._fields: dict[Follower, Heightfield] = {}
         # The followers' colliders, size 0 = none: samples on a side, their distance [m], shape and body.

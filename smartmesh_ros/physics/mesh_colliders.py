@@ -14,7 +14,7 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.physics.heightfield import PATCH_GROUP
+from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.terrain.grid import FloatArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
@@ -38,9 +38,10 @@ class _MeshCollider:
 class MeshColliders:
     """The mesh colliders under followers."""
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, pairs: Pairs) -> None:
         self.built = 0
         self._client = client
+        self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
 
     def apply(
@@ -62,9 +63,7 @@ class MeshColliders:
             uid = self._build(kind, relative, triangles, base, edge_filter)
             old = self._colliders[follower] = _MeshCollider(kind, edge_filter, uid, relative, triangles)
             follower.collider = uid
-            self._client.setCollisionFilterPair(uid, follower.body, -1, follower.link, 1)
-            for link in range(self._client.getNumJoints(uid)):
-                self._client.setCollisionFilterPair(uid, follower.body, link, follower.link, 1)
+            self._pairs.join(uid, follower.body, follower.link)
             self.built += 1
         self._client.resetBasePositionAndOrientation(old.uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
         if twist is not None:
@@ -74,10 +73,8 @@ class MeshColliders:
         """Takes a follower's mesh collider away, if it has one."""
         collider = self._colliders.pop(follower, None)
         if collider is not None:
-            client = self._client
-            for link in range(-1, client.getNumJoints(collider.uid)):
-                client.setCollisionFilterPair(collider.uid, follower.body, link, follower.link, 0)
-            client.removeBody(collider.uid)
+            self._pairs.retire(collider.uid)
+            self._client.removeBody(collider.uid)
             follower.collider = None
 
     def _build(
@@ -96,8 +93,8 @@ class MeshColliders:
                     pb.GEOM_MESH, vertices=relative.tolist(), indices=triangles.ravel().tolist(), flags=flags
                 )
             uid = client.createMultiBody(0.0, shape, basePosition=base.tolist())
+        self._pairs.claim(uid)
         for link in range(-1, client.getNumJoints(uid)):
-            client.setCollisionFilterGroupMask(uid, link, PATCH_GROUP, 0)
             client.changeDynamics(uid, link, lateralFriction=1.0, restitution=1.0)
         return int(uid)
 

@@ -47,6 +47,7 @@ class WholeMesh:
         self._calls = BulletCalls(client)
         self._terrain = terrain
         self._colliders: dict[str, tuple[MainMesh, int, int]] = {}  # by tile: mesh, shape and body
+        self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and whether it moved, at the last update
         self._kind: WholeKind | None = None
 
     def update(self, kind: WholeKind, time: float) -> None:
@@ -64,10 +65,14 @@ class WholeMesh:
         ]:
             self._client.removeBody(self._colliders.pop(name)[2])
         for name, mesh in self._terrain.tiles.items():
+            moving = mesh.moving(time)
+            if name in self._colliders and not moving and self._states.get(name) == (mesh.version, False):
+                continue
             if kind == "whole_heightfield":
                 self._replace(name, mesh, time)
             else:
                 self._rebuild(name, mesh, time)
+            self._states[name] = (mesh.version, moving)
 
     def release(self) -> None:
         """Takes all whole colliders away."""

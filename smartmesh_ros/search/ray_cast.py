@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
+# A ray that meets an edge is not to slip through between two triangles: barycentric weights from here on hit.
+ON_EDGE = -1e-9
+
 
 def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> IntArray:
     """Vertex of each patch that is nearest to where a ray down from its body meets the patch; -1 where it misses.
@@ -28,7 +31,7 @@ def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray
         w = ((b[..., 0] - a[..., 0]) * (y - a[..., 1]) - (b[..., 1] - a[..., 1]) * (x - a[..., 0])) / area
         u = 1.0 - v - w
         height = u * a[..., 2] + v * b[..., 2] + w * c[..., 2]
-        hit = (u >= 0.0) & (v >= 0.0) & (w >= 0.0) & (height <= positions_w[:, None, 2])
+        hit = (u >= ON_EDGE) & (v >= ON_EDGE) & (w >= ON_EDGE) & (height <= positions_w[:, None, 2])
     # Of several (a patch that overlaps itself) the highest is met first; of equal ones any has the same corner nearest.
     first = np.where(hit, height, -np.inf).argmax(axis=1)
     row = np.arange(len(first))

@@ -151,6 +151,10 @@ class HeightMap:
         self._has_holes |= has_holes
         self._set_clock(blocks, time, given=speeds is not None)
 
+    def moving(self, time: float) -> bool:
+        """Whether any sample may move at ``time`` [s]."""
+        return time < self._moves_until
+
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
         self._time += by
@@ -163,7 +167,7 @@ class HeightMap:
         """
         heights = self._heights.reshape(-1).take(indices).astype(np.float64)
         velocities = None
-        if time < self._moves_until:
+        if self.moving(time):
             velocities = heights - self._before.reshape(-1).take(indices)
             if self._alike:
                 # One age for all: scalars broadcast, and cost a tenth of what an array per body does.

@@ -48,6 +48,11 @@ class Terrain:
         for mesh in self.tiles.values():
             mesh.shift_time(by)
 
+    @property
+    def widest_cell(self) -> float:
+        """The coarsest resolution of any height map [m]; so wide a gap may be between tiles that do not overlap."""
+        return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
+
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
@@ -69,19 +74,21 @@ class Terrain:
         gap = np.flatnonzero(np.isnan(heights))
         if not gap.size:
             return Samples(heights, velocities)
+        maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
+        widest = self.widest_cell * (1.0 + 1e-6)
         total = np.zeros((3, gap.size))  # weights, weighted heights, weighted velocities
-        for mesh in self.tiles.values():
-            if not isinstance(mesh, HeightMap):
-                continue
-            beyond, _ = mesh.beyond(xy_w[gap])
-            near = np.flatnonzero((beyond > 0.0) & (beyond <= mesh.geometry.resolution * (1.0 + 1e-6)))
+        sides = np.zeros(gap.size, np.int64)
+        for heightmap in maps:
+            beyond, _ = heightmap.beyond(xy_w[gap])
+            near = np.flatnonzero((beyond > 0.0) & (beyond <= widest))
             if near.size:
-                edge = mesh.at_edge(xy_w[gap[near]], time)
+                edge = heightmap.at_edge(xy_w[gap[near]], time)
                 known = ~np.isnan(edge.heights)
                 weight = 1.0 / beyond[near[known]]
                 speed = 0.0 if edge.velocities is None else edge.velocities[known]
                 total[:, near[known]] += weight, weight * edge.heights[known], weight * speed
-        bridged = total[0] > 0.0
+                sides[near[known]] += 1
+        bridged = sides > 1  # beside one tile only there is nothing to reach
         heights[gap[bridged]] = total[1, bridged] / total[0, bridged]
         if velocities is not None:
             velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]

@@ -128,6 +128,10 @@ class TriangleMesh:
         self._shape = shape
         self.version += 1
 
+    def moving(self, time: float) -> bool:
+        """Whether any vertex may move at ``time`` [s]."""
+        return self._lifetime > 0.0 and time - self.time < REST * self._lifetime
+
     def shift_time(self, by: float) -> None:
         """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
         self.time += by
@@ -135,9 +139,9 @@ class TriangleMesh:
     def sample(self, indices: IntArray, time: float) -> MeshSamples:
         """Vertices (n,) at ``time`` [s]."""
         positions = self._now[:, indices].T
-        age = time - self.time
-        if self._lifetime == 0.0 or age >= REST * self._lifetime:
+        if not self.moving(time):
             return MeshSamples(positions, None)
+        age = time - self.time
         velocities = (positions - self._before[:, indices].T) / self._interval
         # Faster than anything moves: it has jumped.
         velocities[np.linalg.norm(velocities, axis=1) > self.motion.max_velocity] = 0.0

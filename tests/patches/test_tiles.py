@@ -1,0 +1,140 @@
+"""Several maps make one terrain: patches cross from tile to tile without a step or a hole."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, Sphere, Terrain, World
+from smartmesh_ros.patches.batch import GridBatch
+from smartmesh_ros.patches.tracker import PatchTracker
+
+
+def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A plane, which triangles of any grid represent exactly."""
+    return 0.2 * x - 0.1 * y + 0.5
+
+
+def tile(x0: float, y0: float, rows: int, columns: int, resolution: float, yaw: float = 0.0) -> HeightMap:
+    heightmap = HeightMap(np.zeros((rows, columns)), resolution=resolution, origin=(x0, y0), yaw=yaw)
+    place = heightmap.geometry.to_world(*np.indices((rows, columns)))
+    heightmap.replace(surface(place[..., 0], place[..., 1]), time=10.0)
+    return heightmap
+
+
+def terrain_of(**tiles: HeightMap) -> Terrain:
+    terrain = Terrain()
+    for name, heightmap in tiles.items():
+        terrain.put(name, heightmap)
+    return terrain
+
+
+ADJACENT = {
+    "sharing an edge": lambda: terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(0, -5, 51, 51, 0.2)),
+    "a cell apart": lambda: terrain_of(west=tile(-10.2, -5, 51, 51, 0.2), east=tile(0, -5, 51, 51, 0.2)),
+    "overlapping": lambda: terrain_of(west=tile(-9, -5, 51, 51, 0.2), east=tile(0, -5, 51, 51, 0.2)),
+    "finer": lambda: terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(0, -5, 101, 101, 0.1)),
+    "a coarse cell apart": lambda: terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(0.5, -5, 21, 21, 0.5)),
+    "turned": lambda: terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(-0.5, -6, 61, 61, 0.2, yaw=0.1)),
+}
+
+
+@pytest.mark.parametrize("name", ADJACENT)
+@pytest.mark.parametrize("radius", [0.15, 0.5])
+def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius: float) -> None:
+    terrain = ADJACENT[name]()
+    tracker = PatchTracker(terrain, PatchConfig())
+    count = 81
+    tracker.set_bodies(np.full(count, radius), np.full(count, -1))
+    positions = np.column_stack([np.linspace(-2.0, 2.0, count), np.full(count, 0.03), np.zeros(count)])
+    seen = set()
+    for batch in tracker.update(positions, np.zeros(count), 20.0):
+        vertices = batch.vertices_w()
+        assert not np.isnan(vertices).any()
+        np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
+        seen.update(batch.bodies.tolist())
+        # The patch reaches as far over the border as within the tile.
+        reach = np.abs(vertices[..., 0] - positions[batch.bodies, :1]).max(axis=1)
+        assert (reach >= radius).all()
+    assert seen == set(range(count))
+    assert {batch.tile for batch in tracker.batches} == {"west", "east"}
+
+
+@pytest.mark.parametrize("name", ADJACENT)
+def test_a_box_slides_across_a_border_as_over_one_map(name: str) -> None:
+    """Down a frictionless plane: the speed after a second is g sin(slope) t, border or not."""
+    terrain = ADJACENT[name]()
+    terrain.shift_time(-10.0)
+    from smartmesh_ros import PhysicsConfig, WorldConfig
+
+    normal = np.array([-0.2, 0.1, 1.0]) / math.sqrt(1.05)
+    axis = np.cross([0.0, 0.0, 1.0], normal)
+    half = 0.5 * math.asin(float(np.linalg.norm(axis)))
+    turn = (*(math.sin(half) * axis / np.linalg.norm(axis)).tolist(), math.cos(half))
+    start = np.array([0.6, 0.0, float(surface(np.float64(0.6), np.float64(0.0)))]) + 0.1 * normal
+    with World(terrain, WorldConfig(physics=PhysicsConfig(friction=0.0))) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.2), 1.0, BodyState(tuple(start.tolist()), turn))
+        world.step(240)
+        state = world.state("box")
+        slope = math.hypot(0.2, 0.1)
+        expected = 9.81 * slope / math.sqrt(1.0 + slope**2)
+        assert math.hypot(*state.linear) == pytest.approx(expected, rel=0.01)
+        assert state.position[0] < 0.0, "it has crossed the border"
+
+
+def test_tiles_come_are_replaced_and_go() -> None:
+    terrain = terrain_of(west=tile(-10, -5, 51, 51, 0.2))
+    terrain.shift_time(-10.0)
+    with World(terrain) as world:
+        world.spawn(
+            "west", Sphere(0.2), 1.0, BodyState((-3.0, 0.0, float(surface(np.float64(-3.0), np.float64(0.0))) + 0.2))
+        )
+        world.spawn(
+            "east", Sphere(0.2), 1.0, BodyState((3.0, 0.0, float(surface(np.float64(3.0), np.float64(0.0))) + 0.2))
+        )
+        world.refresh()
+        assert [batch.tile for batch in world.ground.batches] == ["west"]
+        terrain.put("east", tile(0, -5, 51, 51, 0.2))
+        world.refresh()
+        assert {batch.tile: batch.bodies.tolist() for batch in world.ground.batches} == {"west": [0], "east": [1]}
+        terrain.put("east", tile(0, -5, 101, 101, 0.1))
+        world.refresh()
+        east = next(batch for batch in world.ground.batches if batch.tile == "east")
+        assert isinstance(east, GridBatch)
+        assert east.heightmap.geometry.resolution == 0.1
+        world.step(24)
+        assert world.below_ground() == []
+        terrain.remove("west")
+        world.refresh()
+        assert [batch.tile for batch in world.ground.batches] == ["east"]
+
+
+def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
+    terrain = ADJACENT["overlapping"]()
+    tracker = PatchTracker(terrain, PatchConfig())
+    tracker.set_bodies(np.array([0.2]), np.array([-1]))
+    tiles = []
+    for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
+        [batch] = tracker.update(np.array([[x, 0.0, 0.0]]), np.zeros(1), 20.0)
+        tiles.append(batch.tile)
+    assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
+    assert sum(a != b for a, b in pairwise(tiles)) == 2
+
+
+def test_a_hundred_tiles_are_one_terrain() -> None:
+    terrain = Terrain()
+    for row in range(10):
+        for column in range(10):
+            terrain.put(f"{row},{column}", tile(column * 5.0, row * 5.0, 26, 26, 0.2))
+    tracker = PatchTracker(terrain, PatchConfig())
+    rng = np.random.default_rng(0)
+    tracker.set_bodies(np.full(300, 0.2), np.full(300, -1))
+    positions = np.column_stack([rng.uniform(3.0, 47.0, (300, 2)), np.zeros(300)])
+    for _ in range(3):
+        batches = tracker.update(positions, np.zeros(300), 20.0)
+        assert sum(len(batch.bodies) for batch in batches) == 300
+        for batch in batches:
+            vertices = batch.vertices_w()
+            np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
+        positions[:, :2] += rng.uniform(-0.4, 0.4, (300, 2))

@@ -1,0 +1,132 @@
+"""General meshes: what they refuse, how they move, and what may be assumed about them."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+
+def grid(rows: int = 6, columns: int = 8, stretch: tuple[float, float] = (1.0, 1.0)) -> np.ndarray:
+    r, c = np.divmod(np.arange(rows * columns), columns)
+    return np.stack([c * stretch[0], r * stretch[1], np.sin(0.7 * c + 0.3 * r)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: TriangleMesh(grid()[:, :2], grid_triangles(6, 8)), "length"),
+        (lambda: TriangleMesh(grid(), [[0, 1]]), "length"),
+        (lambda: TriangleMesh(grid(), np.zeros((0, 3), int)), "length"),
+        (lambda: TriangleMesh(grid(), [[0, 1, 48]]), "index"),
+        (lambda: TriangleMesh(grid(), [[0, 1, -1]]), "index"),
+        (lambda: TriangleMesh(grid(), [[0, 1, 1]]), "index"),
+        (lambda: TriangleMesh(grid(), [[0.0, 1.0, 2.0]]), "type"),
+        (lambda: TriangleMesh(grid() * np.nan, grid_triangles(6, 8)), "non_finite"),
+        (lambda: TriangleMesh(grid(), grid_triangles(6, 8), velocities=np.zeros((3, 3))), "length"),
+    ],
+)
+def test_impossible_meshes_are_refused(make: Callable[[], TriangleMesh], reason: str) -> None:
+    with pytest.raises(InputError) as error:
+        make()
+    assert error.value.reason == reason
+
+
+@pytest.mark.parametrize(
+    ("move", "reason"),
+    [
+        (lambda m: m.move(np.zeros((3, 3)), time=1.0), "length"),
+        (lambda m: m.move(np.zeros((1, 3)), time=1.0, indices=[48]), "index"),
+        (lambda m: m.move(np.zeros((2, 3)), time=1.0, indices=[4, 4]), "index"),
+        (lambda m: m.move(np.zeros((2, 3)), time=1.0, indices=[4]), "length"),
+        (lambda m: m.move(np.full((1, 3), np.inf), time=1.0, indices=[4]), "non_finite"),
+    ],
+)
+def test_impossible_moves_are_refused_and_change_nothing(move: Callable[[TriangleMesh], None], reason: str) -> None:
+    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
+    with pytest.raises(InputError) as error:
+        move(mesh)
+    assert error.value.reason == reason
+    np.testing.assert_array_equal(mesh.vertices, grid())
+    assert mesh.time == 0.0
+
+
+def test_a_move_may_be_objected_to_before_it_is_made() -> None:
+    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
+
+    def check(shape: object) -> None:
+        raise InputError("search_method", "no")
+
+    folded = grid()
+    folded[20, 0] -= 3.0
+    with pytest.raises(InputError):
+        mesh.move(folded, time=1.0, check=check)
+    np.testing.assert_array_equal(mesh.vertices, grid())
+    mesh.move(grid() + (0.0, 0.0, 1.0), time=1.0, check=check)  # straight up: there is nothing to check
+
+
+def test_vertices_move_with_the_velocity_of_their_positions() -> None:
+    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
+    mesh.move(grid() + (0.1, 0.0, 0.2), time=0.1)
+    samples = mesh.sample(np.array([3, 20]), 0.15)
+    np.testing.assert_allclose(samples.velocities, [[1.0, 0.0, 2.0]] * 2, atol=1e-9)
+    np.testing.assert_allclose(samples.positions, grid()[[3, 20]] + (0.15, 0.0, 0.3), atol=1e-9)
+    mesh.move(grid()[[3]], time=0.2, indices=[3])
+    samples = mesh.sample(np.array([3, 20]), 0.2)
+    np.testing.assert_allclose(samples.velocities, [[-1.0, 0.0, -2.0], [0.0, 0.0, 0.0]], atol=1e-9)
+
+
+def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
+    heights = np.random.default_rng(0).normal(size=(6, 8))
+    vertices = grid()
+    vertices[:, 2] = heights.ravel()
+    mesh, heightmap = TriangleMesh(vertices, grid_triangles(6, 8)), HeightMap(heights)
+    points = np.random.default_rng(1).uniform((-0.5, -0.5), (7.5, 5.5), (200, 2))
+    np.testing.assert_allclose(mesh.at(points, 0.0).heights, heightmap.at(points, 0.0).heights, atol=1e-6)
+
+
+def test_the_highest_of_several_surfaces_is_the_ground() -> None:
+    lower, upper = grid(), grid() + (0.0, 0.0, 5.0)
+    triangles = np.concatenate([grid_triangles(6, 8), grid_triangles(6, 8) + 48])
+    mesh = TriangleMesh(np.concatenate([lower, upper]), triangles)
+    assert mesh.at([[3.5, 2.5]], 0.0).heights[0] > 3.0
+
+
+def rotated(vertices: np.ndarray, angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack(
+        [vertices[:, 0] * cos - vertices[:, 1] * sin, vertices[:, 0] * sin + vertices[:, 1] * cos, vertices[:, 2]], 1
+    )
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, -2.0])
+@pytest.mark.parametrize("stretch", [(1.0, 1.0), (0.5, 2.0)])
+def test_even_grids_are_recognised_however_they_lie(angle: float, stretch: tuple[float, float]) -> None:
+    mesh = TriangleMesh(rotated(grid(stretch=stretch), angle), grid_triangles(6, 8))
+    assert mesh.shape.greedy
+    assert mesh.shape.grid is not None
+    assert (mesh.shape.grid.rows, mesh.shape.grid.columns) == (6, 8)
+
+
+def test_stretched_grids_are_greedy_but_not_even() -> None:
+    vertices = grid()
+    vertices[:, 0] = np.cumsum([0.2, 0.5, 0.1, 1.0, 0.3, 0.9, 0.4, 0.6])[np.arange(48) % 8]
+    shape = TriangleMesh(vertices, grid_triangles(6, 8)).shape
+    assert shape.greedy
+    assert shape.grid is None
+
+
+def test_meshes_on_which_greedy_search_fails_say_why() -> None:
+    folded = grid()
+    folded[18:22, 0] -= 2.5
+    assert "overlaps" in TriangleMesh(folded, grid_triangles(6, 8)).shape.reason
+    sheared = grid()
+    sheared[:, 0] += 3.0 * sheared[:, 1]
+    assert "Delaunay" in TriangleMesh(sheared, grid_triangles(6, 8)).shape.reason
+    dented = np.array([t for t in grid_triangles(6, 8).tolist() if 3 not in t])
+    assert "outline" in TriangleMesh(grid(), dented).shape.reason
+    fan = [[0, 1, 8], [1, 9, 8], [1, 8, 10]]
+    assert not TriangleMesh(grid(), fan).shape.greedy
