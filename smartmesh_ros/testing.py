@@ -35,16 +35,19 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Pose, PoseArray
+from geometry_msgs.msg import Point, Pose, PoseArray
 from numpy.typing import ArrayLike, NDArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import (
     ColliderPatchArray,
     ContactArray,
     Heightmap,
     HeightmapUpdate,
+    TerrainMesh,
+    TerrainMeshUpdate,
     Timing,
     TrackedBody,
     TrackedBodyArray,
@@ -65,6 +68,8 @@ _OUTPUTS = {
 _INPUTS = {
     "heightmap": Heightmap,
     "heightmap_update": HeightmapUpdate,
+    "terrain_mesh": TerrainMesh,
+    "terrain_mesh_update": TerrainMeshUpdate,
     "tracked_bodies": TrackedBodyArray,
     "body_poses": PoseArray,
 }
@@ -254,11 +259,30 @@ def heightmap_message(
     return message
 
 
+def mesh_message(
+    vertices: ArrayLike, triangles: ArrayLike, *, frame_id: str = "map", tile: str = "", stamp: Any = None
+) -> TerrainMesh:
+    """A TerrainMesh message from vertices (V, 3) [m] and triangles (T, 3)."""
+    message = TerrainMesh(tile=tile)
+    message.header.frame_id = frame_id
+    if stamp is not None:
+        message.header.stamp = stamp
+    message.mesh.vertices = [point_message(vertex) for vertex in np.asarray(vertices, np.float64).tolist()]
+    message.mesh.triangles = [
+        MeshTriangle(vertex_indices=corners) for corners in np.asarray(triangles, np.uint32).reshape(-1, 3)
+    ]
+    return message
+
+
+def point_message(position: Sequence[float]) -> Point:
+    """A Point [m]."""
+    x, y, z = position
+    return Point(x=float(x), y=float(y), z=float(z))
+
+
 def pose_message(position: Sequence[float]) -> Pose:
     """A Pose at a position [m], not turned."""
-    pose = Pose()
-    pose.position.x, pose.position.y, pose.position.z = (float(value) for value in position)
-    return pose
+    return Pose(position=point_message(position))
 
 
 def floats(values: NDArray[np.float32]) -> array.array[float]:

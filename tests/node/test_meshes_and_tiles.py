@@ -1,0 +1,168 @@
+"""General meshes and tiles over real topics."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Vector3
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import ColliderPatch, Heightmap, TerrainMeshUpdate
+from smartmesh_msgs.srv import SpawnBody
+
+from smartmesh_ros.terrain.trimesh import grid_triangles
+from smartmesh_ros.testing import Probe, heightmap_message, mesh_message, point_message, pose_message
+
+TRIANGLES = grid_triangles(20, 30)
+
+
+def sheet(height: float = 0.0) -> np.ndarray:
+    r, c = np.divmod(np.arange(600), 30)
+    return np.stack([0.2 * c, 0.2 * r, height + 0.1 * np.sin(0.5 * c)], axis=1)
+
+
+def update_message(probe: Probe, vertices: np.ndarray, indices: list[int] | None = None) -> TerrainMeshUpdate:
+    message = TerrainMeshUpdate(vertices=[point_message(v) for v in vertices.tolist()], indices=indices or [])
+    message.header.stamp, message.header.frame_id = probe.now(), "map"
+    return message
+
+
+def patch_vertices(probe: Probe) -> dict[str, np.ndarray]:
+    """Vertices of the newest collider patches by body."""
+    return {
+        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
+        for patch in probe.latest("collider_patches").patches
+    }
+
+
+def set_string(probe: Probe, name: str, value: str) -> object:
+    parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value))
+    return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=[parameter]).result
+
+
+def test_patches_follow_a_general_mesh_whose_vertices_move(probe: Probe) -> None:
+    with probe.running(parameters={"search.method": "best_first"}):
+
+        def tracked(height: float) -> bool:
+            probe.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
+            seen = patch_vertices(probe)
+            everything = sheet(height)
+            return len(seen) == 2 and all(
+                np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
+            )
+
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
+        probe.wait_for(lambda: tracked(0.0))
+        kinds = {patch.kind for patch in probe.latest("collider_patches").patches}
+        assert kinds == {ColliderPatch.TRIMESH}
+        assert probe.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
+        probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(1.0)))
+        probe.wait_for(lambda: tracked(1.0))
+        probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(2.0)[5:9], [5, 6, 7, 8]))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["updates of ''"] == "2")
+        assert tracked(1.0), "vertices elsewhere have not moved"
+
+
+def test_bodies_ride_a_rising_mesh(probe: Probe) -> None:
+    with probe.running(parameters={"search.method": "ray_cast"}):
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
+        box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.2])
+        assert probe.call(
+            "spawn_body", SpawnBody, id="box", shape=box, mass=1.0, pose=pose_message((3, 2, 0.3))
+        ).success
+        level = 0.0
+
+        def risen() -> bool:
+            nonlocal level
+            level = min(level + 0.02, 0.6)
+            probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(level)))
+            return any(body.pose.position.z > 0.6 for body in probe.latest("body_states").bodies)
+
+        probe.wait_for(risen)
+
+
+def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(probe: Probe) -> None:
+    sheared = sheet()
+    sheared[:, 0] += 4.0 * sheared[:, 1]
+    with probe.running(parameters={"search.method": "best_first"}) as process:
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=probe.now()))
+        key = "refused, terrain_mesh: search_method"
+        probe.wait_for(lambda: probe.diagnostics("inputs").get(key) == "1")
+        assert "use brute_force, ray_cast" in process.output
+        assert probe.diagnostics("terrain")["tiles"] == "0"
+        assert set_string(probe, "search.method", "brute_force").successful
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=probe.now()))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+        refused = set_string(probe, "search.method", "best_first")
+        assert not refused.successful
+        assert "brute_force" in refused.reason
+        assert not set_string(probe, "patch.kind", "whole_heightfield").successful
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
+        probe.wait_for(lambda: set_string(probe, "search.method", "best_first").successful)
+        folded = sheet()
+        folded[100:110, 0] -= 3.0
+        probe.publishers["terrain_mesh_update"].publish(update_message(probe, folded))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, terrain_mesh_update: search_method") == "1")
+
+
+def test_bad_meshes_are_refused_and_the_last_one_stays(probe: Probe) -> None:
+    def bad_index() -> object:
+        return mesh_message(sheet(), [[0, 1, 600]], stamp=probe.now())
+
+    def infinite() -> object:
+        return mesh_message(sheet() * np.inf, TRIANGLES, stamp=probe.now())
+
+    def no_triangle() -> object:
+        return mesh_message(sheet(), np.zeros((0, 3)), stamp=probe.now())
+
+    def short_velocities() -> object:
+        message = mesh_message(sheet(), TRIANGLES, stamp=probe.now())
+        message.velocities = [Vector3()] * 5
+        return message
+
+    def foreign() -> object:
+        return mesh_message(sheet(), TRIANGLES, frame_id="odom", stamp=probe.now())
+
+    with probe.running():
+        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+        expected: dict[str, int] = {}
+        cases = [(bad_index, "index"), (infinite, "non_finite"), (no_triangle, "length")]
+        for make, reason in [*cases, (short_velocities, "length"), (foreign, "frame")]:
+            probe.publishers["terrain_mesh"].publish(make())
+            probe.latest("contacts")
+            expected[f"refused, terrain_mesh: {reason}"] = expected.get(f"refused, terrain_mesh: {reason}", 0) + 1
+        for vertices, indices, reason in (
+            (sheet()[:5], None, "length"),
+            (sheet()[:2], [3, 3], "index"),
+            (sheet()[:1], [600], "index"),
+            (sheet()[:1] * np.nan, [1], "non_finite"),
+        ):
+            probe.publishers["terrain_mesh_update"].publish(update_message(probe, vertices, indices))
+            probe.latest("contacts")
+            key = f"refused, terrain_mesh_update: {reason}"
+            expected[key] = expected.get(key, 0) + 1
+        probe.wait_for(lambda: all(probe.diagnostics("inputs").get(k) == str(v) for k, v in expected.items()))
+        assert probe.diagnostics("terrain")["updates of ''"] == "0"
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.2])
+def test_tiles_come_are_crossed_and_go(probe: Probe, gap: float) -> None:
+    flat = np.zeros((51, 51))
+    with probe.running():
+        probe.publish_map(flat, resolution=0.2, origin=(-10.0 - gap, -5.0, 0.5), tile="west")
+        probe.publish_map(flat, resolution=0.2, origin=(0.0, -5.0, 0.5), tile="east")
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "2")
+
+        def crossing() -> bool:
+            probe.publish_bodies({"rover": (-0.05, 0.0, 0.8)}, radius=0.3)
+            seen = patch_vertices(probe)
+            return len(seen) == 1 and seen["rover"][:, 0].min() < -0.3 and seen["rover"][:, 0].max() > 0.3
+
+        probe.wait_for(crossing)
+        assert np.abs(patch_vertices(probe)["rover"][:, 2] - 0.5).max() < 1e-6
+        removal = heightmap_message(np.zeros((0, 0)), tile="east", stamp=probe.now())
+        assert isinstance(removal, Heightmap)
+        probe.publishers["heightmap"].publish(removal)
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+        probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile="north", stamp=probe.now()))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: unknown_tile") == "1")
