@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.physics.config import PhysicsConfig
     from smartmesh_ros.physics.ground import Ground
     from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Sphere
+    from smartmesh_ros.physics.snapshot import Snapshot
     from smartmesh_ros.physics.state import BodyState
     from smartmesh_ros.physics.world import World, WorldConfig
     from smartmesh_ros.terrain.grid import GridGeometry
@@ -25,6 +26,7 @@ _HOMES = {
     "patches.config": ("PatchConfig",),
     "physics.config": ("PhysicsConfig",),
     "physics.ground": ("Ground",),
+    "physics.snapshot": ("Snapshot",),
     "physics.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "physics.state": ("BodyState",),
     "physics.world": ("World", "WorldConfig"),
@@ -47,6 +49,7 @@ __all__ = [
     "MotionConfig",
     "PatchConfig",
     "PhysicsConfig",
+    "Snapshot",
     "Sphere",
     "Terrain",
     "World",

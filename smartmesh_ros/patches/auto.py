@@ -110,7 +110,7 @@ class AutoPatches:
     ) -> tuple[list[PatchBatch], IntArray]:
         """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` are so near to
         the tile's edge that they need a patch that ends there (m,)."""
-        due = self._due(heightmap, moving, time)
+        due = self._due(heightmap, moving, time, dt)
         if due.any():
             self._decide(heightmap, moving.of(due), time, dt, before)
         bodies = moving.bodies
@@ -123,18 +123,18 @@ class AutoPatches:
         if field.any():
             rings = self._rings[bodies]
             batches += [
-                self._field(name, heightmap, size, bodies[field & (rings == size)], time)
+                self._field(name, heightmap, size, moving.of(field & (rings == size)), time)
                 for size in np.unique(rings[field]).tolist()
             ]
         return batches, np.flatnonzero(state == EDGE)
 
-    def _due(self, heightmap: HeightMap, moving: Moving, time: float) -> BoolArray:
-        """Which bodies to look at (n,)."""
+    def _due(self, heightmap: HeightMap, moving: Moving, time: float, dt: float) -> BoolArray:
+        """Which bodies to look at (n,): those whose choice may not hold until the end of the step."""
         bodies = moving.bodies
-        shift = moving.positions_w - self._where[bodies]
-        shift[:, 2] -= self._rise[bodies] * (time - self._since[bodies])
-        normal = self._normal[bodies]
-        drop = np.einsum("ij,ij->i", shift, normal)
+        rise = self._rise[bodies]
+        shift = moving.positions_w + moving.moved_w - self._where[bodies]
+        shift[:, 2] -= rise * (time + dt - self._since[bodies])
+        drop = np.einsum("ij,ij->i", shift, self._normal[bodies])
         slide = np.einsum("ij,ij->i", shift, shift) - drop * drop
         return np.asarray(
             (self._state[bodies] == UNDECIDED)
@@ -228,15 +228,14 @@ class AutoPatches:
         every = (choice.state == FACET) | (steps == 1)
         self._until[bodies] = np.where(every, time, time + (steps - 0.5) * dt) if rates is not None else np.inf
         # One step is taken before the next look.
-        self._drop[bodies] = drop - across
-        self._slide[bodies] = slide - along
+        self._drop[bodies], self._slide[bodies] = drop, slide
         clear = choice.state == NONE
         if clear.any():
             # As much approach as there is room above all ground around.
             top = np.nan_to_num(heights[clear], nan=np.inf).max(axis=(1, 2))
-            room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * across[clear]
+            room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
             self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
-            self._slide[bodies[clear]] = SLACK + 2.0 * along[clear]
+            self._slide[bodies[clear]] = SLACK + 0.5 * HORIZON * along[clear]
 
     def _planes(self, name: str, heightmap: HeightMap, moving: Moving, time: float) -> PlaneBatch:
         """Patches whose collider is a plane: 3 x 3 samples for the outputs, and the plane itself."""
@@ -251,35 +250,43 @@ class AutoPatches:
             coefficients[fitted] = np.stack(fitted_planes(ground.heights[fitted], spacing[fitted]), axis=1)
             if ground.velocities is not None:
                 rates[fitted] = np.stack(fitted_planes(ground.velocities[fitted], spacing[fitted]), axis=1)
-        planes = Planes(*coefficients.T)
-        centres = np.empty((len(bodies), 3))
-        centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
-        centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
-        centres[:, 2] = moving.positions_w[:, 2]
-        distance: FloatArray = planes.above(centres) / np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
-        normals_w = _turned(planes.normals(), geometry.yaw)
-        centres_w = np.empty_like(centres)
+        centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2] = geometry.to_world(cells.rows, cells.columns)
         centres_w[:, 2] = coefficients[:, 0]
         twist = np.zeros((2, len(bodies), 3))
         if ground.velocities is not None:
             grid_twist(np.stack([rates[:, 0], rates[:, 2], rates[:, 1]], axis=1), np.ones(1), geometry.yaw, twist)
+        points_w, normals_w = self._feet(heightmap, moving, coefficients)
         return PlaneBatch(
             tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=cells.rows,
             columns=cells.columns, stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1],
             deviation=self._deviation[bodies], heightmap=heightmap, template=template, spacing=spacing,
-            heights_w=ground.heights, holes=False, normals_w=normals_w,
-            points_w=moving.positions_w - distance[:, None] * normals_w,
+            heights_w=ground.heights, holes=False, normals_w=normals_w, points_w=points_w,
         )  # fmt: skip
 
-    def _field(self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, time: float) -> GridBatch:
-        template, stride = patch_template(rings), self._stride[bodies]
-        cells = Cells(self._rows[bodies], self._columns[bodies])
+    def _field(self, name: str, heightmap: HeightMap, rings: int, moving: Moving, time: float) -> GridBatch:
+        bodies, template = moving.bodies, patch_template(rings)
+        cells, stride = Cells(self._rows[bodies], self._columns[bodies]), self._stride[bodies]
         with self._stopwatch.stage("collect"):
             ground = collect_inside(heightmap, template, cells, stride, time, self.config.collect)
+        plane = self._plane[bodies] + self._rate[bodies] * (time - self._since[bodies])[:, None]
+        points_w, normals_w = self._feet(heightmap, moving, plane)
         return GridBatch.of(
-            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self._deviation[bodies]
-        )
+            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self._deviation[bodies],
+            points_w=points_w, normals_w=normals_w,
+        )  # fmt: skip
+
+    def _feet(self, heightmap: HeightMap, moving: Moving, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points of planes (n, 3), given around the patches' middles, that are nearest to the bodies, and normals."""
+        geometry, bodies = heightmap.geometry, moving.bodies
+        planes = Planes(*plane.T)
+        centres = np.empty((len(bodies), 3))
+        centres[:, 0] = (moving.grid[:, 1] - self._columns[bodies]) * geometry.resolution
+        centres[:, 1] = (moving.grid[:, 0] - self._rows[bodies]) * geometry.resolution
+        centres[:, 2] = moving.positions_w[:, 2]
+        distance: FloatArray = planes.above(centres) / np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+        normals_w = _turned(planes.normals(), geometry.yaw)
+        return moving.positions_w - distance[:, None] * normals_w, normals_w
 
 
 def _rate_under(window: Window, rates: FloatArray, planes: Planes, centres: FloatArray) -> FloatArray:

@@ -52,13 +52,19 @@ class PatchBatch(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridBatch(PatchBatch):
-    """Patches of a height map. ``spacing``: distance of their samples (n,) [m]. ``heights_w``: their z (n, K) [m]."""
+    """Patches of a height map. ``spacing``: distance of their samples (n,) [m]. ``heights_w``: their z (n, K) [m].
+
+    ``points_w`` (n, 3) [m], ``normals_w`` (n, 3): a plane along the ground under each body, by its point nearest to the
+    body and its upward normal; None where nobody worked it out.
+    """
 
     heightmap: HeightMap
     template: PatchTemplate
     spacing: FloatArray
     heights_w: FloatArray
     holes: bool
+    points_w: FloatArray | None = None
+    normals_w: FloatArray | None = None
 
     @classmethod
     def of(
@@ -72,8 +78,9 @@ class GridBatch(PatchBatch):
         stride: IntArray,
         ground: Collected,
         deviation: FloatArray,
+        **planes: FloatArray,
     ) -> GridBatch:
-        """Patches around ``cells`` from what was collected there."""
+        """Patches around ``cells`` from what was collected there, with ``points_w`` and ``normals_w`` if known."""
         geometry = heightmap.geometry
         spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
         centres_w = np.empty((len(bodies), 3))
@@ -86,6 +93,7 @@ class GridBatch(PatchBatch):
             tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,
             stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1], deviation=deviation,
             heightmap=heightmap, template=template, spacing=spacing, heights_w=ground.heights, holes=ground.holes,
+            **planes,
         )  # fmt: skip
 
     def vertices_w(self) -> FloatArray:
@@ -106,8 +114,7 @@ class GridBatch(PatchBatch):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaneBatch(GridBatch):
-    """Patches whose collider is a plane along the ground under the body: through ``points_w`` (n, 3) [m], nearest to
-    the bodies, with ``normals_w`` (n, 3), upward. Their vertices are samples that the plane is near to."""
+    """Patches whose collider is the plane along the ground under the body. Their vertices are samples near to it."""
 
     points_w: FloatArray
     normals_w: FloatArray

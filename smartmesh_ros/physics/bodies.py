@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -15,6 +15,13 @@ from smartmesh_ros.physics.bounds import bounding_radius
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
+
+
+class Surface(NamedTuple):
+    """Friction and restitution of a body."""
+
+    friction: float
+    restitution: float
 
 
 @dataclass(eq=False)
@@ -28,6 +35,12 @@ class Body:
     initial: BodyState
     links: dict[int, str]
     joints: dict[str, int]
+    mass: float = 0.0
+    shape: Shape | None = None  # of a simulated body that is no robot
+    urdf: str | None = None  # file or text of a robot
+    friction: float = 0.0
+    restitution: float = 0.0
+    drives: dict[str, tuple[float, float]] = field(default_factory=dict)  # target velocity and force by joint
 
     @property
     def is_robot(self) -> bool:
@@ -43,8 +56,8 @@ class BodyFactory:
         self.config = config
         self._shapes: dict[Shape, int] = {}
 
-    def simulated(self, name: str, shape: Shape, mass: float, state: BodyState) -> Body:
-        """A body that moves by physics.
+    def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
+        """A body that moves by physics, with the configured friction and restitution or the given ones.
 
         It is a rigid body (PyBullet's maximal coordinates): several times faster against a patch than a multibody of no
         joints, and the only kind that continuous collision detection works for.
@@ -56,11 +69,12 @@ class BodyFactory:
             mass, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation,
             useMaximalCoordinates=1,
         )  # fmt: skip
+        surface = surface or Surface(config.friction, config.restitution)
         client.changeDynamics(
-            uid, -1, lateralFriction=config.friction, restitution=config.restitution, linearDamping=0.0,
+            uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
             angularDamping=0.0,
         )  # fmt: skip
-        body = Body(name, uid, shape.bounding_radius, False, state, {}, {})
+        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *surface)
         self.place(body, state)
         return body
 
@@ -103,7 +117,7 @@ class BodyFactory:
         if not links:
             client.removeBody(uid)
             raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
-        body = Body(name, uid, bounding_radius(client, uid, next(iter(links))), False, state, links, joints)
+        body = Body(name, uid, bounding_radius(client, uid, next(iter(links))), False, state, links, joints, urdf=urdf)
         self.place(body, state)
         return body
 

@@ -13,7 +13,9 @@ class PhysicsConfig:
 
     ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
     body against the ground. ``restitution``: share of the closing speed that a body bounces back with.
-    ``contact_erp``: share of a penetration that the solver takes back in one step.
+    ``contact_erp``: share of a penetration that the solver takes back in one step. ``guard``: bodies found below the
+    ground are put back onto it. ``landing``: bodies that would run into the ground within a step arrive at its surface
+    instead.
     """
 
     rate: float = 240.0
@@ -21,6 +23,8 @@ class PhysicsConfig:
     friction: float = 0.5
     restitution: float = 0.0
     contact_erp: float = 0.2
+    guard: bool = True
+    landing: bool = True
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate) and self.rate > 0.0):

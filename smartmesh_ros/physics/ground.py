@@ -18,6 +18,7 @@ from smartmesh_ros.physics.heightfields import Heightfields
 from smartmesh_ros.physics.mesh_colliders import MeshColliders
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.planes import Planes
+from smartmesh_ros.physics.prediction import Prediction
 from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
 from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.stopwatch import Stopwatch
@@ -64,9 +65,12 @@ class Ground:
         pairs = Pairs(client)
         self._heightfields = Heightfields(client, pairs)
         self._planes = Planes(client, pairs)
+        self._prediction = Prediction()
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._positions = np.empty((0, 3))
+        self._moved = np.empty((0, 3))
+        self._told: dict[int, FloatArray] = {}
         self._solid = np.empty(0, bool)
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
@@ -81,6 +85,15 @@ class Ground:
     def positions_w(self) -> FloatArray:
         """Positions of the followers at the last update (N, 3) [m]."""
         return self._positions
+
+    @property
+    def moved_w(self) -> FloatArray:
+        """How far the followers moved in the last step (N, 3) [m]."""
+        return self._moved
+
+    def will_move(self, index: int, moved_w: FloatArray) -> None:
+        """Says how far a follower will move in the next step (3,) [m] where the last one does not tell."""
+        self._told[index] = moved_w
 
     @property
     def replacements(self) -> int:
@@ -126,9 +139,9 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         positions = self._read_positions()
-        moved = self._motion(positions, dt)
+        self._moved = self._motion(positions, dt)
         self._positions = positions
-        batches = self._tracker.update(positions, moved, time, dt)
+        batches = self._tracker.update(positions, self._moved, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             supported = np.zeros(len(self.followers), bool)
@@ -137,7 +150,7 @@ class Ground:
             else:
                 self._whole.release()
                 for batch in batches:
-                    supported[self._apply(batch)] = True
+                    supported[self._apply(batch, time, dt)] = True
             for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
                 self._release(index)
 
@@ -154,11 +167,13 @@ class Ground:
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
         carry_over(self, {"_positions": np.nan, "_held": _BARE}, kept)
         self.followers = followers
+        self._told.clear()
         self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
         self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
         self._heightfields.adopt(followers, kept)
         self._planes.adopt(followers, kept)
+        self._prediction.adopt(kept)
         self._tracker.set_bodies(self._radii, kept, self._solid)
 
     def _read_positions(self) -> FloatArray:
@@ -171,6 +186,9 @@ class Ground:
     def _motion(self, positions: FloatArray, dt: float) -> FloatArray:
         """How far bodies will move in a step: as far as in the last one, or as their velocity says if they are new."""
         moved = positions - self._positions
+        for index, told in self._told.items():
+            moved[index] = told
+        self._told.clear()
         for index in np.flatnonzero(np.isnan(moved[:, 0])).tolist():
             moved[index] = np.multiply(self._calls.velocity(self.followers[index].body), dt)
         travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
@@ -179,7 +197,7 @@ class Ground:
             moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
         return np.nan_to_num(moved)
 
-    def _apply(self, batch: PatchBatch) -> IntArray:
+    def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
         bodies, base = batch.bodies, batch.centres_w
         chosen = self._solid[bodies]
@@ -193,9 +211,12 @@ class Ground:
             twist = None
             if self.config.carry_velocity:
                 twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
+                base = self._predict(batch, base, twist, time, dt)
             if isinstance(batch, PlaneBatch):
                 self._make_room(bodies[rows], _PLANE)
-                self._planes.apply(batch, rows, self._radii[bodies[rows]], None if twist is None else twist[rows])
+                rise = base[rows, 2] - batch.centres_w[rows, 2]
+                twist = None if twist is None else twist[rows]
+                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist)
             elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 self._make_room(bodies[rows], _FIELD)
                 twist = None if twist is None else twist[rows]
@@ -204,6 +225,17 @@ class Ground:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
         return supported
+
+    def _predict(self, batch: PatchBatch, base: FloatArray, twist: FloatArray, time: float, dt: float) -> FloatArray:
+        """Bases (n, 3) [m] and twists (n, 6), the latter in place, moved on by what the ground's acceleration adds."""
+        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch) else None
+        if ahead is None:
+            return base
+        higher, faster = ahead
+        twist[:, 2] += faster
+        base = base.copy()
+        base[:, 2] += higher
+        return base
 
     def _make_room(self, indices: IntArray, held: int) -> None:
         """Takes colliders of another kind from followers."""

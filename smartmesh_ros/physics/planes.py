@@ -55,10 +55,18 @@ class Planes:
         carry_over(self, _FILLS, kept)
         self._followers = followers
 
-    def apply(self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, twist: FloatArray | None) -> None:
-        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes;
-        ``twist`` (m, 6): velocity of the ground at the patch's centre [m/s, rad/s], None = at rest."""
+    def apply(
+        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, rise: FloatArray, twist: FloatArray | None
+    ) -> None:
+        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes.
+
+        ``rise`` (m,) [m]: how much higher they stand than the batch says; ``twist`` (m, 6): velocity of the ground at
+        the patch's centre [m/s, rad/s], None = at rest.
+        """
+        assert batch.points_w is not None
+        assert batch.normals_w is not None
         bodies, points, normals = batch.bodies[rows], batch.points_w[rows], batch.normals_w[rows]
+        points[:, 2] += rise
         for place in np.flatnonzero(self._sizes[bodies] < 2.0 * radii).tolist():
             self._fit(int(bodies[place]), float(radii[place]))
         sizes, old = self._sizes[bodies], self._points[bodies]

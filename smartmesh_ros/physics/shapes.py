@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import FloatArray
 
 
 class _Shape:
@@ -33,6 +35,11 @@ class Sphere(_Shape):
         """Radius of the sphere around the centre that holds the shape [m]."""
         return self.radius
 
+    @property
+    def inner_radius(self) -> float:
+        """Radius of the largest sphere around the centre inside the shape [m]."""
+        return self.radius
+
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
         return {"shapeType": pb.GEOM_SPHERE, "radius": self.radius}
@@ -51,6 +58,11 @@ class Box(_Shape):
         """Radius of the sphere around the centre that holds the shape [m]."""
         return 0.5 * math.hypot(self.x, self.y, self.z)
 
+    @property
+    def inner_radius(self) -> float:
+        """Radius of the largest sphere around the centre inside the shape [m]."""
+        return 0.5 * min(self.x, self.y, self.z)
+
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
         return {"shapeType": pb.GEOM_BOX, "halfExtents": [0.5 * self.x, 0.5 * self.y, 0.5 * self.z]}
@@ -67,6 +79,11 @@ class Cylinder(_Shape):
     def bounding_radius(self) -> float:
         """Radius of the sphere around the centre that holds the shape [m]."""
         return math.hypot(self.radius, 0.5 * self.height)
+
+    @property
+    def inner_radius(self) -> float:
+        """Radius of the largest sphere around the centre inside the shape [m]."""
+        return min(self.radius, 0.5 * self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -85,9 +102,31 @@ class Capsule(_Shape):
         """Radius of the sphere around the centre that holds the shape [m]."""
         return self.radius + 0.5 * self.height
 
+    @property
+    def inner_radius(self) -> float:
+        """Radius of the largest sphere around the centre inside the shape [m]."""
+        return self.radius
+
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
         return {"shapeType": pb.GEOM_CAPSULE, "radius": self.radius, "height": self.height}
 
 
 Shape = Sphere | Box | Cylinder | Capsule
+
+
+def support(shape: Shape, orientation: tuple[float, float, float, float], normal: FloatArray) -> float:
+    """How far a shape in an ``orientation`` (x, y, z, w) reaches from its middle against a unit ``normal`` (3,) [m]."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    x, y, z, w = orientation
+    across = np.array([  # the normal along the shape's own axes
+        normal @ (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+        normal @ (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+        normal @ (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)),
+    ])  # fmt: skip
+    if isinstance(shape, Box):
+        return float(0.5 * np.abs(across) @ (shape.x, shape.y, shape.z))
+    if isinstance(shape, Cylinder):
+        return float(shape.radius * math.hypot(across[0], across[1]) + 0.5 * shape.height * abs(across[2]))
+    return float(shape.radius + 0.5 * shape.height * abs(across[2]))

@@ -11,11 +11,14 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.bodies import Body, BodyFactory
+from smartmesh_ros.physics import landing
+from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, contacts_of_spheres, contacts_of_step
 from smartmesh_ros.physics.ground import Ground
+from smartmesh_ros.physics.guard import below_ground, put_back
 from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.snapshot import BodySnapshot, Snapshot
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -44,14 +47,20 @@ class World:
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
+        self.rescues = 0  # bodies put back onto the ground so far
+        self._start()
+
+    def _start(self) -> None:
+        """Begins without bodies, at time zero."""
         self.time = 0.0
         self.bodies: dict[str, Body] = {}
         self.client: Any = BulletClient(pb.DIRECT)
-        physics = self.config.physics
-        self._apply_physics(physics)
+        self._apply_physics(self.config.physics)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
-        self._factory = BodyFactory(self.client, physics)
+        self._factory = BodyFactory(self.client, self.config.physics)
         self._follower_names: list[str] = []
+        self._of_followers: list[Body | None] = []  # simulated bodies by the followers' indices
+        self._inner_radii = np.empty(0)
 
     def __enter__(self) -> World:
         return self
@@ -111,6 +120,7 @@ class World:
         """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N]."""
         self.require_joint(name, joint)
         body = self.bodies[name]
+        body.drives[joint] = (velocity, force)
         self.client.setJointMotorControl2(
             body.uid, body.joints[joint], pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force
         )
@@ -122,15 +132,17 @@ class World:
             raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
 
     def refresh(self) -> None:
-        """Brings the patches to the bodies and the ground as they are now."""
-        self.ground.update(self.time, self.config.physics.dt)
+        """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
+        dt = self.config.physics.dt
+        self.ground.update(self.time, dt)
+        if self.config.physics.guard and self._rescue():
+            self.ground.update(self.time, dt)
 
     def step(self, count: int = 1) -> None:
         """Runs physics steps, each on patches as the ground is at its start."""
         for _ in range(count):
             self.refresh()
-            with self.stopwatch.stage("step"):
-                self.client.stepSimulation()
+            self._step_softly() if self.config.physics.landing else self._step()
             self.time += self.config.physics.dt
             self.stopwatch.lap()
 
@@ -146,6 +158,44 @@ class World:
         """Where a body is and how it moves."""
         body = self._body(name)
         return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
+
+    def snapshot(self) -> Snapshot:
+        """The bodies as they are now."""
+        return Snapshot(time=self.time, bodies=tuple(self._snapshot_of(body) for body in self.bodies.values()))
+
+    def save(self) -> Snapshot:
+        """The bodies as they are now; this world goes on exactly as one will that is restored from them."""
+        snapshot = self.snapshot()
+        self.restore(snapshot)
+        return snapshot
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Makes the bodies those of a snapshot, in a new PyBullet client; the terrain stays."""
+        self.close()
+        self._start()
+        self.time = snapshot.time
+        for body in snapshot.bodies:
+            if body.urdf is not None:
+                self.spawn_robot(body.name, body.urdf, body.state)
+            elif body.shape is not None:
+                surface = Surface(body.friction, body.restitution)
+                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
+            else:
+                self.track(body.name, body.radius, body.state)
+            new = self.bodies[body.name]
+            new.initial = body.initial
+            for joint, (position, velocity) in body.joints.items():
+                self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
+            for joint, drive in body.drives.items():
+                self.drive(body.name, joint, *drive)
+
+    def _snapshot_of(self, body: Body) -> BodySnapshot:
+        joints = {name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
+        return BodySnapshot(
+            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
+            shape=body.shape, urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
+            drives=dict(body.drives),
+        )  # fmt: skip
 
     def follower_names(self) -> list[str]:
         """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
@@ -179,6 +229,40 @@ class World:
         heights = self.terrain.at(positions[:, :2], self.time).heights
         below = np.flatnonzero(positions[:, 2] < heights)
         return [self._follower_names[index] for index in below if self.ground.followers[index].solid]
+
+    def _step(self) -> None:
+        with self.stopwatch.stage("step"):
+            self.client.stepSimulation()
+
+    def _step_softly(self) -> None:
+        """Steps so that bodies meet the ground at its surface and leave it slowly."""
+        ground, client, dt = self.ground, self.client, self.config.physics.dt
+        with self.stopwatch.stage("collider"):
+            positions, bodies = ground.positions_w, self._of_followers
+            ahead = positions + ground.moved_w + np.array(self.config.physics.gravity) * (dt * dt)
+            found = landing.approaches(ground.batches, positions, ahead, dt)
+            landings, escapes = [], []
+            for approach in found:
+                landings += landing.slow_down(client, approach, bodies, self.terrain, positions, ahead, self.time, dt)
+                escapes += landing.deep_bodies(client, approach, bodies, self._inner_radii)
+            before = landing.velocities(client, escapes)
+        self._step()
+        for landed in landings:
+            ground.will_move(landed.follower, landing.speed_up(client, landed) * dt)
+        landing.hold_back(client, escapes, before)
+
+    def _rescue(self) -> bool:
+        """Puts bodies that are below the ground back onto it; says whether there were any."""
+        ground = self.ground
+        rescued = set()
+        found = below_ground(ground.batches, self.terrain, ground.positions_w, self.time)
+        for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
+            body, follower = self._of_followers[index], ground.followers[index]
+            if body is not None and body.name not in rescued:
+                put_back(self.client, body, height - ground.positions_w[index, 2] + follower.radius, rate)
+                rescued.add(body.name)
+        self.rescues += len(rescued)
+        return bool(rescued)
 
     def _apply_physics(self, physics: PhysicsConfig) -> None:
         self.client.setGravity(*physics.gravity)
@@ -214,4 +298,9 @@ class World:
             names[body.uid, -1] = body.name
             for link, name in body.links.items():
                 names[body.uid, link] = f"{body.name}/{name}"
-        self._follower_names = [names[follower.body, follower.link] for follower in self.ground.followers]
+        followers = self.ground.followers
+        self._follower_names = [names[follower.body, follower.link] for follower in followers]
+        simulated = {body.uid: body for body in self.bodies.values() if not body.tracked}
+        self._of_followers = [simulated.get(follower.body) for follower in followers]
+        shapes = [body.shape if body is not None else None for body in self._of_followers]
+        self._inner_radii = np.array([-np.inf if shape is None else shape.inner_radius for shape in shapes])

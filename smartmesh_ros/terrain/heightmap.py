@@ -69,7 +69,8 @@ class HeightMap:
         self._time = np.full(blocks, -np.inf)
         self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
         self._lifetime = np.zeros(blocks)  # expected time to the next map; 0 = at rest
-        self._alike = True  # whether all blocks have the same clock
+        self.alike = True  # whether all blocks have the same clock
+        self.velocity_given = False  # whether the last velocity was given, and not worked out
         self._moves_until = -np.inf
         self.version = 0  # counts the updates
         self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
@@ -174,7 +175,7 @@ class HeightMap:
         velocities = None
         if self.moving(time):
             velocities = heights - self._before.reshape(-1).take(indices)
-            if self._alike:
+            if self.alike:
                 # One age for all: scalars broadcast, and cost a tenth of what an array per body does.
                 interval, age, lifetime = self._interval[:1, :1], time - self._time[:1, :1], self._lifetime[:1, :1]
             else:
@@ -246,10 +247,11 @@ class HeightMap:
             corrected = since == 0.0
             lifetime = np.where(corrected, self._lifetime[blocks], lifetime)
             interval = np.where(corrected, self._interval[blocks], interval)
+        self.velocity_given = given
         self._lifetime[blocks] = lifetime
         self._interval[blocks] = interval
         self._time[blocks] = time
-        self._alike = lifetime.size == self._time.size and (lifetime.size == 1 or bool(np.ptp(lifetime) == 0.0))
+        self.alike = lifetime.size == self._time.size and (lifetime.size == 1 or bool(np.ptp(lifetime) == 0.0))
         self._moves_until = max(self._moves_until, time + REST * float(lifetime.max()))
         self.version += 1
 

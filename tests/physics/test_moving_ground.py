@@ -42,7 +42,8 @@ def test_without_the_edge_filter_the_box_is_held_up() -> None:
 def depth_in_pit() -> float:
     """How far a ball sinks when the one sample under it drops by a metre after its patch was made on flat ground."""
     heightmap = flat(41)
-    with World(heightmap) as world:
+    config = WorldConfig(patch=PatchConfig(kind="heightfield"), physics=PhysicsConfig(guard=False))
+    with World(heightmap, config) as world:
         world.spawn("ball", Sphere(0.3), 1.0, BodyState((0.0, 0.0, 0.3)))
         world.step(10)
         world.terrain.tiles[""].update_region(20, 20, [[-1.0]], time=10.0)
@@ -64,7 +65,8 @@ def test_without_preallocated_bounds_it_does_not(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("rise", [1.0, 5.0, 20.0])
 def test_a_body_is_carried_up_by_ground_far_above_where_it_started(rise: float) -> None:
     heightmap = flat(41)
-    with World(heightmap) as world:
+    config = WorldConfig(patch=PatchConfig(kind="heightfield"), physics=PhysicsConfig(guard=False))
+    with World(heightmap, config) as world:
         world.spawn("ball", Sphere(0.3), 1.0, BodyState((0.0, 0.0, 0.3)))
         for step in range(480):
             share = min(step / 240.0, 1.0)

@@ -1,0 +1,158 @@
+"""Bodies that would run into the ground within a step arrive at its surface instead, and leave it slowly.
+
+PyBullet finds a collision only once bodies overlap: what falls at 8 m/s is 33 mm deep in the ground at 240 Hz before
+anything stops it, and what is small and fast is through. Its own remedy (CCD) ignores that the ground moves. Here the
+part of a body's velocity that closes the gap is scaled for one step so that it just arrives, and given back after it:
+the solver then meets the collision at the surface and at the true speed. A body that is deep in the ground all the
+same (spawned there, or the ground jumped) would be thrown out in proportion; its speed is capped.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.shapes import support
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.terrain import Terrain
+
+# Bodies arrive this deep in the ground, so that the next step finds them in contact [m].
+ARRIVAL = 1e-4
+# What would come no deeper is left to the solver [m].
+SHALLOW = 5e-4
+# The path of bodies that move further than this share of their radius in a step is looked at in so many places.
+FAR, PLACES = 0.25, 16
+# A body deeper than this leaves the ground no faster than that [m, m/s].
+DEEP, FASTEST_ESCAPE = 0.01, 1.0
+
+
+class Approach(NamedTuple):
+    """n bodies near the ground, by their index: distance of their middles from it and how much nearer they come in a
+    step (n,) [m], the ground's normal (n, 3) and velocity (n, 3) [m/s] there."""
+
+    bodies: IntArray
+    distance: FloatArray
+    closing: FloatArray
+    normals_w: FloatArray
+    ground_w: FloatArray
+
+
+class Landing(NamedTuple):
+    """A body that is slowed for one step, its index, and the velocity taken from it (3,) [m/s]."""
+
+    uid: int
+    follower: int
+    taken: FloatArray
+
+
+class Escape(NamedTuple):
+    """A body deep in the ground, whose normal (3,) and velocity (3,) [m/s] are given."""
+
+    uid: int
+    normal: FloatArray
+    ground: FloatArray
+
+
+def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> list[Approach]:
+    """Bodies and the ground under them, where it is known; ``next_w`` (N, 3) [m]: where they will be after the step."""
+    found = []
+    for batch in batches:
+        if isinstance(batch, GridBatch) and batch.points_w is not None and batch.normals_w is not None:
+            index, normals = batch.bodies, batch.normals_w
+            ground = batch.linear_w + np.cross(batch.angular_w, batch.points_w - batch.centres_w)
+            closing = positions_w[index] + ground * dt - next_w[index]
+            distance = np.einsum("ij,ij->i", positions_w[index] - batch.points_w, normals)
+            found.append(Approach(index, distance, np.einsum("ij,ij->i", closing, normals), normals, ground))
+    return found
+
+
+def slow_down(
+    client: Any,
+    approach: Approach,
+    bodies: list[Body | None],
+    terrain: Terrain,
+    positions_w: FloatArray,
+    next_w: FloatArray,
+    time: float,
+    dt: float,
+) -> list[Landing]:
+    """Slows the bodies that would run into the ground in the coming step; ``bodies``: by index, None = not to be."""
+    landings = []
+    for row in np.flatnonzero(approach.closing > SHALLOW).tolist():
+        index = approach.bodies[row]
+        body, closing, normal = bodies[index], float(approach.closing[row]), approach.normals_w[row]
+        if body is None or body.shape is None:
+            continue
+        path = next_w[index] - positions_w[index] - approach.ground_w[row] * dt
+        change = np.zeros(3)
+        if approach.distance[row] <= body.radius + closing:
+            orientation = client.getBasePositionAndOrientation(body.uid)[1]
+            gap = float(approach.distance[row]) - support(body.shape, orientation, normal)
+            if gap > ARRIVAL and closing - gap > SHALLOW:
+                change = (closing - gap - ARRIVAL) / dt * normal
+        if path @ path > (FAR * body.radius) ** 2:
+            share = _free_share(terrain, positions_w[index], path + change * dt, body.radius, normal, time)
+            change += (share - 1.0) * (path / dt + change)
+        if change.any():
+            _add_velocity(client, body.uid, change)
+            landings.append(Landing(body.uid, int(index), -change))
+    return landings
+
+
+def speed_up(client: Any, landing: Landing) -> FloatArray:
+    """Gives a body back, after the step, what was taken from it; returns its velocity then (3,) [m/s]."""
+    return _add_velocity(client, landing.uid, landing.taken)
+
+
+def deep_bodies(client: Any, approach: Approach, bodies: list[Body | None], inner_radii: FloatArray) -> list[Escape]:
+    """Bodies that are deep in the ground; ``inner_radii`` (N,) [m]: of spheres inside them."""
+    escapes = []
+    for row in np.flatnonzero(approach.distance < inner_radii[approach.bodies] - DEEP).tolist():
+        body = bodies[approach.bodies[row]]
+        if body is not None and body.shape is not None:
+            escapes.append(Escape(body.uid, approach.normals_w[row], approach.ground_w[row]))
+    return escapes
+
+
+def hold_back(client: Any, escapes: list[Escape], before: list[FloatArray]) -> None:
+    """Caps the speed, away from the ground, of bodies that leave it, but not below what they had ``before`` [m/s]."""
+    for (uid, normal, ground), old in zip(escapes, before, strict=True):
+        linear, angular = client.getBaseVelocity(uid)
+        speed = float((np.array(linear) - ground) @ normal)
+        most = max(FASTEST_ESCAPE, float((old - ground) @ normal))
+        if speed > most:
+            client.resetBaseVelocity(uid, (np.array(linear) + (most - speed) * normal).tolist(), angular)
+
+
+def velocities(client: Any, escapes: list[Escape]) -> list[FloatArray]:
+    """Velocities of bodies deep in the ground [m/s]."""
+    return [np.array(client.getBaseVelocity(escape.uid)[0]) for escape in escapes]
+
+
+def _free_share(
+    terrain: Terrain, start: FloatArray, path: FloatArray, radius: float, normal: FloatArray, time: float
+) -> float:
+    """Share of a ``path`` (3,) [m], relative to the ground, that a ball goes before it meets ground (about, when the
+    ground is not smooth)."""
+    shares = np.linspace(0.0, 1.0, PLACES + 1)
+    places = start + shares[:, None] * path
+    ground = terrain.at(places[:, :2], time).heights
+    clearance = (places[:, 2] - ground) * normal[2] - radius
+    met = np.flatnonzero(clearance < -SHALLOW)
+    if not met.size:
+        return 1.0
+    last = int(met[0])
+    if last == 0:
+        return 0.0 if clearance[1] < clearance[0] else 1.0
+    over, under = float(clearance[last - 1]), float(clearance[last])
+    return float(shares[last - 1] + (shares[last] - shares[last - 1]) * max(over, 0.0) / max(over - under, 1e-12))
+
+
+def _add_velocity(client: Any, uid: int, change: FloatArray) -> FloatArray:
+    linear, angular = client.getBaseVelocity(uid)
+    new: FloatArray = linear + change
+    client.resetBaseVelocity(uid, new.tolist(), angular)
+    return new

@@ -1,0 +1,79 @@
+"""A world's bodies as data: to save, to start again from, and to compare.
+
+PyBullet keeps contacts from step to step that cannot be read or set, so that a world built from the positions and
+velocities of another goes on a little differently. Saving therefore starts both anew: `World.save` rebuilds the running
+world from the snapshot it returns, and `World.restore` builds another in the same way; given the same maps at the same
+steps the two stay equal to the last bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
+
+_SHAPES = {shape.__name__: shape for shape in (Box, Capsule, Cylinder, Sphere)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodySnapshot:
+    """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
+    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``drives``: target velocity and
+    largest force by joint."""
+
+    name: str
+    state: BodyState
+    initial: BodyState
+    radius: float
+    mass: float = 0.0
+    shape: Shape | None = None
+    urdf: str | None = None
+    friction: float = 0.0
+    restitution: float = 0.0
+    joints: dict[str, tuple[float, float]]
+    drives: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """All bodies of a world, in the order they came, and its ``time`` [s]. The terrain is not part of it."""
+
+    time: float
+    bodies: tuple[BodySnapshot, ...]
+
+    @property
+    def hash(self) -> str:
+        """A digest of every number in it: equal if and only if two worlds are in the same state."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+    def to_json(self) -> str:
+        """As text, which keeps every bit."""
+        bodies = []
+        for body in self.bodies:
+            fields = asdict(body)
+            fields["shape"] = None if body.shape is None else [type(body.shape).__name__, asdict(body.shape)]
+            bodies.append(fields)
+        return json.dumps({"time": self.time, "bodies": bodies})
+
+    @classmethod
+    def from_json(cls, text: str) -> Snapshot:
+        """From the text of `to_json`; raises `InputError` if it is something else."""
+        try:
+            data = json.loads(text)
+            return cls(time=float(data["time"]), bodies=tuple(_body(fields) for fields in data["bodies"]))
+        except (ValueError, KeyError, TypeError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError("snapshot", f"this is no saved world ({error}); save one with World.save()") from None
+
+
+def _body(fields: dict[str, Any]) -> BodySnapshot:
+    shape = fields["shape"] and _SHAPES[fields["shape"][0]](**fields["shape"][1])
+    states = {key: BodyState(**{k: tuple(v) for k, v in fields[key].items()}) for key in ("state", "initial")}
+    pairs = {key: {name: tuple(pair) for name, pair in fields[key].items()} for key in ("joints", "drives")}
+    return BodySnapshot(**{**fields, "shape": shape, **states, **pairs})

@@ -1,0 +1,146 @@
+"""Bodies meet the ground at its surface, however fast, and the guard catches what got below it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros.physics.shapes import Capsule, Cylinder, Shape, support
+
+DT = 1.0 / 240.0
+TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
+
+
+def rough(seed: int = 0, scale: float = 0.02) -> HeightMap:
+    rng = np.random.default_rng(seed)
+    return HeightMap(rng.normal(scale=scale, size=(81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+
+
+def deepest(heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float) -> tuple[float, int]:
+    """How deep 20 balls get that come down at ``speed``, and how many end below the ground."""
+    rng = np.random.default_rng(1)
+    with World(heightmap, WorldConfig(physics=physics)) as world:
+        for index in range(20):
+            x, y = rng.uniform(-8.0, 8.0, 2)
+            height = float(heightmap.at([[x, y]], 0.0).heights[0]) + radius + rng.uniform(0.02, 0.4)
+            world.spawn(f"ball_{index}", Sphere(radius), 1.0, BodyState((x, y, height), linear=(0.0, 0.0, -speed)))
+        depth = 0.0
+        for _ in range(120):
+            world.step()
+            places = np.array([world.state(name).position for name in world.bodies])
+            surface = heightmap.at(places[:, :2], world.time).heights
+            depth = max(depth, float((surface + radius - places[:, 2]).max()))
+        return depth, int((places[:, 2] < surface).sum())
+
+
+def physics(*, landing: bool) -> PhysicsConfig:
+    return PhysicsConfig(landing=landing, guard=False)
+
+
+@pytest.mark.parametrize("speed", [2.0, 8.0, 40.0])
+def test_falling_bodies_stop_at_the_surface(speed: float) -> None:
+    flat = HeightMap(np.zeros((81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+    assert deepest(flat, physics(landing=True), speed, 0.2)[0] < 1e-3
+
+
+def test_without_landing_they_get_as_deep_as_they_fall_in_a_step() -> None:
+    flat = HeightMap(np.zeros((81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+    assert deepest(flat, physics(landing=False), 8.0, 0.2)[0] > 0.01
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 40.0])
+def test_no_small_fast_body_is_lost(speed: float) -> None:
+    assert deepest(rough(), physics(landing=True), speed, 0.02)[1] == 0
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
+def test_a_ball_bounces_as_high_as_its_restitution_says(restitution: float) -> None:
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
+    with World(flat, config) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 1.2)))
+        speeds, heights = [], []
+        for _ in range(300):
+            world.step()
+            speeds.append(world.state("ball").linear[2])
+            heights.append(world.state("ball").position[2])
+        rebound = max(speeds[100:200])
+        assert rebound == pytest.approx(restitution * math.sqrt(2.0 * 9.81 * 1.0), abs=0.12)
+        apex = max(heights[130:])
+        assert apex - 0.2 == pytest.approx(restitution**2, rel=0.05, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", [Sphere(0.3), Box(0.4, 0.6, 0.2), Cylinder(0.2, 0.6), Capsule(0.2, 0.5)])
+def test_the_support_is_that_of_the_shape(shape: Shape) -> None:
+    """A body touches a slope when it is as far from it as its support: PyBullet finds the contact there."""
+    import pybullet as pb
+    from pybullet_utils.bullet_client import BulletClient
+
+    client = BulletClient(pb.DIRECT)
+    normal = np.array([0.2, -0.3, 0.9])
+    normal /= np.linalg.norm(normal)
+    axis = np.cross((0.0, 0.0, 1.0), normal)
+    angle = math.acos(normal[2])
+    turn = (*(axis / np.linalg.norm(axis) * math.sin(angle / 2)), math.cos(angle / 2))
+    slab = client.createMultiBody(
+        0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[9, 9, 1]), basePosition=-normal, baseOrientation=turn
+    )
+    reach = support(shape, TILT, normal)
+    body = client.createMultiBody(
+        1.0, client.createCollisionShape(**shape.bullet()), basePosition=reach * normal, baseOrientation=TILT
+    )
+    points = client.getClosestPoints(body, slab, 1.0)
+    client.disconnect()
+    assert min(point[8] for point in points) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_the_guard_puts_back_what_is_below_the_ground_and_counts_it() -> None:
+    with World(rough(), WorldConfig()) as world:
+        world.spawn("buried", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, -0.8), linear=(30.0, 0.0, 0.0)))
+        world.spawn("fine", Sphere(0.2), 1.0, BodyState((3.0, 0.0, 0.5)))
+        world.step()
+        assert world.rescues == 1
+        assert math.hypot(*world.state("buried").linear) <= 5.1
+        world.step(240)
+        assert world.rescues == 1
+        assert world.below_ground() == []
+
+
+@pytest.mark.parametrize("depth", [0.05, 0.15])
+def test_what_starts_in_the_ground_leaves_it_slowly(depth: float) -> None:
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    with World(flat) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - depth)))
+        speeds = []
+        for _ in range(240):
+            world.step()
+            speeds.append(world.state("ball").linear[2])
+        assert 0.1 < max(speeds) <= 1.01
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_without_the_guard_it_stays_there() -> None:
+    config = WorldConfig(physics=PhysicsConfig(guard=False), patch=PatchConfig(kind="heightfield"))
+    with World(rough(), config) as world:
+        world.spawn("buried", Sphere(0.05), 1.0, BodyState((0.0, 0.0, -0.8)))
+        world.step(60)
+        assert world.rescues == 0
+        assert world.below_ground() == ["buried"]
+
+
+def test_bodies_ride_on_ground_that_accelerates() -> None:
+    """Maps at 20 Hz lag; the ground's acceleration, seen where the body stands, makes up for most of it."""
+    rise, rate = 0.3, 4.0
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    with World(flat) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - rise)))
+        gaps = []
+        for step in range(720):
+            if step % 12 == 0:
+                flat.replace(np.full((41, 41), -rise * math.cos(rate * world.time)), time=world.time)
+            world.step()
+            if step > 120:
+                gaps.append(world.state("ball").position[2] - 0.2 + rise * math.cos(rate * world.time))
+        # Half the lag of a constant velocity, which is a T^2.
+        assert np.percentile(np.abs(gaps), 95) < 0.5 * rise * rate**2 * 0.05**2
