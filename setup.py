@@ -25,6 +25,7 @@ setup(
     ],
     install_requires=["numpy", "pybullet"],
     extras_require={
+        "files": ["pillow", "rasterio"],
         "studies": ["matplotlib"],
         "test": ["hypothesis", "pytest"],
     },

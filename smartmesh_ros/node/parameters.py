@@ -5,6 +5,7 @@ Defaults live in the core's configurations; this module reads them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -23,8 +24,11 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
+from smartmesh_ros.terrain.rasters import FirstRow, RasterConfig
 
 Durability = Literal["volatile", "transient_local"]
+Reliability = Literal["reliable", "best_effort"]
+TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +52,10 @@ class Settings:
     frame_id: str = ""
     max_samples: int = 64_000_000
     durability: Durability = "volatile"
+    reliability: Reliability = "reliable"
+    input: TerrainInput = "heightmap"
+    file: str = ""
+    raster: RasterConfig = field(default_factory=RasterConfig)
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
@@ -55,7 +63,7 @@ class Settings:
 
 
 _D = Settings()
-_PHYSICS, _PATCH = _D.world.physics, _D.world.patch
+_PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster
 
 SPECS = (
     Spec("physics.rate", _PHYSICS.rate, "Physics steps per second [Hz].", 1.0, 10_000.0),
@@ -78,6 +86,28 @@ SPECS = (
         "terrain.durability", _D.durability, "QoS durability of the map subscriptions; transient_local gets the last "
         "map of a latched publisher, and nothing from a volatile one.", choices=get_args(Durability), read_only=True,
     ),
+    Spec(
+        "terrain.reliability", _D.reliability, "QoS reliability of the map subscriptions; best_effort also takes maps "
+        "from best-effort publishers, such as cameras, and may lose some.", choices=get_args(Reliability),
+        read_only=True,
+    ),
+    Spec(
+        "terrain.input", _D.input, "Topic that brings the terrain, ~/<input>, beside the heightmap topics, which are "
+        "always there.", choices=get_args(TerrainInput), read_only=True,
+    ),
+    Spec("terrain.file", _D.file, "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", read_only=True),
+    Spec("raster.layer", _RASTER.layer, "Layer of a grid map that holds the heights."),
+    Spec("raster.scale", _RASTER.scale, "Height = scale x value + offset [m per unit]. Values are pixels, metres or, "
+         "of occupancy, 0 to 1.", -1e6, 1e6),
+    Spec("raster.offset", _RASTER.offset, "Height of the value zero [m].", -1e6, 1e6),
+    Spec("raster.resolution", _RASTER.resolution, "Distance between the samples of images and plain files [m].",
+         1e-4, 1e4),
+    Spec("raster.origin", list(_RASTER.origin), "Where the bottom left sample of images and plain files lies [m], "
+         "three numbers."),
+    Spec("raster.yaw", _RASTER.yaw, "Turn of images and plain files about z [rad].", -math.pi, math.pi),
+    Spec("raster.first_row", _RASTER.first_row, "Whether the first row of images and plain files is at the top, where "
+         "y is largest, or at the bottom.", choices=get_args(FirstRow)),
+    Spec("raster.zero_is_hole", _RASTER.zero_is_hole, "In images and plain files zero means no ground."),
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
@@ -124,6 +154,19 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         frame_id=v["frame_id"],
         max_samples=v["terrain.max_samples"],
         durability=v["terrain.durability"],
+        reliability=v["terrain.reliability"],
+        input=v["terrain.input"],
+        file=v["terrain.file"],
+        raster=RasterConfig(
+            layer=v["raster.layer"],
+            scale=v["raster.scale"],
+            offset=v["raster.offset"],
+            resolution=v["raster.resolution"],
+            origin=tuple(v["raster.origin"]),
+            yaw=v["raster.yaw"],
+            first_row=v["raster.first_row"],
+            zero_is_hole=v["raster.zero_is_hole"],
+        ),
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
