@@ -76,8 +76,9 @@ def _geographic(path: Path, config: RasterConfig, max_samples: int) -> Raster:
             raise InputError("geometry", f"{path} has cells that are not square and upright: {tuple(place)[:6]}")
         values = source.read(1, masked=True).astype(np.float32).filled(np.nan)
     heights = np.ascontiguousarray(scaled(values, config)[::-1])
-    corner = place * (0, len(heights))
-    return from_cells(heights, corner=(*corner, 0.0), yaw=math.atan2(place.d, place.a), resolution=resolution)
+    # The outer corner of the last row's first cell.
+    corner = (place.b * len(heights) + place.c, place.e * len(heights) + place.f, 0.0)
+    return from_cells(heights, corner=corner, yaw=math.atan2(place.d, place.a), resolution=resolution)
 
 
 def _require_size(path: Path, shape: tuple[int, ...], max_samples: int) -> None:
