@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import declaring
+from smartmesh_ros.node.body_sources import BodySource, body_sources
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.patches.collect import CollectMethod
@@ -59,6 +60,9 @@ class Settings:
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
+    poses: tuple[BodySource, ...] = ()
+    odometry: tuple[BodySource, ...] = ()
+    frames: tuple[BodySource, ...] = ()
     executor: ExecutorKind = "events"
 
 
@@ -111,6 +115,11 @@ SPECS = (
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
+    Spec("bodies.poses", [], "Topics of geometry_msgs/PoseStamped, each of one tracked body: 'name=topic', or a topic "
+         "alone, which names it.", read_only=True),
+    Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
+         "alone.", read_only=True),
+    Spec("bodies.frames", [], "TF frames that are tracked bodies: 'name=frame', or a frame alone.", read_only=True),
     Spec("publish.patches", _D.publish.patches, "Rate of ~/patches [Hz]; 0 = never.", 0.0, 1000.0),
     Spec("publish.collider_patches", _D.publish.collider_patches, "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
@@ -170,6 +179,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
+        **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
         executor=v["executor"],
     )
 

@@ -50,6 +50,7 @@ class TerrainCollider(Node):
     def tick(self) -> None:
         """One physics step (none while paused), and whatever is due to be published."""
         session = self.session
+        self._bodies.refresh()
         session.tracking.expire(monotonic())
         if session.paused:
             session.world.refresh()

@@ -1,0 +1,55 @@
+"""Transforms from ``/tf`` and ``/tf_static``, listened to from the first time they are needed."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node import conversions
+from smartmesh_ros.node.frames import FrameBuffer, Transform
+from smartmesh_ros.node.optional_messages import require_message
+from smartmesh_ros.node.session import Session
+
+
+class TransformInput:
+    """The frame buffer, and the subscriptions that feed it. Nothing is subscribed to before `listen`."""
+
+    def __init__(self, session: Session) -> None:
+        self.buffer = FrameBuffer()
+        self._session = session
+        self._listening = False
+
+    def listen(self, what: str) -> None:
+        """Subscribes, once. Raises `InputError` naming the package that ``what`` needs where it is not installed."""
+        if self._listening:
+            return
+        kind = require_message("tf2_msgs", "TFMessage", what)
+        self._listening = True
+        moving = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._session.listen(kind, "/tf", partial(self._take, static=False), moving, private=False)
+        self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, private=False)
+
+    def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
+        """How poses in ``frame_id`` are seen in the terrain's frame; None where they are in it. Raises `InputError`."""
+        terrain = self._session.frame_id
+        if not terrain or not frame_id or frame_id == terrain:
+            return None
+        try:
+            self.listen(f"a pose in frame {frame_id!r} instead of the terrain's, {terrain!r},")
+        except InputError as error:
+            raise InputError("frame", str(error)) from None
+        return self.buffer.lookup(terrain, frame_id, stamp)[0]
+
+    def _take(self, message: Any, *, static: bool) -> None:
+        for item in message.transforms:
+            p, q = item.transform.translation, item.transform.rotation
+            self.buffer.add(
+                item.header.frame_id.strip("/"),
+                item.child_frame_id.strip("/"),
+                Transform((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)),
+                None if static else conversions.stamp_seconds(item.header.stamp) or 0.0,
+            )
