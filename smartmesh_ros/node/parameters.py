@@ -71,7 +71,8 @@ _PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster
 
 SPECS = (
     Spec("physics.rate", _PHYSICS.rate, "Physics steps per second [Hz].", 1.0, 10_000.0),
-    Spec("physics.gravity", list(_PHYSICS.gravity), "Gravity in the terrain's frame [m/s^2], three numbers."),
+    Spec("physics.gravity", list(_PHYSICS.gravity), "Gravity in the terrain's frame [m/s^2], three numbers.",
+         -1000.0, 1000.0),
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
@@ -107,7 +108,7 @@ SPECS = (
     Spec("raster.resolution", _RASTER.resolution, "Distance between the samples of images and plain files [m].",
          1e-4, 1e4),
     Spec("raster.origin", list(_RASTER.origin), "Where the bottom left sample of images and plain files lies [m], "
-         "three numbers."),
+         "three numbers.", -1e9, 1e9),
     Spec("raster.yaw", _RASTER.yaw, "Turn of images and plain files about z [rad].", -math.pi, math.pi),
     Spec("raster.first_row", _RASTER.first_row, "Whether the first row of images and plain files is at the top, where "
          "y is largest, or at the bottom.", choices=get_args(FirstRow)),
