@@ -1,6 +1,6 @@
 """Topic-driven integration tests: a node of this package in a process and DDS domain of its own, and a probe beside it.
 
-With pytest, import the fixtures and ask for them::
+docs/testing.md is the guide to it. With pytest, import the fixtures and ask for them::
 
     from smartmesh_ros.testing import Probe, domain, probe  # noqa: F401
 
