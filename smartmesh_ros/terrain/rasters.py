@@ -22,6 +22,8 @@ FirstRow = Literal["top", "bottom"]
 # How far a point of an organised cloud may lie from its place on the grid, as a share of a cell. A height there
 # is taken as the height at the place.
 OFF_GRID = 0.1
+# Points that lie in one line do not say where a grid lies; their normal equations are this badly conditioned.
+MOST_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
@@ -131,40 +133,58 @@ def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: f
 
 def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     """An organised cloud (rows, columns, 3) [m] whose points lie over a uniform grid; NaN points are holes."""
-    rows, columns = points.shape[:2]
-    known = np.isfinite(points).all(axis=2)
-    row, column = np.nonzero(known)
-    if not row.size or not np.ptp(row) or not np.ptp(column):
-        raise InputError("not_a_grid", "the cloud has too few finite points to say where its grid lies; it needs three")
-    # The affine map from (1, column, row) to (x, y) that fits best, about the middle for the sake of precision.
-    cells = np.stack([np.ones(row.size), column, row], axis=1)
-    xy = points[known][:, :2]
-    middle = xy.mean(axis=0)
-    fit, *_ = np.linalg.lstsq(cells, xy - middle, rcond=None)
+    with np.errstate(all="ignore"):
+        known = np.isfinite(points.sum(axis=2))
+    fit = _fitted_grid(points, known)
     along_columns, along_rows = fit[1], fit[2]
     resolution = float(np.hypot(*along_columns))
-    mirrored = along_columns[0] * along_rows[1] < along_columns[1] * along_rows[0]
+    mirrored = bool(along_columns[0] * along_rows[1] < along_columns[1] * along_rows[0])
     turned = np.array([-along_columns[1], along_columns[0]]) * (-1.0 if mirrored else 1.0)
-    square = np.stack([fit[0], along_columns, turned])
-    off = np.abs(cells @ square - (xy - middle)).max()
+    rows, columns = known.shape
+    off = 0.0
+    for axis in range(2):
+        places = fit[0, axis] + along_columns[axis] * np.arange(columns) + turned[axis] * np.arange(rows)[:, None]
+        off = max(off, float(np.abs(places - points[..., axis]).max(where=known, initial=0.0)))
     if not off <= OFF_GRID * resolution:
         raise InputError(
             "not_a_grid",
             f"points of the cloud lie up to {off:.3g} m off a grid of {resolution:.3g} m; rows and columns must be "
             "equally spaced and square to each other in x and y",
         )
-    first = fit[0] + middle
     heights = scaled(points[..., 2], config)
     heights[~known] = np.nan
+    first = fit[0]
     if mirrored:
         first = first + (rows - 1) * turned
         heights = np.ascontiguousarray(heights[::-1])
-    yaw = math.atan2(along_columns[1], along_columns[0])
     geometry = GridGeometry(
         rows=rows,
         columns=columns,
         resolution=resolution,
         origin=(float(first[0]), float(first[1]), 0.0),
-        yaw=yaw,
+        yaw=math.atan2(along_columns[1], along_columns[0]),
     )
     return Raster(geometry, heights)
+
+
+def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(x, y) of the first sample, a step along columns and a step along rows, (3, 2) [m], that fit the known points
+    best: the normal equations, whose sums over rows and columns cost a few passes over the cloud."""
+    rows, columns = known.shape
+    # About the middle of the grid and one of the points, for the sake of precision.
+    r, c = np.arange(rows) - 0.5 * (rows - 1), np.arange(columns) - 0.5 * (columns - 1)
+    some = np.unravel_index(np.argmax(known), known.shape)
+    in_row, in_column = known.sum(axis=1), known.sum(axis=0)
+    sum_c, sum_r, sum_rc = in_column @ c, in_row @ r, r @ (known @ c)
+    normal = np.array(
+        [[in_row.sum(), sum_c, sum_r], [sum_c, in_column @ c**2, sum_rc], [sum_r, sum_rc, in_row @ r**2]], np.float64
+    )
+    if not np.linalg.cond(normal) < MOST_CONDITION:
+        raise InputError("not_a_grid", "the cloud has too few finite points to say where its grid lies; it needs three")
+    right = np.empty((3, 2))
+    for axis in range(2):
+        offsets = np.where(known, points[..., axis] - points[some][axis], 0.0)
+        right[:, axis] = offsets.sum(), offsets.sum(axis=0) @ c, offsets.sum(axis=1) @ r
+    fit = np.asarray(np.linalg.solve(normal, right), np.float64)
+    fit[0] += points[some][:2] + c[0] * fit[1] + r[0] * fit[2]
+    return fit

@@ -187,3 +187,13 @@ def test_clouds_that_are_no_grid_are_refused(bend: object) -> None:
     with pytest.raises(InputError) as error:
         from_points(bend(points), PLAIN)  # type: ignore[operator]
     assert error.value.reason in ("not_a_grid", "geometry")
+
+
+def test_what_missing_points_of_a_cloud_say_does_not_matter() -> None:
+    rows, columns = np.mgrid[:4, :5]
+    points = np.stack([columns, rows, 0 * rows], axis=-1).astype(float)
+    points[1, 1] = (math.inf, -math.inf, math.inf)
+    points[2, 2] = (99.0, -99.0, NAN)
+    raster = from_points(points, PLAIN)
+    assert np.isnan(raster.heights).sum() == 2
+    assert raster.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
