@@ -61,13 +61,14 @@ class RasterConfig:
 
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
     """Values as heights [m]; what is not finite is a hole."""
-    heights = values.astype(np.float32)
-    if config.scale != 1.0:
-        heights *= np.float32(config.scale)
-    if config.offset != 0.0:
-        heights += np.float32(config.offset)
-    if not np.isfinite(heights.sum()):
-        heights[~np.isfinite(heights)] = np.nan
+    with np.errstate(over="ignore", invalid="ignore"):  # becomes infinity or NaN, and so a hole
+        heights = values.astype(np.float32)
+        if config.scale != 1.0:
+            heights *= np.float32(config.scale)
+        if config.offset != 0.0:
+            heights += np.float32(config.offset)
+        if not np.isfinite(heights.sum()):
+            heights[~np.isfinite(heights)] = np.nan
     return heights
 
 
