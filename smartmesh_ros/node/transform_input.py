@@ -45,11 +45,15 @@ class TransformInput:
         return self.buffer.lookup(terrain, frame_id, stamp)[0]
 
     def _take(self, message: Any, *, static: bool) -> None:
+        """Each transform counts by itself: one that is refused does not take its neighbours with it."""
         for item in message.transforms:
             p, q = item.transform.translation, item.transform.rotation
-            self.buffer.add(
-                item.header.frame_id.strip("/"),
-                item.child_frame_id.strip("/"),
-                Transform((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)),
-                None if static else conversions.stamp_seconds(item.header.stamp) or 0.0,
-            )
+            try:
+                self.buffer.add(
+                    item.header.frame_id.strip("/"),
+                    item.child_frame_id.strip("/"),
+                    Transform((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)),
+                    None if static else conversions.stamp_seconds(item.header.stamp) or 0.0,
+                )
+            except InputError as error:
+                self._session.refusals.add("/tf_static" if static else "/tf", error)

@@ -32,9 +32,8 @@ def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: fl
     return TFMessage(transforms=[item])
 
 
-def flat_map(probe: Probe, frame_id: str = "map") -> None:
-    probe.publish_map(np.zeros((200, 200)), resolution=0.1, origin=(-10.0, -10.0, 0.0), frame_id=frame_id)
-    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "40000")
+def flat_map(probe: Probe) -> None:
+    probe.publish_map(np.zeros((200, 200)), resolution=0.1, origin=(-10.0, -10.0, 0.0))
 
 
 def patch_near(probe: Probe, name: str, x: float, y: float, act: Callable[[], None]) -> None:
@@ -117,12 +116,17 @@ def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(probe: Probe) -> N
 
 
 def test_poses_in_another_frame_are_transformed(probe: Probe) -> None:
-    with probe.running(parameters={"bodies.poses": ["arm=/arm"]}) as process:
+    with probe.running(parameters={"bodies.poses": ["arm=/arm"], "frame_id": "map"}) as process:
         flat_map(probe)
         arm = probe.publisher(PoseStamped, "/arm")
         pose = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
-        arm.publish(stamped(probe, pose, "odom"))
-        probe.wait_for(lambda: "no transform from 'odom' to 'map'" in process.output)
+
+        def refused() -> bool:
+            arm.publish(stamped(probe, pose, "odom"))
+            probe.spin()
+            return "no transform from 'odom' to 'map'" in process.output
+
+        probe.wait_for(refused)
         assert bodies(probe) == set()
         moving = probe.publisher(TFMessage, "/tf")
 
@@ -147,7 +151,11 @@ def test_poses_in_another_frame_are_transformed(probe: Probe) -> None:
 
 
 def test_frames_of_tf_are_bodies(probe: Probe) -> None:
-    parameters = {"bodies.frames": ["robot1/base_link", "foot=robot1/foot", "post"], "bodies.timeout": 0.5}
+    parameters = {
+        "bodies.frames": ["robot1/base_link", "foot=robot1/foot", "post"],
+        "bodies.timeout": 0.5,
+        "frame_id": "map",
+    }
     with probe.running(parameters=parameters) as process:
         flat_map(probe)
         moving, static = probe.publisher(TFMessage, "/tf"), probe.publisher(TFMessage, "/tf_static", LATCHED)
@@ -169,8 +177,11 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
         # What stands still by definition stays; what moved and is heard of no more is gone.
         probe.wait_for(lambda: bodies(probe) == {"post"})
         patch_near(probe, "post", -5.0, -5.0, lambda: None)
-        moving.publish(transform(probe, "odom", "robot1/base_link", math.nan, 0.0))
+        # One that is impossible is refused by itself.
+        bad, good = (transform(probe, "odom", "robot1/base_link", x, 0.0) for x in (math.nan, 3.0))
+        moving.publish(TFMessage(transforms=[*bad.transforms, *transform(probe, "map", "odom", 1.0, 1.0).transforms]))
         probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
+        patch_near(probe, "robot1.base_link", 4.0, 1.0, lambda: moving.publish(good))
         assert "Traceback" not in process.output
 
 
@@ -202,13 +213,18 @@ def test_bodies_that_cannot_be_are_named_at_the_start(domain: int, parameters: d
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(probe: Probe) -> None:
-    process = Process("terrain_collider", environment=without_test_packages())
+    process = Process("terrain_collider", {"frame_id": "map"}, environment=without_test_packages())
     try:
         probe.wait_for(probe.connected, watch=process)
         flat_map(probe)
-        probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
-        probe.wait_for(lambda: "apt install ros-jazzy-tf2-msgs" in process.output)
-        assert probe.diagnostics("inputs")["refused, body_poses: frame"] == "1"
+
+        def named() -> bool:
+            probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
+            probe.spin()
+            return "apt install ros-jazzy-tf2-msgs" in process.output
+
+        probe.wait_for(named)
+        probe.wait_for(lambda: int(probe.diagnostics("inputs").get("refused, body_poses: frame", 0)) > 0)
     finally:
         process.stop()
         process.close()
