@@ -4,12 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
+from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.frames import HISTORY, LATE, FrameBuffer, Transform
+from smartmesh_ros.node.transform_input import transforms_from
 from smartmesh_ros.physics.state import BodyState
 
 NUMBERS = st.floats(-10.0, 10.0)
@@ -127,3 +131,29 @@ def test_memory_is_bounded_and_a_clock_set_back_starts_anew() -> None:
     buffer.lookup("odom", "base", 100.0 + 0.01 * 20_000 - 0.9 * HISTORY)
     buffer.add("odom", "base", turned(0.0, -1.0), 5.0)
     assert buffer.lookup("odom", "base")[0].translation[0] == -1.0
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(-(2**31), 2**31 - 1), st.text(max_size=9), st.text(max_size=9), transforms()), max_size=5
+    )
+)
+def test_transforms_are_read_from_bytes_as_they_were_written(items: list[tuple[int, str, str, Transform]]) -> None:
+    message = TFMessage()
+    for sec, parent, child, transform in items:
+        item = TransformStamped(child_frame_id=child.replace("\0", ""))
+        item.header.frame_id, item.header.stamp.sec = parent.replace("\0", ""), sec
+        p, q = item.transform.translation, item.transform.rotation
+        (p.x, p.y, p.z), (q.x, q.y, q.z, q.w) = transform
+        message.transforms.append(item)
+    data = serialize_message(message)
+    read = list(transforms_from(data))
+    assert read == [
+        ((item.header.stamp.sec, 0), item.header.frame_id, item.child_frame_id, transform)
+        for item, (*_, transform) in zip(message.transforms, items, strict=True)
+    ]
+    for end in range(len(data)):
+        try:
+            assert len(list(transforms_from(data[:end]))) <= len(items)
+        except InputError as error:
+            assert error.reason == "malformed"
