@@ -24,7 +24,7 @@ class Stamp(NamedTuple):
 
 
 def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
-    """(stamp, parent, child, transform) of a TFMessage from its bytes, in a quarter of the time that rclpy takes for its objects."""
+    """(stamp, parent, child, transform) of a TFMessage from its bytes, four times as fast as by rclpy's objects."""
     reader = CdrReader(data)
     for _ in range(reader.number("I")):
         stamp = Stamp(reader.number("i"), reader.number("I"))
