@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.cdr_reader import CdrReader, Stamped
+from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -142,7 +142,7 @@ def poses_from(message: Any) -> list[BodyInput]:
 def odometry_from(message: Any) -> BodyState:
     """An Odometry message; its twist is in the body's own frame and is turned into that of the pose."""
     state = state_from(message.pose.pose, message.twist.twist)
-    linear, angular = (pybullet.rotateVector(state.orientation, vector) for vector in (state.linear, state.angular))
+    linear, angular = (rotate(state.orientation, vector) for vector in (state.linear, state.angular))
     return replace(state, linear=linear, angular=angular)
 
 

@@ -7,9 +7,8 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import pybullet
-
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.quaternions import conjugate, product, rotate, slerp
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
 
 # How long transforms are kept [s], and how many of one child at the most.
@@ -27,20 +26,21 @@ class Transform(NamedTuple):
 
     def then(self, inner: Transform) -> Transform:
         """A transform given in this one's frame, seen from outside."""
-        return Transform(*pybullet.multiplyTransforms(*self, *inner))
+        (x, y, z), (dx, dy, dz) = self.translation, rotate(self.rotation, inner.translation)
+        return Transform((x + dx, y + dy, z + dz), product(self.rotation, inner.rotation))
 
     def inverse(self) -> Transform:
         """The outer frame's pose in this one."""
-        return Transform(*pybullet.invertTransform(*self))
+        back = conjugate(self.rotation)
+        x, y, z = rotate(back, self.translation)
+        return Transform((-x, -y, -z), back)
 
     def apply(self, state: BodyState) -> BodyState:
         """A body's state seen from outside, by a frame that stands still."""
-        position, orientation = pybullet.multiplyTransforms(*self, state.position, state.orientation)
-        return BodyState(position, orientation, self._turn(state.linear), self._turn(state.angular))
-
-    def _turn(self, vector: Vector) -> Vector:
-        turned: Vector = pybullet.rotateVector(self.rotation, vector)
-        return turned
+        position, orientation = self.then(Transform(state.position, state.orientation))
+        return BodyState(
+            position, orientation, rotate(self.rotation, state.linear), rotate(self.rotation, state.angular)
+        )
 
 
 IDENTITY = Transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -143,4 +143,4 @@ class FrameBuffer:
         share = (stamp - edge.stamps[after - 1]) / (edge.stamps[after] - edge.stamps[after - 1])
         (p1, q1), (p2, q2) = edge.transforms[after - 1], edge.transforms[after]
         x, y, z = (a + share * (b - a) for a, b in zip(p1, p2, strict=True))
-        return Transform((x, y, z), pybullet.getQuaternionSlerp(q1, q2, share))
+        return Transform((x, y, z), slerp(q1, q2, share))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
@@ -17,13 +17,14 @@ from smartmesh_ros.node.transform_input import transforms_from
 from smartmesh_ros.physics.state import BodyState
 
 NUMBERS = st.floats(-10.0, 10.0)
+FAR = st.floats(-1e6, 1e6)  # as in UTM coordinates
 
 
 @st.composite
 def transforms(draw: st.DrawFn) -> Transform:
     q = np.array(draw(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS)))
     assume(np.linalg.norm(q) > 0.1)
-    return Transform(draw(st.tuples(NUMBERS, NUMBERS, NUMBERS)), tuple((q / np.linalg.norm(q)).tolist()))
+    return Transform(draw(st.tuples(FAR, FAR, NUMBERS)), tuple((q / np.linalg.norm(q)).tolist()))
 
 
 def matrix(transform: Transform) -> NDArray[np.float64]:
@@ -39,6 +40,7 @@ def matrix(transform: Transform) -> NDArray[np.float64]:
     return whole
 
 
+@settings(deadline=None, max_examples=60)
 @given(parents=st.lists(st.integers(0, 7), min_size=1, max_size=8), data=st.data())
 def test_any_two_frames_of_a_tree_are_related_as_matrices_say(parents: list[int], data: st.DataObject) -> None:
     """Frame i + 1 hangs below one of the frames before it; frame 0 is the root."""
@@ -52,29 +54,33 @@ def test_any_two_frames_of_a_tree_are_related_as_matrices_say(parents: list[int]
         for b in range(len(in_root)):
             found, _ = buffer.lookup(f"f{a}", f"f{b}", 5.0)
             wanted = np.linalg.inv(in_root[a]) @ in_root[b]
-            assert np.allclose(matrix(found), wanted, atol=1e-5)
+            assert np.allclose(matrix(found), wanted, rtol=0.0, atol=1e-6)
 
 
+@settings(deadline=None, max_examples=60)
 @given(transforms(), transforms())
 def test_states_are_turned_as_matrices_say(outer: Transform, inner: Transform) -> None:
     state = BodyState(inner.translation, inner.rotation, (1.0, -2.0, 3.0), (0.3, 0.2, 0.1))
     seen = outer.apply(state)
-    assert np.allclose(matrix(Transform(seen.position, seen.orientation)), matrix(outer) @ matrix(inner), atol=1e-5)
-    assert np.allclose(seen.linear, matrix(outer)[:3, :3] @ (1.0, -2.0, 3.0), atol=1e-5)
-    assert np.allclose(seen.angular, matrix(outer)[:3, :3] @ (0.3, 0.2, 0.1), atol=1e-5)
+    assert np.allclose(
+        matrix(Transform(seen.position, seen.orientation)), matrix(outer) @ matrix(inner), rtol=0.0, atol=1e-6
+    )
+    assert np.allclose(seen.linear, matrix(outer)[:3, :3] @ (1.0, -2.0, 3.0), atol=1e-9)
+    assert np.allclose(seen.angular, matrix(outer)[:3, :3] @ (0.3, 0.2, 0.1), atol=1e-9)
 
 
 def turned(yaw: float, x: float = 0.0) -> Transform:
     return Transform((x, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
 
 
+@settings(deadline=None, max_examples=60)
 @given(share=st.floats(0.0, 1.0))
 def test_between_two_transforms_it_is_interpolated(share: float) -> None:
     buffer = FrameBuffer()
     buffer.add("odom", "base", turned(0.0, 1.0), 10.0)
     buffer.add("odom", "base", turned(1.0, 3.0), 10.5)
     found, _ = buffer.lookup("odom", "base", 10.0 + 0.5 * share)
-    assert np.allclose(matrix(found), matrix(turned(share, 1.0 + 2.0 * share)), atol=1e-6)
+    assert np.allclose(matrix(found), matrix(turned(share, 1.0 + 2.0 * share)), atol=1e-9)
 
 
 def test_the_newest_time_that_all_frames_know_is_taken() -> None:
@@ -133,6 +139,7 @@ def test_memory_is_bounded_and_a_clock_set_back_starts_anew() -> None:
     assert buffer.lookup("odom", "base")[0].translation[0] == -1.0
 
 
+@settings(deadline=None, max_examples=60)
 @given(
     st.lists(
         st.tuples(st.integers(-(2**31), 2**31 - 1), st.text(max_size=9), st.text(max_size=9), transforms()), max_size=5

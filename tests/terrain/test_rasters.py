@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
@@ -76,6 +76,7 @@ def test_a_grid_maps_buffer_is_unrolled(start: tuple[int, int]) -> None:
     assert (raster.geometry.rows, raster.geometry.columns, raster.geometry.yaw) == (4, 5, 0.0)
 
 
+@settings(deadline=None)
 @given(
     along_x=st.integers(3, 9),
     along_y=st.integers(3, 9),
@@ -134,6 +135,7 @@ def test_occupancy_stands_as_high_as_it_is_certain_and_unknown_is_a_hole() -> No
         occupancy_heights(np.array([[101]], np.int8), PLAIN)
 
 
+@settings(deadline=None)
 @given(yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.01, 5.0))
 def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) -> None:
     raster = from_cells(np.zeros((4, 6), np.float32), corner=(1.0, 2.0, 3.0), yaw=yaw, resolution=resolution)
@@ -143,6 +145,7 @@ def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) ->
     assert raster.geometry.yaw == yaw
 
 
+@settings(deadline=None)
 @given(
     yaw=st.floats(-3.1, 3.1),
     resolution=st.floats(0.02, 3.0),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -16,6 +16,7 @@ def surface(geometry: GridGeometry, time: float) -> np.ndarray:
     return (np.sin(xy[..., 0]) + xy[..., 1] - 0.5 * time * xy[..., 0]).astype(np.float32)
 
 
+@settings(deadline=None)
 @given(
     rows=st.integers(-7, 7),
     columns=st.integers(-9, 9),
