@@ -25,6 +25,8 @@ setup(
     ],
     install_requires=["numpy", "pybullet"],
     extras_require={
+        "bags": ["rosbags"],
+        "files": ["pillow", "rasterio"],
         "studies": ["matplotlib"],
         "test": ["hypothesis", "pytest"],
     },

@@ -17,6 +17,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("config", default_value="rover.yaml", description="Parameter file in config/."),
             DeclareLaunchArgument("source", default_value="true", description="Whether to start terrain_source."),
             DeclareLaunchArgument("scene", default_value="waves", description="Scene of terrain_source."),
+            DeclareLaunchArgument("rviz", default_value="false", description="Whether to start RViz."),
             Node(
                 package="smartmesh_ros",
                 executable="terrain_collider",
@@ -29,6 +30,12 @@ def generate_launch_description() -> LaunchDescription:
                 output="screen",
                 parameters=[{"scene": LaunchConfiguration("scene")}],
                 condition=IfCondition(LaunchConfiguration("source")),
+            ),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                arguments=["-d", PathJoinSubstitution([FindPackageShare("smartmesh_ros"), "config", "smartmesh.rviz"])],
+                condition=IfCondition(LaunchConfiguration("rviz")),
             ),
         ]
     )

@@ -1,6 +1,6 @@
 """Topic-driven integration tests: a node of this package in a process and DDS domain of its own, and a probe beside it.
 
-With pytest, import the fixtures and ask for them::
+docs/testing.md is the guide to it. With pytest, import the fixtures and ask for them::
 
     from smartmesh_ros.testing import Probe, domain, probe  # noqa: F401
 
@@ -86,17 +86,26 @@ def executable(name: str, package: str = "smartmesh_ros") -> Path:
 class Process:
     """A node in a process of its own, its output kept."""
 
-    def __init__(self, name: str, parameters: dict[str, Any] | None = None, arguments: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        name: str,
+        parameters: dict[str, Any] | None = None,
+        arguments: Sequence[str] = (),
+        *,
+        package: str = "smartmesh_ros",
+        environment: dict[str, str] | None = None,
+    ) -> None:
         self._folder = tempfile.TemporaryDirectory()
         folder = Path(self._folder.name)
-        command = [str(executable(name)), *arguments]
+        command = [str(executable(name, package)), *arguments]
         if parameters:
             file = folder / "parameters.yaml"
             file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
             command += ["--ros-args", "--params-file", str(file)]
+        environment = {**os.environ, **(environment or {})}
         self._log = folder / "log.txt"
         with self._log.open("wb") as log:
-            self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+            self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
 
     @property
     def output(self) -> str:
@@ -141,9 +150,14 @@ class Probe:
         rclpy.shutdown(context=self.context)
 
     @contextmanager
-    def running(self, name: str = "terrain_collider", parameters: dict[str, Any] | None = None) -> Iterator[Process]:
+    def running(
+        self,
+        name: str = "terrain_collider",
+        parameters: dict[str, Any] | None = None,
+        arguments: Sequence[str] = (),
+    ) -> Iterator[Process]:
         """A node of the package, connected to the probe, for the length of the block."""
-        process = Process(name, parameters)
+        process = Process(name, parameters, arguments)
         try:
             if name == "terrain_collider":
                 self.wait_for(self.connected, watch=process)
@@ -153,6 +167,14 @@ class Probe:
             process.close()
             for messages in self.received.values():
                 messages.clear()
+
+    def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Any:
+        """A publisher of messages ``kind`` on ``topic`` (a name below /terrain_collider, or a whole one) that somebody
+        subscribes to."""
+        name = topic if topic.startswith("/") else f"{COLLIDER}/{topic}"
+        publisher = self.node.create_publisher(kind, name, qos)
+        self.wait_for(publisher.get_subscription_count)
+        return publisher
 
     def connected(self) -> bool:
         """Whether the collider has met every publisher and subscription of the probe."""

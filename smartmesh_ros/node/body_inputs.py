@@ -1,11 +1,13 @@
-"""Bodies from topics: poses that are dictated, and commands to robots' joints."""
+"""Bodies from topics and frames: poses that are dictated, and commands to robots' joints."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from time import monotonic
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
@@ -13,8 +15,11 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
+from smartmesh_ros.node.conversions import BodyInput
+from smartmesh_ros.node.frame_bodies import FrameBodies
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.transform_input import TransformInput
 
 # Takes reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -27,13 +32,25 @@ class BodyInputs:
         self._session = session
         self._clocks: dict[str, StampClock] = {}
         self._of_poses: set[str] = set()
+        self._transforms = TransformInput(session)
+        self._frames = FrameBodies(session, self._transforms)
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+        for name, topic in session.settings.poses:
+            session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
+        for name, topic in session.settings.odometry:
+            session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
+
+    def refresh(self) -> None:
+        """Brings the bodies that are frames to where they are."""
+        self._frames.refresh()
 
     def forget_stamps(self) -> None:
         """Accepts whatever stamps come next, after a reset."""
         self._clocks.clear()
+        self._frames.forget_stamps()
+        self._transforms.buffer.clear()
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:
         self._track("tracked_bodies", message.header, conversions.bodies_from(message))
@@ -46,19 +63,24 @@ class BodyInputs:
             self._session.tracking.forget(name)
         self._of_poses = names
 
-    def _track(self, topic: str, header: Header, bodies: list[conversions.BodyInput]) -> None:
+    def _on_pose(self, name: str, topic: str, message: PoseStamped) -> None:
+        self._track(topic, message.header, [BodyInput(name, conversions.state_from(message.pose), 0.0)])
+
+    def _on_odometry(self, name: str, topic: str, message: Odometry) -> None:
+        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
+
+    def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
         session = self._session
         stamp = conversions.stamp_seconds(header.stamp)
-        session.require_frame(header.frame_id)
+        transform = self._transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
         time = clock.place(stamp, session.clock_now(), monotonic())
         for body in bodies:
-            known = session.world.bodies.get(body.name)
-            if known is not None and not known.tracked:
-                raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
+            session.require_not_simulated(body.name)
         for body in bodies:
             radius = body.radius or session.settings.default_radius
-            session.tracking.update(body.name, radius, body.state, time)
+            state = body.state if transform is None else transform.apply(body.state)
+            session.tracking.update(body.name, radius, state, time)
         clock.accept(stamp, time)
 
     def _on_joint_commands(self, message: JointState) -> None:

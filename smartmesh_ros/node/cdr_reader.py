@@ -35,6 +35,11 @@ class CdrReader:
         size = struct.calcsize(code)
         return struct.unpack(self._order + code, self._take(size, size))[0]
 
+    def numbers(self, code: str, count: int) -> tuple[Any, ...]:
+        """So many numbers in a row, by their `struct` code."""
+        size = struct.calcsize(code)
+        return struct.unpack(f"{self._order}{count}{code}", self._take(size, count * size))
+
     def text(self) -> str:
         """A string."""
         data = bytes(self._take(1, self.number("I")))

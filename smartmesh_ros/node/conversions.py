@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.cdr_reader import CdrReader, Stamped
+from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -135,6 +137,13 @@ def bodies_from(message: Any) -> list[BodyInput]:
 def poses_from(message: Any) -> list[BodyInput]:
     """A PoseArray message: body i is called ``body_<i>``."""
     return [BodyInput(f"body_{index}", state_from(pose), 0.0) for index, pose in enumerate(message.poses)]
+
+
+def odometry_from(message: Any) -> BodyState:
+    """An Odometry message; its twist is in the body's own frame and is turned into that of the pose."""
+    state = state_from(message.pose.pose, message.twist.twist)
+    linear, angular = (rotate(state.orientation, vector) for vector in (state.linear, state.angular))
+    return replace(state, linear=linear, angular=angular)
 
 
 def state_from(pose: Any, twist: Any = None) -> BodyState:

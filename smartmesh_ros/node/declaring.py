@@ -40,7 +40,7 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
             raise InputError("parameter", f"{error}{bounds}") from None
     names = [spec.name for spec in specs]
     for name in sorted(node._parameter_overrides):
-        if name not in names and name != "use_sim_time" and not name.startswith("qos_overrides."):
+        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
             nearest = difflib.get_close_matches(name, names, n=1)
             hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
             node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{hint}")
@@ -68,6 +68,8 @@ def plain_value(parameter: Parameter) -> Any:
 
 def _checked(spec: Spec, value: Any) -> Any:
     wanted = type(spec.default)
+    if value is None and wanted is list:
+        value = []  # what an empty list in a parameter file arrives as
     if wanted is float and type(value) is int:
         value = float(value)
     if type(value) is not wanted:
@@ -79,8 +81,10 @@ def _checked(spec: Spec, value: Any) -> Any:
             raise InputError("parameter", f"{spec.name} is {value!r}; every entry must be of type {kind.__name__}")
     if spec.choices and value not in spec.choices:
         raise InputError("parameter", f"{spec.name} is {value!r}; choose one of {', '.join(spec.choices)}")
-    if spec.low is not None and spec.high is not None and not (math.isfinite(value) and spec.low <= value <= spec.high):
-        raise InputError("parameter", f"{spec.name} is {value}; it must be {spec.low} to {spec.high}")
+    if spec.low is not None and spec.high is not None:
+        for item in value if isinstance(value, list) else [value]:
+            if not (math.isfinite(item) and spec.low <= item <= spec.high):
+                raise InputError("parameter", f"{spec.name} is {value}; it must be {spec.low} to {spec.high}")
     return value
 
 
@@ -92,7 +96,9 @@ def _descriptor(spec: Spec) -> ParameterDescriptor:
         dynamic_typing=True,
         additional_constraints=f"one of {', '.join(spec.choices)}" if spec.choices else "",
     )
-    if spec.low is not None and spec.high is not None:
+    if isinstance(spec.default, list) and spec.low is not None:  # ranges are for single numbers
+        descriptor.additional_constraints = f"each {spec.low} to {spec.high}"
+    elif spec.low is not None and spec.high is not None:
         if isinstance(spec.default, float):
             descriptor.floating_point_range = [FloatingPointRange(from_value=spec.low, to_value=spec.high)]
         else:

@@ -5,6 +5,7 @@ Defaults live in the core's configurations; this module reads them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -15,6 +16,7 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import declaring
+from smartmesh_ros.node.body_sources import BodySource, body_sources
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.patches.collect import CollectMethod
@@ -23,8 +25,11 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
+from smartmesh_ros.terrain.rasters import FirstRow, RasterConfig
 
 Durability = Literal["volatile", "transient_local"]
+Reliability = Literal["reliable", "best_effort"]
+TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,18 +53,26 @@ class Settings:
     frame_id: str = ""
     max_samples: int = 64_000_000
     durability: Durability = "volatile"
+    reliability: Reliability = "reliable"
+    input: TerrainInput = "heightmap"
+    file: str = ""
+    raster: RasterConfig = field(default_factory=RasterConfig)
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
+    poses: tuple[BodySource, ...] = ()
+    odometry: tuple[BodySource, ...] = ()
+    frames: tuple[BodySource, ...] = ()
     executor: ExecutorKind = "events"
 
 
 _D = Settings()
-_PHYSICS, _PATCH = _D.world.physics, _D.world.patch
+_PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster
 
 SPECS = (
     Spec("physics.rate", _PHYSICS.rate, "Physics steps per second [Hz].", 1.0, 10_000.0),
-    Spec("physics.gravity", list(_PHYSICS.gravity), "Gravity in the terrain's frame [m/s^2], three numbers."),
+    Spec("physics.gravity", list(_PHYSICS.gravity), "Gravity in the terrain's frame [m/s^2], three numbers.",
+         -1000.0, 1000.0),
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
@@ -81,9 +94,36 @@ SPECS = (
         "terrain.durability", _D.durability, "QoS durability of the map subscriptions; transient_local gets the last "
         "map of a latched publisher, and nothing from a volatile one.", choices=get_args(Durability), read_only=True,
     ),
+    Spec(
+        "terrain.reliability", _D.reliability, "QoS reliability of the map subscriptions; best_effort also takes maps "
+        "from best-effort publishers, such as cameras, and may lose some.", choices=get_args(Reliability),
+        read_only=True,
+    ),
+    Spec(
+        "terrain.input", _D.input, "Topic that brings the terrain, ~/<input>, beside the heightmap topics, which are "
+        "always there.", choices=get_args(TerrainInput), read_only=True,
+    ),
+    Spec("terrain.file", _D.file, "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", read_only=True),
+    Spec("raster.layer", _RASTER.layer, "Layer of a grid map that holds the heights."),
+    Spec("raster.scale", _RASTER.scale, "Height = scale x value + offset [m per unit]. Values are pixels, metres or, "
+         "of occupancy, 0 to 1.", -1e6, 1e6),
+    Spec("raster.offset", _RASTER.offset, "Height of the value zero [m].", -1e6, 1e6),
+    Spec("raster.resolution", _RASTER.resolution, "Distance between the samples of images and plain files [m].",
+         1e-4, 1e4),
+    Spec("raster.origin", list(_RASTER.origin), "Where the bottom left sample of images and plain files lies [m], "
+         "three numbers.", -1e9, 1e9),
+    Spec("raster.yaw", _RASTER.yaw, "Turn of images and plain files about z [rad].", -math.pi, math.pi),
+    Spec("raster.first_row", _RASTER.first_row, "Whether the first row of images and plain files is at the top, where "
+         "y is largest, or at the bottom.", choices=get_args(FirstRow)),
+    Spec("raster.zero_is_hole", _RASTER.zero_is_hole, "In images and plain files zero means no ground."),
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
+    Spec("bodies.poses", [], "Topics of geometry_msgs/PoseStamped, each of one tracked body: 'name=topic', or a topic "
+         "alone, which names it.", read_only=True),
+    Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
+         "alone.", read_only=True),
+    Spec("bodies.frames", [], "TF frames that are tracked bodies: 'name=frame', or a frame alone.", read_only=True),
     Spec("publish.patches", _D.publish.patches, "Rate of ~/patches [Hz]; 0 = never.", 0.0, 1000.0),
     Spec("publish.collider_patches", _D.publish.collider_patches, "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
@@ -125,9 +165,23 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         frame_id=v["frame_id"],
         max_samples=v["terrain.max_samples"],
         durability=v["terrain.durability"],
+        reliability=v["terrain.reliability"],
+        input=v["terrain.input"],
+        file=v["terrain.file"],
+        raster=RasterConfig(
+            layer=v["raster.layer"],
+            scale=v["raster.scale"],
+            offset=v["raster.offset"],
+            resolution=v["raster.resolution"],
+            origin=tuple(v["raster.origin"]),
+            yaw=v["raster.yaw"],
+            first_row=v["raster.first_row"],
+            zero_is_hole=v["raster.zero_is_hole"],
+        ),
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
+        **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
         executor=v["executor"],
     )
 

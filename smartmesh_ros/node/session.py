@@ -34,8 +34,17 @@ class Session:
         self.map_taken: float | None = None
         self.paused = False
 
-    def listen(self, kind: Any, topic: str, take: Callable[[Any], None], qos: QoSProfile, *, raw: bool = False) -> None:
-        """Subscribes to ``~/topic``; what ``take`` refuses is counted and logged."""
+    def listen(
+        self,
+        kind: Any,
+        topic: str,
+        take: Callable[[Any], None],
+        qos: QoSProfile,
+        *,
+        raw: bool = False,
+        private: bool = True,
+    ) -> None:
+        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged."""
 
         def callback(message: Any) -> None:
             try:
@@ -43,7 +52,7 @@ class Session:
             except InputError as error:
                 self.refusals.add(topic, error)
 
-        self.node.create_subscription(kind, f"~/{topic}", callback, qos, raw=raw)
+        self.node.create_subscription(kind, f"~/{topic}" if private else topic, callback, qos, raw=raw)
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
@@ -67,6 +76,12 @@ class Session:
     def time_now(self) -> float:
         """Simulated time at this instant [s]: that of the next step, less what is left until it is due."""
         return self.world.time if self.paused else self.world.time - min(self.pacer.remaining(), self.pacer.period)
+
+    def require_not_simulated(self, name: str) -> None:
+        """Raises `InputError` if the body is simulated, so that nobody can dictate its pose."""
+        known = self.world.bodies.get(name)
+        if known is not None and not known.tracked:
+            raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
     def require_frame(self, frame_id: str) -> None:
         """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame."""

@@ -1,4 +1,10 @@
-"""The node ``terrain_collider``: terrain and bodies in, collider patches out."""
+"""The node ``terrain_collider``: terrain and bodies in, collider patches out.
+
+It takes a terrain as it deforms (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
+poses of bodies (arrays, poses, odometry, TF frames), keeps a small collider patch under each body, steps the physics of
+simulated bodies on those patches, and publishes patches, contacts, body states and timing. Topics and services are
+private (~/heightmap, ~/patches, ...) and listed in the README; `ros2 node info /terrain_collider` shows them.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
+from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.session import Session
@@ -50,6 +57,7 @@ class TerrainCollider(Node):
     def tick(self) -> None:
         """One physics step (none while paused), and whatever is due to be published."""
         session = self.session
+        self._bodies.refresh()
         session.tracking.expire(monotonic())
         if session.paused:
             session.world.refresh()
@@ -138,4 +146,5 @@ class TerrainCollider(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Runs the node until SIGINT or SIGTERM."""
+    answer(NAME, __doc__, parameters.SPECS, args)
     run(TerrainCollider, args)

@@ -1,4 +1,4 @@
-"""Terrain from topics: height maps and their regions, general meshes and their moves."""
+"""Terrain from topics: height maps and their regions, general meshes and their moves, and what adapters bring."""
 
 from __future__ import annotations
 
@@ -6,17 +6,23 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from time import monotonic
+from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
+from smartmesh_ros.node.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.conversions import MapInput, RegionInput
+from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.ground import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
+from smartmesh_ros.terrain import files
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.scrolling import velocities_across
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -32,49 +38,89 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._taken = taken
         self._clocks: dict[str, StampClock] = {}
-        durability = DurabilityPolicy[session.settings.durability.upper()]
-        maps = QoSProfile(depth=2, durability=durability)
-        updates = QoSProfile(depth=100, durability=durability)
+        settings = session.settings
+        durability = DurabilityPolicy[settings.durability.upper()]
+        reliability = ReliabilityPolicy[settings.reliability.upper()]
+        maps = QoSProfile(depth=2, durability=durability, reliability=reliability)
+        updates = QoSProfile(depth=100, durability=durability, reliability=reliability)
         session.listen(Heightmap, "heightmap", self._on_map, maps)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates)
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
+        if settings.input != "heightmap":
+            adapter = ADAPTERS[settings.input]
+            kind = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
+            session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
+        if settings.input == "occupancy_grid":
+            self._listen_to_occupancy_updates(updates)
+        if settings.file:
+            self._load(settings.file)
 
     def forget_stamps(self) -> None:
         """Accepts whatever stamps come next, after a reset."""
         self._clocks.clear()
 
     def _on_map(self, message: Heightmap) -> None:
-        settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
         with self._ingesting(message.tile, stamp, message.header.frame_id) as time:
             if conversions.is_removal(message):
                 self._terrain.remove(message.tile)
-                return
-            new = conversions.map_from(message, settings.max_samples)
-            known = self._terrain.tiles.get(message.tile)
-            if isinstance(known, HeightMap) and known.geometry == new.geometry:
-                known.replace(new.heights, time=time, velocities=new.velocities)
             else:
-                self._put(
-                    message.tile,
-                    HeightMap(
-                        new.heights,
-                        geometry=new.geometry,
-                        time=time,
-                        velocities=new.velocities,
-                        motion=settings.motion,
-                    ),
-                )
+                self._take_map(message.tile, conversions.map_from(message, self._session.settings.max_samples), time)
+
+    def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
+        settings = self._session.settings
+        stamp = conversions.stamp_seconds(message.header.stamp)
+        with self._ingesting("", stamp, message.header.frame_id) as time:
+            raster = convert(message, settings.raster, settings.max_samples)
+            self._take_map("", MapInput(raster.geometry, raster.heights, None), time)
+
+    def _take_map(self, tile: str, new: MapInput, time: float) -> None:
+        """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
+        known = self._terrain.tiles.get(tile)
+        velocities = new.velocities
+        if isinstance(known, HeightMap):
+            if known.geometry == new.geometry:
+                known.replace(new.heights, time=time, velocities=velocities)
+                return
+            if velocities is None:
+                velocities = velocities_across(known, new.geometry, new.heights, time)
+        motion = self._session.settings.motion
+        self._put(tile, HeightMap(new.heights, geometry=new.geometry, time=time, velocities=velocities, motion=motion))
 
     def _on_region(self, message: HeightmapUpdate) -> None:
         stamp = conversions.stamp_seconds(message.header.stamp)
         with self._ingesting(message.tile, stamp, message.header.frame_id, update=True) as time:
-            tile = self._terrain.tile(message.tile)
-            if not isinstance(tile, HeightMap):
-                raise InputError("unknown_tile", f"tile {message.tile!r} is a general mesh; use ~/terrain_mesh_update")
             new = conversions.region_from(message, self._session.settings.max_samples)
-            tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
+            self._take_region(message.tile, new, time)
+
+    def _on_occupancy_update(self, message: Any) -> None:
+        settings = self._session.settings
+        stamp = conversions.stamp_seconds(message.header.stamp)
+        with self._ingesting("", stamp, message.header.frame_id, update=True) as time:
+            self._take_region("", occupancy_grid.region_from(message, settings.raster, settings.max_samples), time)
+
+    def _take_region(self, name: str, new: RegionInput, time: float) -> None:
+        tile = self._terrain.tile(name)
+        if not isinstance(tile, HeightMap):
+            raise InputError("unknown_tile", f"tile {name!r} is a general mesh; use ~/terrain_mesh_update")
+        tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
+
+    def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
+        kind = find_message("map_msgs", "OccupancyGridUpdate")
+        if kind is not None:
+            self._session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, qos)
+        else:
+            self._session.node.get_logger().info(
+                "no ~/occupancy_grid_update: it needs map_msgs, which is not installed; apt install ros-jazzy-map-msgs"
+            )
+
+    def _load(self, path: str) -> None:
+        """Takes the terrain of a file, at the start."""
+        settings = self._session.settings
+        raster = files.load(path, settings.raster, settings.max_samples)
+        with self._ingesting("", None, settings.frame_id) as time:
+            self._take_map("", MapInput(raster.geometry, raster.heights, None), time)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings

@@ -13,6 +13,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.declaring import Spec, declare
+from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.pacing import Pacer
 from smartmesh_ros.node.running import ExecutorKind, run
 from smartmesh_ros.terrain.elevation import jacksboro_fault
@@ -138,4 +139,5 @@ def _floats(heights: Any) -> array.array[float]:
 
 def main(args: list[str] | None = None) -> None:
     """Runs the node until SIGINT or SIGTERM."""
+    answer(NAME, __doc__, SPECS, args)
     run(TerrainSource, args)

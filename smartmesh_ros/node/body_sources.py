@@ -1,0 +1,51 @@
+"""Tracked bodies that parameters name, and where their poses come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
+
+from smartmesh_ros.errors import InputError
+
+
+class BodySource(NamedTuple):
+    """A tracked body, and the topic or TF frame that its pose comes from."""
+
+    name: str
+    source: str
+
+
+def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySource, ...]]:
+    """The sources of each parameter ``bodies.<kind>``. An entry is ``name=source``, or a source alone, whose body is
+    called like it with ``.`` for ``/``. Raises `InputError`: names are not empty, without ``/``, and distinct."""
+    seen: set[str] = set()
+    found: dict[str, tuple[BodySource, ...]] = {}
+    for kind, texts in entries.items():
+        sources = [_source(kind, text) for text in texts]
+        for name, _ in sources:
+            if name in seen:
+                raise InputError(
+                    "parameter", f"bodies.{kind} names body {name!r} again; use name=source to tell them apart"
+                )
+            seen.add(name)
+        found[kind] = tuple(sources)
+    return found
+
+
+def _source(kind: str, text: str) -> BodySource:
+    name, equals, source = text.partition("=")
+    if not equals:
+        name, source = text.strip("~/").replace("/", "."), text
+    if not name or not source or "/" in name:
+        raise InputError(
+            "parameter", f"bodies.{kind} has entry {text!r}; it must be name=source, with no '/' in the name"
+        )
+    if kind != "frames":
+        try:
+            validate_topic_name(source)
+        except InvalidTopicNameException as error:
+            raise InputError("parameter", f"bodies.{kind} has entry {text!r}: {error}") from None
+    return BodySource(name, source)

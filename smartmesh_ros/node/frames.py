@@ -1,0 +1,146 @@
+"""Where frames were, from transforms between parents and children (REP 105), without ROS."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.quaternions import conjugate, product, rotate, slerp
+from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
+
+# How long transforms are kept [s], and how many of one child at the most.
+HISTORY = 10.0
+MOST_KEPT = 2000
+# A stamp may be so much newer than the newest transform, which is then taken as it is [s].
+LATE = 0.5
+
+
+class Transform(NamedTuple):
+    """Pose of a frame in another: translation [m] and rotation (x, y, z, w)."""
+
+    translation: Vector
+    rotation: Quaternion
+
+    def then(self, inner: Transform) -> Transform:
+        """A transform given in this one's frame, seen from outside."""
+        (x, y, z), (dx, dy, dz) = self.translation, rotate(self.rotation, inner.translation)
+        return Transform((x + dx, y + dy, z + dz), product(self.rotation, inner.rotation))
+
+    def inverse(self) -> Transform:
+        """The outer frame's pose in this one."""
+        back = conjugate(self.rotation)
+        x, y, z = rotate(back, self.translation)
+        return Transform((-x, -y, -z), back)
+
+    def apply(self, state: BodyState) -> BodyState:
+        """A body's state seen from outside, by a frame that stands still."""
+        position, orientation = self.then(Transform(state.position, state.orientation))
+        return BodyState(
+            position, orientation, rotate(self.rotation, state.linear), rotate(self.rotation, state.angular)
+        )
+
+
+IDENTITY = Transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+@dataclass
+class _Edge:
+    """What is known of a child: its parent, and transforms by stamp; no stamps = static."""
+
+    parent: str
+    stamps: list[float] = field(default_factory=list)
+    transforms: list[Transform] = field(default_factory=list)
+
+
+class FrameBuffer:
+    """Transforms of the last seconds, looked up across the tree of frames. ``version`` counts what was added."""
+
+    def __init__(self) -> None:
+        self.version = 0
+        self._edges: dict[str, _Edge] = {}
+
+    def clear(self) -> None:
+        """Forgets everything that moves, when clocks were set back."""
+        self._edges = {child: edge for child, edge in self._edges.items() if not edge.stamps}
+
+    def add(self, parent: str, child: str, transform: Transform, stamp: float | None) -> None:
+        """Notes the pose of ``child`` in ``parent`` at ``stamp`` [s], None = always. Raises `InputError`."""
+        if not parent or not child or parent == child:
+            raise InputError("frame", f"a transform from {child!r} to {parent!r} has no two frames")
+        if not all(math.isfinite(value) for part in transform for value in part):
+            raise InputError("non_finite", f"the transform from {child!r} to {parent!r} is not finite: {transform}")
+        length = math.hypot(*transform.rotation)
+        if abs(length - 1.0) > QUATERNION_SLACK:
+            raise InputError(
+                "quaternion", f"the rotation from {child!r} to {parent!r} is no unit quaternion: {transform}"
+            )
+        x, y, z, w = transform.rotation
+        transform = Transform(transform.translation, (x / length, y / length, z / length, w / length))
+        edge = self._edges.get(child)
+        if stamp is None:
+            edge = self._edges[child] = _Edge(parent, [], [transform])
+        elif edge is None or edge.parent != parent or not edge.stamps or stamp < edge.stamps[-1] - HISTORY:
+            self._edges[child] = _Edge(parent, [stamp], [transform])
+        elif stamp > edge.stamps[-1]:  # one that comes late or again changes nothing
+            edge.stamps.append(stamp)
+            edge.transforms.append(transform)
+            old = max(bisect_right(edge.stamps, stamp - HISTORY) - 1, len(edge.stamps) - MOST_KEPT, 0)
+            if old > len(edge.stamps) // 4:  # now and then, rather than one by one
+                del edge.stamps[:old], edge.transforms[:old]
+        self.version += 1
+
+    def lookup(self, target: str, source: str, stamp: float | None = None) -> tuple[Transform, float | None]:
+        """Pose of ``source`` in ``target`` at ``stamp`` [s], and the stamp it holds for.
+
+        Without a stamp it is the newest that all frames on the way know; None where all of them are static. Between two
+        transforms it is interpolated. Raises `InputError` where there is no way, or none at that time.
+        """
+        up, down = self._way(source), self._way(target)
+        shared = next((frame for frame in up if frame in down), None)
+        if shared is None:
+            known = (
+                ", ".join(sorted({*self._edges, *(edge.parent for edge in self._edges.values())})[:20]) or "none yet"
+            )
+            raise InputError("frame", f"there is no transform from {source!r} to {target!r}; known frames: {known}")
+        up, down = up[: up.index(shared)], down[: down.index(shared)]
+        moving = [edge.stamps[-1] for child in up + down if (edge := self._edges[child]).stamps]
+        if stamp is None:
+            stamp = min(moving, default=None)
+        outward = self._chain(up, stamp)
+        return (self._chain(down, stamp).inverse().then(outward) if down else outward), stamp
+
+    def _way(self, frame: str) -> list[str]:
+        """The frame, its parent, and so on to the root."""
+        way = [frame]
+        while (edge := self._edges.get(way[-1])) is not None:
+            if edge.parent in way:
+                raise InputError("frame", f"frames are their own parents: {' -> '.join([*way, edge.parent])}")
+            way.append(edge.parent)
+        return way
+
+    def _chain(self, children: list[str], stamp: float | None) -> Transform:
+        whole = IDENTITY
+        for child in children:
+            whole = self._at(child, stamp).then(whole)
+        return whole
+
+    def _at(self, child: str, stamp: float | None) -> Transform:
+        edge = self._edges[child]
+        if not edge.stamps or stamp is None:
+            return edge.transforms[-1]
+        after = bisect_right(edge.stamps, stamp)
+        if after == 0 or stamp > edge.stamps[-1] + LATE:
+            raise InputError(
+                "frame",
+                f"{child!r} in {edge.parent!r} is known from {edge.stamps[0]:.3f} s to {edge.stamps[-1]:.3f} s, "
+                f"and was asked for at {stamp:.3f} s",
+            )
+        if after == len(edge.stamps):
+            return edge.transforms[-1]
+        share = (stamp - edge.stamps[after - 1]) / (edge.stamps[after] - edge.stamps[after - 1])
+        (p1, q1), (p2, q2) = edge.transforms[after - 1], edge.transforms[after]
+        x, y, z = (a + share * (b - a) for a, b in zip(p1, p2, strict=True))
+        return Transform((x, y, z), slerp(q1, q2, share))

@@ -1,0 +1,51 @@
+"""Maps that travel with a robot: the same grid, moved by whole cells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+# How far from a whole number of cells a move may be, as a share of a cell.
+OFF_GRID = 0.01
+
+
+def cells_moved(before: GridGeometry, after: GridGeometry) -> tuple[int, int] | None:
+    """(rows, columns) by which the grid was moved; None if it is another grid, or no sample is on both."""
+    if replace(after, origin=before.origin) != before or after.origin[2] != before.origin[2]:
+        return None
+    row, column = before.to_grid(np.array(after.origin[:2]))
+    rows, columns = round(float(row)), round(float(column))
+    if max(abs(row - rows), abs(column - columns)) > OFF_GRID:
+        return None
+    return (rows, columns) if abs(rows) < before.rows and abs(columns) < before.columns else None
+
+
+def velocities_across(
+    before: HeightMap, after: GridGeometry, heights: NDArray[np.float32], time: float
+) -> NDArray[np.float32] | None:
+    """How fast the samples (rows, columns) that a moved map shares with the one before it rise [m/s], NaN = not shared.
+
+    None where the maps share nothing, or lie too far apart in time to tell.
+    """
+    moved = cells_moved(before.geometry, after)
+    interval = time - before.time
+    if moved is None or not 0.0 < interval <= before.motion.max_interval or not math.isfinite(interval):
+        return None
+    (new_rows, old_rows), (new_columns, old_columns) = (
+        _overlap(cells, size) for cells, size in zip(moved, heights.shape, strict=True)
+    )
+    velocities = np.full(heights.shape, np.nan, np.float32)
+    rise = heights[new_rows, new_columns] - before.heights[old_rows, old_columns]
+    velocities[new_rows, new_columns] = rise / np.float32(interval)
+    return velocities
+
+
+def _overlap(moved: int, size: int) -> tuple[slice, slice]:
+    """Which samples of the new axis are which of the old one."""
+    return slice(max(-moved, 0), size - max(moved, 0)), slice(max(moved, 0), size - max(-moved, 0))

@@ -1,0 +1,230 @@
+"""Tracked bodies as stacks publish them, over real topics."""
+
+import math
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import SpawnBody
+from tf2_msgs.msg import TFMessage
+
+from smartmesh_ros.testing import Probe, Process, pose_message
+
+YAW = 0.5 * math.pi
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def stamped(probe: Probe, message: Any, frame_id: str) -> Any:
+    message.header.stamp, message.header.frame_id = probe.now(), frame_id
+    return message
+
+
+def transform(probe: Probe, parent: str, child: str, x: float, y: float, yaw: float = 0.0) -> TFMessage:
+    item = stamped(probe, TransformStamped(child_frame_id=child), parent)
+    item.transform.translation.x, item.transform.translation.y = x, y
+    item.transform.rotation.z, item.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    return TFMessage(transforms=[item])
+
+
+def flat_map(probe: Probe) -> None:
+    probe.publish_map(np.zeros((200, 200)), resolution=0.1, origin=(-10.0, -10.0, 0.0))
+
+
+def patch_near(probe: Probe, name: str, x: float, y: float, act: Callable[[], None]) -> None:
+    """Waits until the patch of the body is around (x, y), doing ``act`` again and again."""
+
+    def there() -> bool:
+        act()
+        for patch in probe.latest("collider_patches").patches:
+            if patch.body_id == name:
+                middle = np.mean([(p.x, p.y) for p in patch.mesh.vertices], axis=0)
+                return bool(np.abs(middle - (x, y)).max() <= 0.06)
+        return False
+
+    probe.wait_for(there)
+
+
+def bodies(probe: Probe) -> set[str]:
+    return {patch.body_id for patch in probe.latest("collider_patches").patches}
+
+
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(probe: Probe) -> None:
+    parameters = {
+        "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
+        "bodies.odometry": ["rover=~/odometry"],
+        "bodies.timeout": 0.5,
+        "frame_id": "map",
+    }
+    with probe.running(parameters=parameters):
+        flat_map(probe)
+        arm, second = probe.publisher(PoseStamped, "/arm/tip_pose"), probe.publisher(PoseStamped, "/second/pose")
+        rover = probe.publisher(Odometry, "odometry")
+
+        def publish() -> None:
+            arm.publish(stamped(probe, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
+            second.publish(stamped(probe, PoseStamped(pose=pose_message((4.0, 5.0, 0.2))), "map"))
+            odometry = Odometry(child_frame_id="base_link")
+            odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
+            rover.publish(stamped(probe, odometry, "map"))
+
+        patch_near(probe, "arm", 1.0, 2.0, publish)
+        patch_near(probe, "second.pose", 4.0, 5.0, publish)
+        patch_near(probe, "rover", -3.0, 4.0, publish)
+        assert bodies(probe) == {"arm", "second.pose", "rover"}
+        probe.wait_for(lambda: not bodies(probe))
+        rover.publish(stamped(probe, Odometry(pose=nan_pose()), "map"))
+        second.publish(stamped(probe, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
+        for key in ("refused, ~/odometry: non_finite", "refused, /second/pose: non_finite"):
+            probe.wait_for(lambda key=key: probe.diagnostics("inputs").get(key) == "1")
+
+
+def nan_pose() -> Any:
+    message = Odometry().pose
+    message.pose = pose_message((math.nan, 0.0, 0.0))
+    return message
+
+
+def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(probe: Probe) -> None:
+    """The twist is in the body's own frame: a rover that faces +y and drives ahead throws a ball that it touches along
+    +y, although its pose stands still."""
+    parameters = {"bodies.odometry": ["rover=/odom"], "bodies.default_radius": 0.5, "frame_id": "map"}
+    with probe.running(parameters=parameters):
+        flat_map(probe)
+        odom = probe.publisher(Odometry, "/odom")
+        ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+        assert probe.call(
+            "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((0.0, 0.69, 0.3))
+        ).success
+
+        def thrown() -> bool:
+            odometry = Odometry(child_frame_id="base_link")
+            odometry.pose.pose = pose_message((0.0, 0.0, 0.3))
+            odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w = math.sin(YAW / 2), math.cos(YAW / 2)
+            odometry.twist.twist.linear.x = 2.0
+            odom.publish(stamped(probe, odometry, "map"))
+            [state] = [body for body in probe.latest("body_states").bodies if body.id == "ball"]
+            assert abs(state.pose.position.x) < 0.1
+            return bool(state.pose.position.y > 1.0)
+
+        probe.wait_for(thrown)
+
+
+def test_poses_in_another_frame_are_transformed(probe: Probe) -> None:
+    with probe.running(parameters={"bodies.poses": ["arm=/arm"], "frame_id": "map"}) as process:
+        flat_map(probe)
+        arm = probe.publisher(PoseStamped, "/arm")
+        pose = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
+
+        def refused() -> bool:
+            arm.publish(stamped(probe, pose, "odom"))
+            probe.spin()
+            return "no transform from 'odom' to 'map'" in process.output
+
+        probe.wait_for(refused)
+        assert bodies(probe) == set()
+        moving = probe.publisher(TFMessage, "/tf")
+
+        def publish() -> None:
+            moving.publish(transform(probe, "map", "odom", 2.0, 3.0, YAW))
+            arm.publish(stamped(probe, pose, "odom"))
+
+        patch_near(probe, "arm", 2.0, 4.0, publish)
+        # The same for the other topics, and the frames of a robot that is turned the other way round.
+        static = probe.publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(transform(probe, "odom", "camera", 0.0, -1.0, -YAW))
+
+        def publish_all() -> None:
+            moving.publish(transform(probe, "map", "odom", 2.0, 3.0, YAW))
+            probe.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="camera")
+            probe.publish_poses([(0.0, 1.0, 0.2)], frame_id="camera")
+
+        patch_near(probe, "stone", 4.0, 3.0, publish_all)
+        patch_near(probe, "body_0", 3.0, 4.0, publish_all)
+        probe.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="elsewhere")
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, tracked_bodies: frame") is not None)
+
+
+def test_frames_of_tf_are_bodies(probe: Probe) -> None:
+    parameters = {
+        "bodies.frames": ["robot1/base_link", "foot=robot1/foot", "post"],
+        "bodies.timeout": 0.5,
+        "frame_id": "map",
+    }
+    with probe.running(parameters=parameters) as process:
+        flat_map(probe)
+        moving, static = probe.publisher(TFMessage, "/tf"), probe.publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(
+            TFMessage(
+                transforms=[
+                    *transform(probe, "robot1/base_link", "robot1/foot", 1.0, 0.0).transforms,
+                    *transform(probe, "map", "post", -5.0, -5.0).transforms,
+                ]
+            )
+        )
+
+        def publish() -> None:
+            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
+            moving.publish(transform(probe, "odom", "robot1/base_link", 0.5, 0.0, YAW))
+
+        patch_near(probe, "robot1.base_link", 1.5, 1.0, publish)
+        patch_near(probe, "foot", 1.5, 2.0, publish)
+        # What stands still by definition stays; what moved and is heard of no more is gone.
+        probe.wait_for(lambda: bodies(probe) == {"post"})
+        patch_near(probe, "post", -5.0, -5.0, lambda: None)
+        # One that is impossible is refused by itself.
+        bad, good = (transform(probe, "odom", "robot1/base_link", x, 0.0) for x in (math.nan, 3.0))
+        moving.publish(TFMessage(transforms=[*bad.transforms, *transform(probe, "map", "odom", 1.0, 1.0).transforms]))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
+        patch_near(probe, "robot1.base_link", 4.0, 1.0, lambda: moving.publish(good))
+        assert "Traceback" not in process.output
+
+
+def without_test_packages() -> dict[str, str]:
+    return {
+        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
+        for name, value in os.environ.items()
+        if "test_interfaces" in value
+    }
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"bodies.frames": ["base_link"]}, "apt install ros-jazzy-tf2-msgs"),
+        ({"bodies.poses": ["rover=/a b"]}, "rover=/a b"),
+        ({"bodies.poses": ["/a"], "bodies.odometry": ["a=/b"]}, "names body 'a' again"),
+        ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
+    ],
+)
+def test_bodies_that_cannot_be_are_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+    process = Process("terrain_collider", parameters, environment=without_test_packages())
+    try:
+        assert process.process.wait(30) == 2
+        assert words in process.output
+        assert "Traceback" not in process.output
+    finally:
+        process.close()
+
+
+def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(probe: Probe) -> None:
+    process = Process("terrain_collider", {"frame_id": "map"}, environment=without_test_packages())
+    try:
+        probe.wait_for(probe.connected, watch=process)
+        flat_map(probe)
+
+        def named() -> bool:
+            probe.publish_poses([(0.0, 0.0, 0.2)], frame_id="odom")
+            probe.spin()
+            return "apt install ros-jazzy-tf2-msgs" in process.output
+
+        probe.wait_for(named)
+        probe.wait_for(lambda: int(probe.diagnostics("inputs").get("refused, body_poses: frame", 0)) > 0)
+    finally:
+        process.stop()
+        process.close()
