@@ -1,0 +1,108 @@
+"""Moving ground and bodies on it, as in the report's Figure 1: circular waves that run inwards."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.scenes import InwardWaves
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+RESOLUTION = 0.25
+RADIUS = 0.2
+FRAME = 1.0 / 60.0
+# Distance of the bodies of a crowd [m].
+_APART = 1.5
+# Samples of ready-made frames that are kept: 32 MB of them.
+_SAMPLES = 1 << 23
+
+
+class Waves:
+    """Frames of a wave over ``side`` x ``side`` samples, made before anything is timed: forth and back, so that
+    successive frames always follow from one another."""
+
+    def __init__(self, side: int) -> None:
+        self.side = side
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
+        count = min(max(_SAMPLES // side**2, 3), 16)
+        self._frames = [scene.heights(index * FRAME) for index in range(count)]
+        self._order = [*range(count), *range(count - 2, 0, -1)]
+        self._next = 0
+
+    def next(self) -> NDArray[np.float32]:
+        """Heights (side, side) [m] a 60th of a second on."""
+        frame: NDArray[np.float32] = self._frames[self._order[self._next % len(self._order)]]
+        self._next += 1
+        return frame
+
+
+def height_map(waves: Waves) -> HeightMap:
+    """A height map under a wave."""
+    return HeightMap(waves.next(), resolution=RESOLUTION)
+
+
+def grid_vertices(heights: NDArray[np.float32]) -> FloatArray:
+    """The same ground as vertices (V, 3) [m] of a general mesh."""
+    rows, columns = heights.shape
+    vertices = np.empty((rows, columns, 3))
+    vertices[..., 0] = np.arange(columns) * RESOLUTION
+    vertices[..., 1] = np.arange(rows)[:, None] * RESOLUTION
+    vertices[..., 2] = heights
+    return vertices.reshape(-1, 3)
+
+
+def general_mesh(waves: Waves) -> TriangleMesh:
+    """A general mesh under a wave, which does not know that it is a grid."""
+    return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
+
+
+def crowd_positions(count: int, side: int) -> FloatArray:
+    """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
+    rows = math.ceil(math.sqrt(count))
+    apart = min(_APART, 0.8 * (side - 1) * RESOLUTION / rows)
+    index = np.arange(count)
+    middle = 0.5 * (side - 1) * RESOLUTION
+    offset = np.stack([index % rows, index // rows], axis=1) - 0.5 * (rows - 1)
+    return np.asarray(middle + apart * offset + 0.07)
+
+
+class Player:
+    """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
+
+    def __init__(self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1, rate: float = 60.0) -> None:
+        self._waves = waves
+        self._mesh = mesh
+        self._steps_per_frame = max(round(rate * FRAME), 1)
+        self._steps = 0
+        self.world = World(mesh, WorldConfig(physics=PhysicsConfig(rate=rate), patch=patch))
+        places = crowd_positions(count, waves.side)
+        heights = self.world.terrain.at(places, 0.0).heights + RADIUS
+        for index, (x, y) in enumerate(places.tolist()):
+            self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))
+        self.world.refresh()
+
+    def next_frame(self) -> None:
+        """Lets the bodies move by physics, and the ground by a frame."""
+        self.world.step()
+        self.move_ground()
+
+    def move_ground(self) -> None:
+        """Gives the ground its next frame, if one is due."""
+        self._steps += 1
+        if self._steps % self._steps_per_frame:
+            return
+        heights = self._waves.next()
+        if isinstance(self._mesh, HeightMap):
+            self._mesh.replace(heights, time=self.world.time)
+        else:
+            self._mesh.move(grid_vertices(heights), time=self.world.time)

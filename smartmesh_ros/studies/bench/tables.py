@@ -1,0 +1,288 @@
+"""Markdown tables: the report's figures beside today's, and their ratio."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from smartmesh_ros.studies.bench import crowds, report, searching
+from smartmesh_ros.studies.bench.measure import LONGEST_FRAME, Results
+from smartmesh_ros.studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
+
+# Above one: today is faster.
+RATIO = "report / today"
+_SIMPLE = {
+    "physx": "PhysX, cooked",
+    "bullet_trimesh": "PyBullet trimesh, built anew",
+    "bullet_heightfield": "PyBullet heightfield, replaced",
+    "coal_rebuild": "coal BVH, built anew",
+    "coal_refit": "coal BVH, refitted",
+    "coal_heightfield": "coal heights, updated",
+    "mujoco": "MuJoCo, written",
+}
+_SEARCHES = {
+    "brute_force": "brute force",
+    "ray_cast": "ray cast",
+    "best_first": "best-first",
+    "best_first_worst": "best-first, worst",
+    "grid_traversal": "grid traversal",
+    "grid_traversal_worst": "grid traversal, worst",
+}
+
+
+def all_tables(results: Results) -> str:
+    """Every table, under its heading."""
+    parts = (
+        ("Reached and missed", targets(results)),
+        ("Table 1: collider of the whole main mesh [ms]", table_1(results)),
+        ("Beyond Table 1: other ways to keep a collider of the whole map, and larger maps [ms]", larger_maps(results)),
+        ("Table 2: one local collider of 3x3 by main mesh [ms]", table_2(results)),
+        ("Table 3: one local collider by its size, main mesh 200x200 [ms]", table_3(results)),
+        ("Table 4: nearest-vertex search, one body [ms]", table_4(results)),
+        ("Beyond Table 4: one body on larger height maps [ms]", larger_searches(results)),
+        ("Table 5: collecting the vertices of one local collider [ms]", table_5(results)),
+        ("Table 6: everything for one body [ms]", table_6(results)),
+        ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),
+        ("Batches: per body [us]", batches(results)),
+        ("Whole steps: map of 200x200 taken in, colliders and physics [ms]", engines(results)),
+        ("Left out", left_out(results)),
+    )
+    return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts if body)
+
+
+def targets(results: Results) -> str:
+    """What was to be reached."""
+    rows = []
+    for target in TARGETS:
+        value = target.value(results)
+        verdict = "not measured" if math.isnan(value) else "reached" if target.reached(results) else "**missed**"
+        sign = ">=" if target.at_least else "<="
+        rows.append(
+            [target.text, target.reported, f"{sign} {target.limit:g} {target.unit}", f"{number(value)}", verdict]
+        )
+    return table(["figure", "report", "to reach", "measured", ""], rows)
+
+
+def table_1(results: Results) -> str:
+    """Simple-Mesh in the report's engines."""
+    rows = [
+        [
+            size(side),
+            *beside(report.SIMPLE_PHYSX[side], results.ms("simple", "physx", side=side)),
+            *beside(report.SIMPLE_BULLET[side], results.ms("simple", "bullet_trimesh", side=side)),
+        ]
+        for side in report.SIMPLE_PHYSX
+    ]
+    return table(
+        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO],
+        rows,
+    )
+
+
+def larger_maps(results: Results) -> str:
+    """Every way to keep a collider of the whole map."""
+    rows = [
+        [size(side), *(number(results.ms("simple", method, side=side)) for method in _SIMPLE)]
+        for side in (*report.SIMPLE_PHYSX, *report.LARGER)
+    ]
+    note = f"\n- = the engine does not take so large a map, or a frame would take longer than {LONGEST_FRAME:g} s."
+    return table(["main mesh", *_SIMPLE.values()], rows) + note
+
+
+def table_2(results: Results) -> str:
+    """The local collider by the size of the main mesh."""
+    rows = []
+    for side in (*report.SMART_BULLET, 200, *report.LARGER):
+        physx, bullet = report.SMART_PHYSX.get(side, math.nan), report.SMART_BULLET.get(side, math.nan)
+        rows.append(
+            [
+                size(side),
+                *beside(physx, results.ms("smart", "physx", side=side)),
+                *beside(bullet, results.ms("smart", "trimesh", side=side)),
+                number(results.ms("smart", "heightfield", side=side)),
+            ]
+        )
+    return table(
+        [
+            "main mesh", "PhysX, report", "today", RATIO, "Bullet trimesh, report", "today", RATIO,
+            "heightfield replaced, today",
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def table_3(results: Results) -> str:
+    """The local collider by its own size."""
+    rows = []
+    for rings in report.RINGS:
+        today = {
+            method: results.ms("local", method, side=200, rings=rings)
+            for method in ("varying", "constant", "heightfield", "heightfield_filtered")
+        }
+        rows.append(
+            [
+                size(2 * rings + 1),
+                *beside(report.LOCAL_VARYING[rings], today["varying"]),
+                *beside(report.LOCAL_CONSTANT[rings], today["constant"]),
+                number(today["heightfield"]),
+                number(today["heightfield_filtered"]),
+                number(update_per_body(results, "unfiltered", rings) / 1e3),
+            ]
+        )
+    return table(
+        [
+            "collider", "varying, report", "today", RATIO, "constant, report", "today", RATIO,
+            "heightfield, today", "with edge filter", "heightfield, one of 100",
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def table_4(results: Results) -> str:
+    """The searches at the report's sizes."""
+    rows = []
+    for method, name in _SEARCHES.items():
+        for side, reported in report.SEARCH[method].items():
+            rows.append([name, size(side), *beside(reported, results.ms("search", method, side=side))])
+    return table(["search", "main mesh", "report", "today", RATIO], rows)
+
+
+def larger_searches(results: Results) -> str:
+    """The searches on height maps beyond the report's sizes."""
+    methods = [method for method in _SEARCHES if method != "ray_cast"]
+    rows = [
+        [size(side), *(number(results.ms("search_map", method, side=side)) for method in methods)]
+        for side in report.LARGER
+    ]
+    return table(["height map", *(_SEARCHES[method] for method in methods)], rows)
+
+
+def table_5(results: Results) -> str:
+    """Collecting."""
+    rows = []
+    for rings in report.RINGS:
+        cells = [size(2 * rings + 1)]
+        for method, reported in report.COLLECT.items():
+            cells += beside(reported[rings], results.ms("collect", method, side=200, rings=rings))
+        rows.append(cells)
+    return table(
+        [
+            "collider", "queue BFS, report", "today", RATIO, "union BFS, report", "today", RATIO,
+            "cached, report", "today", RATIO,
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def table_6(results: Results) -> str:
+    """The final comparison."""
+    rows = []
+    for side in (*report.FINAL_SIMPLE, *report.LARGER):
+        simple = results.ms("simple", "physx", side=side)
+        uniform = results.ms("smart", "heightfield", side=side)
+        batch = search_free_gain(results, side)
+        rows.append(
+            [
+                size(side),
+                *beside(report.FINAL_SIMPLE.get(side, math.nan), simple),
+                *beside(report.FINAL_GENERAL.get(side, math.nan), results.ms("smart", "general", side=side)),
+                *beside(report.FINAL_UNIFORM.get(side, math.nan), uniform),
+                batch,
+            ]
+        )
+    return table(
+        [
+            "main mesh", "Simple-Mesh, report", "today", RATIO, "general, report", "today", RATIO,
+            "uniform, report", "today", RATIO, "Simple (PyBullet) / uniform",
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def search_free_gain(results: Results, side: int) -> str:
+    """How many times a trimesh of the whole map in PyBullet costs what the patch of one body alone does."""
+    gain = results.us("simple", "bullet_trimesh", side=side) / results.us("smart", "heightfield", side=side)
+    return times(gain)
+
+
+def general(results: Results) -> str:
+    """The general mesh."""
+    side = crowds.MESH_SIDE
+    rows = [
+        [f"update, {name}", *beside(known, results.ms("general", method, side=side))]
+        for method, name, known in (
+            ("brute_force cached", "brute force, cached topology", report.FINAL_GENERAL[side]),
+            ("brute_force union_bfs", "brute force, triangles found anew", math.nan),
+            ("best_first cached", "best-first, cached topology", math.nan),
+            ("best_first union_bfs", "best-first, triangles found anew", math.nan),
+        )
+    ]
+    rows.append(["taking in all vertices", *beside(6.0, results.ms("ingest", "mesh", side=side))])
+    return table(["", "report", "today", RATIO], rows)
+
+
+def batches(results: Results) -> str:
+    """What a body costs by how many there are."""
+    rows = []
+    for count in report.BATCHES:
+        best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
+        rows.append(
+            [
+                f"{count}",
+                *(number(search_per_body(results, side, count)) for side in searching.EQUAL_SIDES),
+                number(best_first),
+                number(collect_per_body(results, count)),
+                number(update_per_body(results, "unfiltered", 2, count)),
+            ]
+        )
+    searches = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
+    return table(
+        ["bodies", *searches, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows
+    )
+
+
+def engines(results: Results) -> str:
+    """The package beside engines with a collider of the whole map."""
+    rows = [
+        [
+            f"{count}",
+            *(number(results.ms("engines", name, side=crowds.ENGINES_SIDE, bodies=count)) for name in crowds.ENGINES),
+        ]
+        for count in report.BATCHES
+    ]
+    return table(["bodies", "smartmesh", *crowds.ENGINES[1:]], rows)
+
+
+def left_out(results: Results) -> str:
+    """What was not measured, and why."""
+    return "\n".join(f"- {what}: {why}" for what, why in results.left_out.items())
+
+
+def beside(reported: float, today: float) -> list[str]:
+    """The report's figure, today's, and how many times faster today's is."""
+    return [number(reported), number(today), times(reported / today)]
+
+
+def size(side: int) -> str:
+    """``side`` x ``side``."""
+    return f"{side}x{side}"
+
+
+def number(value: float) -> str:
+    """Three significant digits, without an exponent; - where there is none."""
+    if math.isnan(value):
+        return "-"
+    if value == 0.0:
+        return "0"
+    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def times(ratio: float) -> str:
+    """A ratio, as 3.2x."""
+    return "-" if math.isnan(ratio) else f"{ratio:.2g}x" if ratio < 10 else f"{ratio:,.0f}x"
+
+
+def table(header: list[str], rows: Iterable[list[str]]) -> str:
+    """A markdown table."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(header), *lines[1:]])
