@@ -64,7 +64,8 @@ def jobs(*, quick: bool) -> list[Job]:
             break
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
-        found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (count,)))
+        found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
+        found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
     found.append(Job("taking maps in", 1.0, crowds.measure_ingest))
     found.append(Job("general mesh", 1.0, crowds.measure_general))
     return found

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+import pybullet as pb
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.studies.bench.measure import Bench, Case
 from smartmesh_ros.studies.bench.moving import (
     RADIUS,
     RESOLUTION,
+    Frames,
     Player,
     Waves,
     crowd_positions,
@@ -22,17 +26,29 @@ from smartmesh_ros.studies.bench.moving import (
     height_map,
 )
 from smartmesh_ros.studies.bench.report import RINGS
-from smartmesh_ros.studies.engines.engine import EngineBody, Setup
+from smartmesh_ros.studies.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.studies.engines.registry import build, missing
 
 SIDE = 1024
 BATCH = 100
 MESH_SIDE = 200
 REGION = 64
-# Map of the comparison of engines: the largest all of them can take, of about the report's size.
-ENGINES_SIDE = 200
-ENGINES = ("smartmesh", "mujoco", "physx", "bullet_heightfield", "bullet_trimesh")
 DT = 1.0 / 240.0
+
+
+class Scale(NamedTuple):
+    """A comparison of engines: which, on a map of how many samples a side and what resolution [m], with balls of what
+    radius [m]."""
+
+    engines: tuple[str, ...]
+    side: int
+    resolution: float
+    radius: float
+
+
+# A map of the report's size whose cells are as large as the balls, and one with fine cells.
+COARSE = Scale(("smartmesh", "mujoco", "physx", "bullet_heightfield", "bullet_trimesh"), 200, RESOLUTION, RADIUS)
+FINE = Scale(("smartmesh", "mujoco"), 1001, 0.02, 0.3)
 
 
 def measure_updates(bench: Bench) -> None:
@@ -43,7 +59,26 @@ def measure_updates(bench: Bench) -> None:
             patch = PatchConfig(kind="heightfield", rings=rings, edge_filter=edge_filter)
             player = Player(waves, height_map(waves), patch, BATCH)
             with player.world as world:
-                bench.time(Case("update", method, SIDE, BATCH, rings), world.refresh, player.next_frame)
+                runs = {
+                    Case("update", method, SIDE, BATCH, rings): world.refresh,
+                    Case("replace", method, SIDE, BATCH, rings): _replacements(world.client, rings, edge_filter),
+                }
+                bench.race(runs, player.next_frame)
+
+
+def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], None]:
+    """What PyBullet alone takes to replace the batch's heightfields: no update can cost less."""
+    size = 2 * rings + 1
+    heights = np.random.default_rng(1).uniform(-0.1, 0.1, (2, size * size)).tolist()
+    layout = {"shapeType": pb.GEOM_HEIGHTFIELD, "numHeightfieldRows": size, "numHeightfieldColumns": size}
+    shape = client.createCollisionShape(meshScale=[RESOLUTION, RESOLUTION, 1.0], heightfieldData=heights[0], **layout)
+    calls = BulletCalls(client)
+
+    def run() -> None:
+        heights.reverse()
+        calls.replace_heightfields([shape] * BATCH, size, [heights[0]] * BATCH, edge_filter)
+
+    return run
 
 
 def measure_steps(bench: Bench, count: int, rate: float) -> None:
@@ -96,34 +131,28 @@ def measure_general(bench: Bench) -> None:
                 bench.time(Case("general", f"{search} {collect}", MESH_SIDE), world.refresh, player.next_frame)
 
 
-def measure_engines(bench: Bench, count: int) -> None:
-    """A map of 200 x 200 that changes at every step under ``count`` balls: taking it in and the step, by engine."""
-    for name in ENGINES:
+def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
+    """A map that changes at every step under ``count`` balls: taking it in, the colliders and the step, by engine."""
+    for name in scale.engines:
         if missing(name):
             bench.results.left_out[name] = missing(name)
             continue
-        waves = Waves(ENGINES_SIDE)
-        frames = [waves.next().astype(np.float64)]
-        places = crowd_positions(count, ENGINES_SIDE)
-        column, row = np.round(places / RESOLUTION).astype(int).T
-        height = frames[0][row, column] + RADIUS + 0.02
+        frames = Frames(Waves(scale.side, scale.resolution))
+        places = crowd_positions(count, scale.side, scale.resolution)
+        column, row = np.round(places / scale.resolution).astype(int).T
+        heights = frames.now[row, column] + scale.radius + 0.02
         bodies = [
-            EngineBody(shape=Sphere(RADIUS), state=BodyState((x, y, z)))
-            for (x, y), z in zip(places.tolist(), height.tolist(), strict=True)
+            EngineBody(shape=Sphere(scale.radius), state=BodyState((x, y, z)))
+            for (x, y), z in zip(places.tolist(), heights.tolist(), strict=True)
         ]
-        setup = Setup(heights=frames[0], resolution=RESOLUTION, bodies=bodies, dt=DT)
-        try:
-            engine = build(name, setup)
-        except InputError as error:
-            bench.results.left_out[f"{name} {count} bodies"] = str(error)
-            continue
-        with engine:
+        setup = Setup(heights=frames.now, resolution=scale.resolution, bodies=bodies, dt=DT)
+        with build(name, setup) as engine:
+            _race_step(bench, Case("engines", name, scale.side, count), engine, frames)
 
-            def advance(waves: Waves = waves, frames: list = frames) -> None:  # type: ignore[type-arg]
-                frames[0] = waves.next().astype(np.float64)
 
-            def run(engine=engine, frames: list = frames) -> None:  # type: ignore[no-untyped-def,type-arg]
-                engine.set_ground(frames[0])
-                engine.step()
+def _race_step(bench: Bench, case: Case, engine: Engine, frames: Frames) -> None:
+    def run() -> None:
+        engine.set_ground(frames.now)
+        engine.step()
 
-            bench.time(Case("engines", name, ENGINES_SIDE, count), run, advance)
+    bench.time(case, run, frames.advance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -106,7 +106,7 @@ class Bench:
 
     def race(
         self,
-        runs: dict[Case, Callable[[], object]],
+        runs: Mapping[Case, Callable[[], object]],
         prepare: Callable[[], object] | None = None,
         seconds: float | None = None,
     ) -> dict[Case, Timing]:
@@ -131,7 +131,7 @@ class Bench:
         return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
 
     @staticmethod
-    def _lap(runs: dict[Case, Callable[[], object]], prepare: Callable[[], object] | None) -> list[float]:
+    def _lap(runs: Mapping[Case, Callable[[], object]], prepare: Callable[[], object] | None) -> list[float]:
         times = []
         for run in runs.values():
             if prepare is not None:

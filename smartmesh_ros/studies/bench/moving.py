@@ -31,9 +31,9 @@ class Waves:
     """Frames of a wave over ``side`` x ``side`` samples, made before anything is timed: forth and back, so that
     successive frames always follow from one another."""
 
-    def __init__(self, side: int) -> None:
+    def __init__(self, side: int, resolution: float = RESOLUTION) -> None:
         self.side = side
-        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=resolution))
         count = min(max(_SAMPLES // side**2, 3), 16)
         self._frames = [scene.heights(index * FRAME) for index in range(count)]
         self._order = [*range(count), *range(count - 2, 0, -1)]
@@ -44,6 +44,19 @@ class Waves:
         frame: NDArray[np.float32] = self._frames[self._order[self._next % len(self._order)]]
         self._next += 1
         return frame
+
+
+class Frames:
+    """Frames of a wave in the engines' precision, ``now`` (side, side) [m]."""
+
+    def __init__(self, waves: Waves) -> None:
+        self._waves = waves
+        self.now = self.advance()
+
+    def advance(self) -> FloatArray:
+        """Goes on to the next frame."""
+        self.now = self._waves.next().astype(np.float64)
+        return self.now
 
 
 def height_map(waves: Waves) -> HeightMap:
@@ -66,12 +79,13 @@ def general_mesh(waves: Waves) -> TriangleMesh:
     return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
 
 
-def crowd_positions(count: int, side: int) -> FloatArray:
+def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> FloatArray:
     """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
     rows = math.ceil(math.sqrt(count))
-    apart = min(_APART, 0.8 * (side - 1) * RESOLUTION / rows)
+    extent = (side - 1) * resolution
+    apart = min(_APART, 0.8 * extent / rows)
     index = np.arange(count)
-    middle = 0.5 * (side - 1) * RESOLUTION
+    middle = 0.5 * extent
     offset = np.stack([index % rows, index // rows], axis=1) - 0.5 * (rows - 1)
     return np.asarray(middle + apart * offset + 0.07)
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.studies.bench.measure import Bench, Case
-from smartmesh_ros.studies.bench.moving import FRAME, RESOLUTION, Waves, grid_vertices
+from smartmesh_ros.studies.bench.moving import FRAME, RESOLUTION, Frames, Waves, grid_vertices
 from smartmesh_ros.studies.bench.report import LARGER, SIMPLE_PHYSX
 from smartmesh_ros.studies.engines.engine import Setup
 from smartmesh_ros.studies.engines.registry import build, missing
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
@@ -42,7 +39,7 @@ def measure_engine(bench: Bench, name: str) -> None:
 
 
 def _measure_update(bench: Bench, case: Case) -> None:
-    frames = _Frames(Waves(case.side))
+    frames = Frames(Waves(case.side))
     setup = Setup(heights=frames.now, resolution=RESOLUTION, bodies=(), dt=FRAME)
     with build(case.method, setup) as scene:
         engine: Any = scene
@@ -54,19 +51,6 @@ def _measure_update(bench: Bench, case: Case) -> None:
             in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
             seconds = bench.effort.report_seconds if in_report else None
             bench.time(case, lambda: engine.set_ground(frames.now), frames.advance, seconds)
-
-
-class _Frames:
-    """Frames of a wave in the engines' precision, ``now`` (side, side) [m]."""
-
-    def __init__(self, waves: Waves) -> None:
-        self._waves = waves
-        self.now = self.advance()
-
-    def advance(self) -> FloatArray:
-        """Goes on to the next frame."""
-        self.now = self._waves.next().astype(np.float64)
-        return self.now
 
 
 def measure_trees(bench: Bench) -> None:
@@ -88,7 +72,7 @@ def measure_trees(bench: Bench) -> None:
 
 
 def _measure_field(bench: Bench, coal: Any, waves: Waves, case: Case) -> None:
-    frames = _Frames(waves)
+    frames = Frames(waves)
     extent = (waves.side - 1) * RESOLUTION
     field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
     bench.time(case, lambda: field.updateHeights(frames.now), frames.advance)

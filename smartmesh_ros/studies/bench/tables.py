@@ -44,7 +44,9 @@ def all_tables(results: Results) -> str:
         ("Table 6: everything for one body [ms]", table_6(results)),
         ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),
         ("Batches: per body [us]", batches(results)),
-        ("Whole steps: map of 200x200 taken in, colliders and physics [ms]", engines(results)),
+        ("Collider updates in a batch of 100 on 1024x1024, all in: per body [us]", colliders(results)),
+        (f"Whole steps, {_scale(crowds.COARSE)} [ms]", engines(results, crowds.COARSE)),
+        (f"Whole steps, {_scale(crowds.FINE)} [ms]", engines(results, crowds.FINE)),
         ("Left out", left_out(results)),
     )
     return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts if body)
@@ -241,16 +243,30 @@ def batches(results: Results) -> str:
     )
 
 
-def engines(results: Results) -> str:
+def engines(results: Results, scale: crowds.Scale) -> str:
     """The package beside engines with a collider of the whole map."""
-    rows = [
-        [
-            f"{count}",
-            *(number(results.ms("engines", name, side=crowds.ENGINES_SIDE, bodies=count)) for name in crowds.ENGINES),
-        ]
-        for count in report.BATCHES
-    ]
-    return table(["bodies", "smartmesh", *crowds.ENGINES[1:]], rows)
+    rows = []
+    for count in report.BATCHES:
+        times_ms = [results.ms("engines", name, side=scale.side, bodies=count) for name in scale.engines]
+        rows.append([f"{count}", *map(number, times_ms)])
+    return table(["bodies", *scale.engines], rows)
+
+
+def colliders(results: Results) -> str:
+    """Updates in a batch, and how much of them is PyBullet's own replacement of the heightfields."""
+    rows = []
+    for rings in report.RINGS:
+        cells = [size(2 * rings + 1)]
+        for method in ("unfiltered", "filtered"):
+            alone = results.us("replace", method, side=crowds.SIDE, bodies=crowds.BATCH, rings=rings) / crowds.BATCH
+            cells += [number(update_per_body(results, method, rings)), number(alone)]
+        rows.append(cells)
+    own = "of it PyBullet's replacement"
+    return table(["collider", "update", own, "update, edge filter", own], rows)
+
+
+def _scale(scale: crowds.Scale) -> str:
+    return f"{size(scale.side)} samples of {scale.resolution:g} m, all new at each step, balls of {scale.radius:g} m"
 
 
 def left_out(results: Results) -> str:
