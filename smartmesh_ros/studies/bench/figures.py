@@ -21,6 +21,10 @@ ORANGE, BLUE, GREEN, RED, PURPLE, GREY, BROWN = (
     "#e08214", "#2b6cb0", "#2f855a", "#c53030", "#6b46c1", "#718096", "#8d6e4a",
 )  # fmt: skip
 MS = "running time [ms]"
+TODAY = {"linestyle": "-", "marker": "o"}
+REPORT = {"linestyle": "--", "marker": "o", "markerfacecolor": "white"}
+# Searches through the code that serves whole batches, used for one body.
+BATCH_CODE = {"linestyle": ":", "marker": "s"}
 
 
 def draw_all(results: Results, folder: Path) -> list[Path]:
@@ -57,7 +61,7 @@ def figure_12(axes: Any, results: Results) -> None:
         (report.SIMPLE_PHYSX, ORANGE, "PhysX (BVH rebuilt)"),
         (report.SIMPLE_BULLET, BLUE, "Bullet (BVH refitted)"),
     ):
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", today=False)
+        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
     for method, colour, name in (
         ("physx", ORANGE, "PhysX, cooked"),
         ("bullet_trimesh", BLUE, "PyBullet trimesh, built anew"),
@@ -115,11 +119,11 @@ def figure_15(axes: Any, results: Results) -> None:
     }
     for method, (colour, name) in styles.items():
         reported = report.SEARCH[method]
-        sides = [*reported, *report.LARGER]
         today = [results.ms("search", method, side=side) for side in reported]
-        today += [results.ms("search_map", method, side=side) for side in report.LARGER]
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", today=False)
-        _line(axes, [side**2 for side in sides], today, colour, f"{name}, today")
+        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
+        _line(axes, [side**2 for side in reported], today, colour, f"{name}, today")
+        beyond = [results.ms("search_map", method, side=side) for side in report.LARGER]
+        _line(axes, [side**2 for side in report.LARGER], beyond, colour, f"{name}, today, height map", BATCH_CODE)
     sides = [50, 100, 200, *report.LARGER]
     batch = [results.ms("search_batch", "grid_traversal", side=side, bodies=100) / 1000 for side in sides]
     _line(axes, [side**2 for side in sides], batch, "black", "grid traversal, one of 100, today")
@@ -148,7 +152,7 @@ def figure_17(axes: Any, results: Results) -> None:
     ):
         sides = [*reported, *report.LARGER]
         times = [results.ms(what, method, side=side) for side in sides]
-        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", today=False)
+        _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
         _line(axes, [side**2 for side in sides], times, colour, f"{name}, today")
     batch = update_per_body(results, "unfiltered", 1) / 1e3
     if not math.isnan(batch):
@@ -157,13 +161,14 @@ def figure_17(axes: Any, results: Results) -> None:
     _finish(axes, "log")
 
 
-def _line(axes: Any, x: Sequence[float], y: Sequence[float], colour: str, label: str, *, today: bool = True) -> None:
+def _line(
+    axes: Any, x: Sequence[float], y: Sequence[float], colour: str, label: str, style: dict[str, Any] = TODAY
+) -> None:
     """A curve, without the points that were not measured."""
     known = [(a, b) for a, b in zip(x, y, strict=True) if not math.isnan(b)]
     if known:
-        style = {"linestyle": "-"} if today else {"linestyle": "--", "markerfacecolor": "w"}
         points = zip(*known, strict=True)
-        axes.plot(*points, color=colour, label=label, marker="o", markersize=5, linewidth=1.6, **style)
+        axes.plot(*points, color=colour, label=label, markersize=5, linewidth=1.6, **style)
 
 
 def _pairs(axes: Any, results: Results, names: list[str], keys: list[int], bars: dict[str, Any], by: str) -> None:
@@ -190,6 +195,7 @@ def _collider_names() -> list[str]:
 def _finish(axes: Any, x_scale: str | None) -> None:
     """Log scales, grid and legend."""
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     if x_scale is not None:
         axes.set_xscale(x_scale)
     axes.grid(True, which="major", alpha=0.35)
