@@ -49,8 +49,8 @@ def jobs(*, quick: bool) -> list[Job]:
         for side in searching.report_sides(quick)
     ]
     found += [
-        Job(f"searches on {side}x{side}", 5.0, searching.measure_maps, (side,))
-        for side in searching.larger_sides(quick)
+        Job(f"searches on a map of {side}x{side}", 3.0, searching.measure_maps, (side,))
+        for side in searching.map_sides(quick)
     ]
     found.append(Job("searches in batches", 2.0, searching.measure_batches))
     found.append(Job("collecting", 1.0, collecting.measure_one))
@@ -60,12 +60,13 @@ def jobs(*, quick: bool) -> list[Job]:
         if not quick or count <= crowds.BATCH:
             found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
     for count in BATCHES:
-        if quick and count > crowds.BATCH:
+        if quick and count >= crowds.BATCH:
             break
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
         found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
-        found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
+        if count <= crowds.BATCH:  # more do not fit on it
+            found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
     found.append(Job("taking maps in", 1.0, crowds.measure_ingest))
     found.append(Job("general mesh", 1.0, crowds.measure_general))
     return found

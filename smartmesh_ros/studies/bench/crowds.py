@@ -13,14 +13,15 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.studies.bench.handing import Handing, handing
 from smartmesh_ros.studies.bench.measure import Bench, Case
 from smartmesh_ros.studies.bench.moving import (
     RADIUS,
     RESOLUTION,
-    Frames,
     Player,
     Waves,
     crowd_positions,
+    doubles,
     general_mesh,
     grid_vertices,
     height_map,
@@ -54,7 +55,7 @@ FINE = Scale(("smartmesh", "mujoco"), 1001, 0.02, 0.3)
 def measure_updates(bench: Bench) -> None:
     """Updates of a batch of heightfield patches by their size, all in, without and with the edge filter."""
     waves = Waves(SIDE)
-    for rings in RINGS:
+    for rings in RINGS[:2] if bench.effort.quick else RINGS:
         for method, edge_filter in (("unfiltered", False), ("filtered", True)):
             patch = PatchConfig(kind="heightfield", rings=rings, edge_filter=edge_filter)
             player = Player(waves, height_map(waves), patch, BATCH)
@@ -137,22 +138,23 @@ def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
         if missing(name):
             bench.results.left_out[name] = missing(name)
             continue
-        frames = Frames(Waves(scale.side, scale.resolution))
+        waves = Waves(scale.side, scale.resolution, DT)
         places = crowd_positions(count, scale.side, scale.resolution)
         column, row = np.round(places / scale.resolution).astype(int).T
-        heights = frames.now[row, column] + scale.radius + 0.02
+        heights = waves.now[row, column] + scale.radius + 0.02
         bodies = [
             EngineBody(shape=Sphere(scale.radius), state=BodyState((x, y, z)))
             for (x, y), z in zip(places.tolist(), heights.tolist(), strict=True)
         ]
-        setup = Setup(heights=frames.now, resolution=scale.resolution, bodies=bodies, dt=DT)
+        setup = Setup(heights=doubles(waves.now), resolution=scale.resolution, bodies=bodies, dt=DT)
         with build(name, setup) as engine:
-            _race_step(bench, Case("engines", name, scale.side, count), engine, frames)
+            map_ = handing(name, engine, waves)
+            bench.time(Case("engines", name, scale.side, count), _step(map_, engine), map_.advance)
 
 
-def _race_step(bench: Bench, case: Case, engine: Engine, frames: Frames) -> None:
+def _step(map_: Handing, engine: Engine) -> Callable[[], None]:
     def run() -> None:
-        engine.set_ground(frames.now)
+        map_.give()
         engine.step()
 
-    bench.time(case, run, frames.advance)
+    return run

@@ -115,16 +115,20 @@ def figure_15(axes: Any, results: Results) -> None:
         "ray_cast": (PURPLE, "ray cast"),
         "best_first": (BLUE, "best-first, average"),
         "best_first_worst": (RED, "best-first, worst"),
-        "grid_traversal": (GREEN, "grid traversal, average"),
+        "grid_traversal": (GREEN, "grid traversal"),
     }
+    sides = [50, 100, 200, *report.LARGER]
     for method, (colour, name) in styles.items():
         reported = report.SEARCH[method]
-        today = [results.ms("search", method, side=side) for side in reported]
         _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
-        _line(axes, [side**2 for side in reported], today, colour, f"{name}, today")
-        beyond = [results.ms("search_map", method, side=side) for side in report.LARGER]
-        _line(axes, [side**2 for side in report.LARGER], beyond, colour, f"{name}, today, height map", BATCH_CODE)
-    sides = [50, 100, 200, *report.LARGER]
+        if method != "grid_traversal":
+            today = [results.ms("search", method, side=side) for side in reported]
+            _line(axes, [side**2 for side in reported], today, colour, f"{name}, today")
+        if method in ("brute_force", "best_first", "best_first_worst"):
+            on_map = [results.ms("search_map", method, side=side) for side in sides]
+            _line(axes, [side**2 for side in sides], on_map, colour, f"{name}, today, height map", BATCH_CODE)
+    on_map = [results.ms("search_map", "grid_traversal", side=side) for side in sides]
+    _line(axes, [side**2 for side in sides], on_map, GREEN, "grid traversal, today")
     batch = [results.ms("search_batch", "grid_traversal", side=side, bodies=100) / 1000 for side in sides]
     _line(axes, [side**2 for side in sides], batch, "black", "grid traversal, one of 100, today")
     axes.set(title="Figure 15: nearest-vertex search of one body", xlabel="vertices of the main mesh", ylabel=MS)

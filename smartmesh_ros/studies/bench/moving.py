@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
@@ -14,9 +15,12 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scenes import InwardWaves
+from smartmesh_ros.terrain.scenes import FloatGrid, InwardWaves
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+T = TypeVar("T")
+S = TypeVar("S")
 
 RESOLUTION = 0.25
 RADIUS = 0.2
@@ -27,36 +31,39 @@ _APART = 1.5
 _SAMPLES = 1 << 23
 
 
-class Waves:
-    """Frames of a wave over ``side`` x ``side`` samples, made before anything is timed: forth and back, so that
-    successive frames always follow from one another."""
+class Cycle(Generic[T]):
+    """Frames that are run through forth and back, so that successive ones always follow from one another."""
 
-    def __init__(self, side: int, resolution: float = RESOLUTION) -> None:
+    def __init__(self, frames: list[T]) -> None:
+        self._frames = frames
+        self._order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
+        self._next = 0
+        self.now = frames[0]
+
+    def next(self) -> T:
+        """Goes on to the next frame."""
+        self.now = self._frames[self._order[self._next % len(self._order)]]
+        self._next += 1
+        return self.now
+
+    def converted(self, convert: Callable[[T], S]) -> Cycle[S]:
+        """The same frames in another form, all made now."""
+        return Cycle([convert(frame) for frame in self._frames])
+
+
+class Waves(Cycle[FloatGrid]):
+    """Heights (side, side) [m] under a wave, one every ``interval`` [s], made before anything is timed."""
+
+    def __init__(self, side: int, resolution: float = RESOLUTION, interval: float = FRAME) -> None:
         self.side = side
         scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=resolution))
         count = min(max(_SAMPLES // side**2, 3), 16)
-        self._frames = [scene.heights(index * FRAME) for index in range(count)]
-        self._order = [*range(count), *range(count - 2, 0, -1)]
-        self._next = 0
-
-    def next(self) -> NDArray[np.float32]:
-        """Heights (side, side) [m] a 60th of a second on."""
-        frame: NDArray[np.float32] = self._frames[self._order[self._next % len(self._order)]]
-        self._next += 1
-        return frame
+        super().__init__([scene.heights(index * interval) for index in range(count)])
 
 
-class Frames:
-    """Frames of a wave in the engines' precision, ``now`` (side, side) [m]."""
-
-    def __init__(self, waves: Waves) -> None:
-        self._waves = waves
-        self.now = self.advance()
-
-    def advance(self) -> FloatArray:
-        """Goes on to the next frame."""
-        self.now = self._waves.next().astype(np.float64)
-        return self.now
+def doubles(heights: FloatGrid) -> FloatArray:
+    """Heights in the precision of most engines."""
+    return heights.astype(np.float64)
 
 
 def height_map(waves: Waves) -> HeightMap:
@@ -64,7 +71,7 @@ def height_map(waves: Waves) -> HeightMap:
     return HeightMap(waves.next(), resolution=RESOLUTION)
 
 
-def grid_vertices(heights: NDArray[np.float32]) -> FloatArray:
+def grid_vertices(heights: FloatGrid) -> FloatArray:
     """The same ground as vertices (V, 3) [m] of a general mesh."""
     rows, columns = heights.shape
     vertices = np.empty((rows, columns, 3))

@@ -27,9 +27,9 @@ def report_sides(quick: bool) -> tuple[int, ...]:
     return (50, 100) if quick else tuple(SEARCH["brute_force"])
 
 
-def larger_sides(quick: bool) -> tuple[int, ...]:
-    """Sizes beyond it."""
-    return (512,) if quick else LARGER
+def map_sides(quick: bool) -> tuple[int, ...]:
+    """Sizes of height maps."""
+    return (50, 512) if quick else (50, 100, 200, *LARGER)
 
 
 def measure_general(bench: Bench, side: int) -> None:

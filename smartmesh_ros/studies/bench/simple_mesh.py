@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.studies.bench.handing import handing
 from smartmesh_ros.studies.bench.measure import Bench, Case
-from smartmesh_ros.studies.bench.moving import FRAME, RESOLUTION, Frames, Waves, grid_vertices
+from smartmesh_ros.studies.bench.moving import FRAME, RESOLUTION, Waves, doubles, grid_vertices
 from smartmesh_ros.studies.bench.report import LARGER, SIMPLE_PHYSX
 from smartmesh_ros.studies.engines.engine import Setup
 from smartmesh_ros.studies.engines.registry import build, missing
@@ -39,18 +40,13 @@ def measure_engine(bench: Bench, name: str) -> None:
 
 
 def _measure_update(bench: Bench, case: Case) -> None:
-    frames = Frames(Waves(case.side))
-    setup = Setup(heights=frames.now, resolution=RESOLUTION, bodies=(), dt=FRAME)
-    with build(case.method, setup) as scene:
-        engine: Any = scene
-        if case.method == "mujoco":
-            # What MuJoCo needs at least: a source may as well make heights in its range at once.
-            ready = [engine.normalised(frames.advance()) for _ in range(2)]
-            bench.time(case, lambda: engine.write(ready[0]), ready.reverse)
-        else:
-            in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
-            seconds = bench.effort.report_seconds if in_report else None
-            bench.time(case, lambda: engine.set_ground(frames.now), frames.advance, seconds)
+    waves = Waves(case.side)
+    setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
+    with build(case.method, setup) as engine:
+        map_ = handing(case.method, engine, waves)
+        in_report = case.method in ("physx", "bullet_trimesh") and case.side in SIMPLE_PHYSX
+        seconds = bench.effort.report_seconds if in_report else None
+        bench.time(case, map_.give, map_.advance, seconds)
 
 
 def measure_trees(bench: Bench) -> None:
@@ -72,10 +68,10 @@ def measure_trees(bench: Bench) -> None:
 
 
 def _measure_field(bench: Bench, coal: Any, waves: Waves, case: Case) -> None:
-    frames = Frames(waves)
+    frames = waves.converted(doubles)
     extent = (waves.side - 1) * RESOLUTION
     field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
-    bench.time(case, lambda: field.updateHeights(frames.now), frames.advance)
+    bench.time(case, lambda: field.updateHeights(frames.now), frames.next)
 
 
 def _measure_bvh(bench: Bench, coal: Any, waves: Waves, before: int) -> None:

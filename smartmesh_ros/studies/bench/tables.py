@@ -1,16 +1,15 @@
-"""Markdown tables: the report's figures beside today's, and their ratio."""
+"""All tables of a run: what was reached, the report's, and what goes beyond them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from smartmesh_ros.studies.bench import crowds, report, searching
+from smartmesh_ros.studies.bench.markdown import RATIO, beside, number, size, table
 from smartmesh_ros.studies.bench.measure import LONGEST_FRAME, Results
+from smartmesh_ros.studies.bench.report_tables import SEARCHES, table_1, table_2, table_3, table_4, table_5, table_6
 from smartmesh_ros.studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
 
-# Above one: today is faster.
-RATIO = "report / today"
 _SIMPLE = {
     "physx": "PhysX, cooked",
     "bullet_trimesh": "PyBullet trimesh, built anew",
@@ -19,14 +18,6 @@ _SIMPLE = {
     "coal_refit": "coal BVH, refitted",
     "coal_heightfield": "coal heights, updated",
     "mujoco": "MuJoCo, written",
-}
-_SEARCHES = {
-    "brute_force": "brute force",
-    "ray_cast": "ray cast",
-    "best_first": "best-first",
-    "best_first_worst": "best-first, worst",
-    "grid_traversal": "grid traversal",
-    "grid_traversal_worst": "grid traversal, worst",
 }
 
 
@@ -39,7 +30,10 @@ def all_tables(results: Results) -> str:
         ("Table 2: one local collider of 3x3 by main mesh [ms]", table_2(results)),
         ("Table 3: one local collider by its size, main mesh 200x200 [ms]", table_3(results)),
         ("Table 4: nearest-vertex search, one body [ms]", table_4(results)),
-        ("Beyond Table 4: one body on larger height maps [ms]", larger_searches(results)),
+        (
+            "Beyond Table 4: one body on a height map, through the code that serves batches [ms]",
+            map_searches(results),
+        ),
         ("Table 5: collecting the vertices of one local collider [ms]", table_5(results)),
         ("Table 6: everything for one body [ms]", table_6(results)),
         ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),
@@ -65,22 +59,6 @@ def targets(results: Results) -> str:
     return table(["figure", "report", "to reach", "measured", ""], rows)
 
 
-def table_1(results: Results) -> str:
-    """Simple-Mesh in the report's engines."""
-    rows = [
-        [
-            size(side),
-            *beside(report.SIMPLE_PHYSX[side], results.ms("simple", "physx", side=side)),
-            *beside(report.SIMPLE_BULLET[side], results.ms("simple", "bullet_trimesh", side=side)),
-        ]
-        for side in report.SIMPLE_PHYSX
-    ]
-    return table(
-        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO],
-        rows,
-    )
-
-
 def larger_maps(results: Results) -> str:
     """Every way to keep a collider of the whole map."""
     rows = [
@@ -91,120 +69,14 @@ def larger_maps(results: Results) -> str:
     return table(["main mesh", *_SIMPLE.values()], rows) + note
 
 
-def table_2(results: Results) -> str:
-    """The local collider by the size of the main mesh."""
-    rows = []
-    for side in (*report.SMART_BULLET, 200, *report.LARGER):
-        physx, bullet = report.SMART_PHYSX.get(side, math.nan), report.SMART_BULLET.get(side, math.nan)
-        rows.append(
-            [
-                size(side),
-                *beside(physx, results.ms("smart", "physx", side=side)),
-                *beside(bullet, results.ms("smart", "trimesh", side=side)),
-                number(results.ms("smart", "heightfield", side=side)),
-            ]
-        )
-    return table(
-        [
-            "main mesh", "PhysX, report", "today", RATIO, "Bullet trimesh, report", "today", RATIO,
-            "heightfield replaced, today",
-        ],
-        rows,
-    )  # fmt: skip
-
-
-def table_3(results: Results) -> str:
-    """The local collider by its own size."""
-    rows = []
-    for rings in report.RINGS:
-        today = {
-            method: results.ms("local", method, side=200, rings=rings)
-            for method in ("varying", "constant", "heightfield", "heightfield_filtered")
-        }
-        rows.append(
-            [
-                size(2 * rings + 1),
-                *beside(report.LOCAL_VARYING[rings], today["varying"]),
-                *beside(report.LOCAL_CONSTANT[rings], today["constant"]),
-                number(today["heightfield"]),
-                number(today["heightfield_filtered"]),
-                number(update_per_body(results, "unfiltered", rings) / 1e3),
-            ]
-        )
-    return table(
-        [
-            "collider", "varying, report", "today", RATIO, "constant, report", "today", RATIO,
-            "heightfield, today", "with edge filter", "heightfield, one of 100",
-        ],
-        rows,
-    )  # fmt: skip
-
-
-def table_4(results: Results) -> str:
-    """The searches at the report's sizes."""
-    rows = []
-    for method, name in _SEARCHES.items():
-        for side, reported in report.SEARCH[method].items():
-            rows.append([name, size(side), *beside(reported, results.ms("search", method, side=side))])
-    return table(["search", "main mesh", "report", "today", RATIO], rows)
-
-
-def larger_searches(results: Results) -> str:
-    """The searches on height maps beyond the report's sizes."""
-    methods = [method for method in _SEARCHES if method != "ray_cast"]
+def map_searches(results: Results) -> str:
+    """The searches on height maps."""
+    methods = [method for method in SEARCHES if method != "ray_cast"]
     rows = [
         [size(side), *(number(results.ms("search_map", method, side=side)) for method in methods)]
-        for side in report.LARGER
+        for side in (50, 100, 200, *report.LARGER)
     ]
-    return table(["height map", *(_SEARCHES[method] for method in methods)], rows)
-
-
-def table_5(results: Results) -> str:
-    """Collecting."""
-    rows = []
-    for rings in report.RINGS:
-        cells = [size(2 * rings + 1)]
-        for method, reported in report.COLLECT.items():
-            cells += beside(reported[rings], results.ms("collect", method, side=200, rings=rings))
-        rows.append(cells)
-    return table(
-        [
-            "collider", "queue BFS, report", "today", RATIO, "union BFS, report", "today", RATIO,
-            "cached, report", "today", RATIO,
-        ],
-        rows,
-    )  # fmt: skip
-
-
-def table_6(results: Results) -> str:
-    """The final comparison."""
-    rows = []
-    for side in (*report.FINAL_SIMPLE, *report.LARGER):
-        simple = results.ms("simple", "physx", side=side)
-        uniform = results.ms("smart", "heightfield", side=side)
-        batch = search_free_gain(results, side)
-        rows.append(
-            [
-                size(side),
-                *beside(report.FINAL_SIMPLE.get(side, math.nan), simple),
-                *beside(report.FINAL_GENERAL.get(side, math.nan), results.ms("smart", "general", side=side)),
-                *beside(report.FINAL_UNIFORM.get(side, math.nan), uniform),
-                batch,
-            ]
-        )
-    return table(
-        [
-            "main mesh", "Simple-Mesh, report", "today", RATIO, "general, report", "today", RATIO,
-            "uniform, report", "today", RATIO, "Simple (PyBullet) / uniform",
-        ],
-        rows,
-    )  # fmt: skip
-
-
-def search_free_gain(results: Results, side: int) -> str:
-    """How many times a trimesh of the whole map in PyBullet costs what the patch of one body alone does."""
-    gain = results.us("simple", "bullet_trimesh", side=side) / results.us("smart", "heightfield", side=side)
-    return times(gain)
+    return table(["height map", *(SEARCHES[method] for method in methods)], rows)
 
 
 def general(results: Results) -> str:
@@ -248,7 +120,8 @@ def engines(results: Results, scale: crowds.Scale) -> str:
     rows = []
     for count in report.BATCHES:
         times_ms = [results.ms("engines", name, side=scale.side, bodies=count) for name in scale.engines]
-        rows.append([f"{count}", *map(number, times_ms)])
+        if not all(map(math.isnan, times_ms)):
+            rows.append([f"{count}", *map(number, times_ms)])
     return table(["bodies", *scale.engines], rows)
 
 
@@ -272,33 +145,3 @@ def _scale(scale: crowds.Scale) -> str:
 def left_out(results: Results) -> str:
     """What was not measured, and why."""
     return "\n".join(f"- {what}: {why}" for what, why in results.left_out.items())
-
-
-def beside(reported: float, today: float) -> list[str]:
-    """The report's figure, today's, and how many times faster today's is."""
-    return [number(reported), number(today), times(reported / today)]
-
-
-def size(side: int) -> str:
-    """``side`` x ``side``."""
-    return f"{side}x{side}"
-
-
-def number(value: float) -> str:
-    """Three significant digits, without an exponent; - where there is none."""
-    if math.isnan(value):
-        return "-"
-    if value == 0.0:
-        return "0"
-    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
-
-
-def times(ratio: float) -> str:
-    """A ratio, as 3.2x."""
-    return "-" if math.isnan(ratio) else f"{ratio:.2g}x" if ratio < 10 else f"{ratio:,.0f}x"
-
-
-def table(header: list[str], rows: Iterable[list[str]]) -> str:
-    """A markdown table."""
-    lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
-    return "\n".join([lines[0], "|" + "---|" * len(header), *lines[1:]])
