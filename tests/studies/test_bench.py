@@ -57,6 +57,7 @@ def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path) -> None:
     assert text.endswith(f"{document.END}\n\nBy hand, too.\n")
     assert (folder / document.TABLES).read_text() in text
     assert "old" not in text
+    assert len(list((tmp_path / document.PICTURES).glob("*.png"))) == 7
 
 
 def test_a_document_without_marks_is_refused(tmp_path: Path) -> None:

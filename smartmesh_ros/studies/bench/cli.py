@@ -100,10 +100,10 @@ def main(arguments: list[str] | None = None) -> int:
         run = document.Run(measure(quick=given.quick), machine.describe(), given.quick)
     files = document.write(run, given.out)
     if given.document:
-        document.update(given.document, document.summary(run))
+        document.update(given.document, document.summary(run), files.pictures)
     print(tables.targets(run.results))
     reached = [target.reached(run.results) for target in TARGETS]
-    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {', '.join(str(file) for file in files[:2])}")
+    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {files.tables} and {files.results}")
     return 0
 
 

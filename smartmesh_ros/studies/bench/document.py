@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
+from shutil import copyfile
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
@@ -14,6 +16,7 @@ from smartmesh_ros.studies.bench.tables import all_tables
 START, END = "<!-- written by the bench: start -->", "<!-- written by the bench: end -->"
 RESULTS = "bench.json"
 TABLES = "tables.md"
+PICTURES = Path("images/bench")
 
 
 class Run(NamedTuple):
@@ -24,13 +27,21 @@ class Run(NamedTuple):
     quick: bool
 
 
-def write(run: Run, folder: Path) -> list[Path]:
-    """Writes everything into ``folder``; returns what was written."""
+class Written(NamedTuple):
+    """Files of one run."""
+
+    results: Path
+    tables: Path
+    pictures: list[Path]
+
+
+def write(run: Run, folder: Path) -> Written:
+    """Writes everything into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     data = {"machine": run.machine, "quick": run.quick, **run.results.as_json()}
     (folder / RESULTS).write_text(json.dumps(data, indent=1) + "\n")
     (folder / TABLES).write_text(summary(run))
-    return [folder / RESULTS, folder / TABLES, *draw_all(run.results, folder)]
+    return Written(folder / RESULTS, folder / TABLES, draw_all(run.results, folder))
 
 
 def read(file: Path) -> Run:
@@ -53,10 +64,15 @@ def summary(run: Run) -> str:
     return f"{words}\n\n{all_tables(run.results)}"
 
 
-def update(document: Path, text: str) -> None:
-    """Puts ``text`` between the marks of a document; raises `InputError` if it has none."""
+def update(document: Path, text: str, pictures: Iterable[Path] = ()) -> None:
+    """Puts ``text`` between the marks of a document, and the pictures into ``images/bench`` beside it; raises
+    `InputError` if it has no marks."""
     whole = document.read_text()
     if START not in whole or END not in whole:
         raise InputError("document", f"{document} has no lines {START!r} and {END!r} to write between")
     before, _, rest = whole.partition(START)
     document.write_text(f"{before}{START}\n\n{text}\n{END}{rest.partition(END)[2]}")
+    folder = document.parent / PICTURES
+    for picture in pictures:
+        folder.mkdir(parents=True, exist_ok=True)
+        copyfile(picture, folder / picture.name)
