@@ -27,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
     data = json.loads((folder / document.RESULTS).read_text())
-    assert set(data["machine"]) == {"cores", "cpu", "versions"}
+    assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
     assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "step", "ingest"}
     for entry in data["timings_us"]:

@@ -56,7 +56,8 @@ def summary(run: Run) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     frames = [timing.frames for timing in run.results.timings.values()]
     words = (
-        f"Measured on {machine['cores']} cores of {machine['cpu']}; {versions}. Medians of {max(frames, default=0)} "
+        f"Measured on {machine['cores']} cores of {machine['cpu']} under a load of {machine['load']} (the bench's own is "
+        f"about 1); {versions}. Medians of {max(frames, default=0)} "
         f"frames; of as few as {min(frames, default=0)} where a frame takes long."
     )
     if run.quick:
