@@ -59,9 +59,7 @@ def jobs(*, quick: bool) -> list[Job]:
     for count, rate in ((100, 240.0), (1000, 60.0)):
         if not quick or count <= crowds.BATCH:
             found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
-    for count in BATCHES:
-        if quick and count >= crowds.BATCH:
-            break
+    for count in BATCHES[:1] if quick else BATCHES:
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
         found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))

@@ -55,10 +55,10 @@ def summary(run: Run) -> str:
     machine = run.machine
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     frames = [timing.frames for timing in run.results.timings.values()]
+    most, least = max(frames, default=0), min(frames, default=0)
     words = (
-        f"Measured on {machine['cores']} cores of {machine['cpu']} under a load of {machine['load']} (the bench's own is "
-        f"about 1); {versions}. Medians of {max(frames, default=0)} "
-        f"frames; of as few as {min(frames, default=0)} where a frame takes long."
+        f"Measured on {machine['cores']} cores of {machine['cpu']}, {versions}, under a load of {machine['load']} "
+        f"(this bench alone: about 1). Medians of {most} frames; of as few as {least} where a frame takes long."
     )
     if run.quick:
         words += " A quick run: too few frames to go by."
