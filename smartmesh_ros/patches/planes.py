@@ -1,0 +1,140 @@
+"""Planes in the place of patches, and how far they lie from the main mesh where a body can touch either."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.patches.grid_window import Balls, Window
+from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+
+
+class Planes(NamedTuple):
+    """n planes z = height + slope_x x + slope_y y in the frame of their windows, shapes (n,)."""
+
+    height: FloatArray
+    slope_x: FloatArray
+    slope_y: FloatArray
+
+    def normals(self) -> FloatArray:
+        """Unit normals, upward (n, 3)."""
+        normals = np.stack([-self.slope_x, -self.slope_y, np.ones_like(self.height)], axis=1)
+        normals /= np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
+        return normals
+
+    def above(self, points: FloatArray) -> FloatArray:
+        """How far points (n, 3) lie above the planes, vertically (n,) [m]."""
+        above: FloatArray = points[:, 2] - self.height - self.slope_x * points[:, 0] - self.slope_y * points[:, 1]
+        return above
+
+
+def fitted_planes(samples: FloatArray, spacing: FloatArray) -> Planes:
+    """Planes through 3 x 3 samples (n, 9) [m] that are ``spacing`` (n,) [m] apart, by weighted least squares.
+
+    Linear in the samples: velocities give the velocity of the plane.
+    """
+    fit = samples @ patch_template(1).fit
+    return Planes(fit[:, 0], fit[:, 2] / spacing, fit[:, 1] / spacing)
+
+
+def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
+    """How many rings around the middle hold every facet that the balls can touch (n,); 0 = none touches.
+
+    ``planes`` run somehow along the ground: the nearer to it, the tighter the answer. Over a cell the mesh rises above
+    its plane no further than at the cell's highest corner, and no point of it is nearer, along the plane, to the foot
+    of the perpendicular from the ball's middle than the cell's square. A hole counts as ground of any height.
+    """
+    place = window.places()
+    steepness = np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    cos = 1.0 / steepness
+    sine = np.sqrt(np.maximum(1.0 - cos * cos, 0.0))
+    distance = planes.above(balls.centres) * cos
+    away_x = _away(balls.centres[:, 0] + distance * planes.slope_x * cos, place, balls.lateral)
+    away_y = _away(balls.centres[:, 1] + distance * planes.slope_y * cos, place, balls.lateral)
+    z = window.heights if window.ahead is None else np.maximum(window.heights, window.ahead)
+    over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
+    over -= (planes.slope_x[:, None] * place)[:, None, :]
+    if window.holes:
+        over[np.isnan(over)] = np.inf
+    top = np.maximum(over[:, :-1], over[:, 1:])
+    top = np.maximum(top[:, :, :-1], top[:, :, 1:])
+    np.abs(over, out=over)
+    if window.holes:
+        over[over == np.inf] = 0.0
+    shift = over.max(axis=(1, 2)) * sine
+    np.maximum(top, 0.0, out=top)
+    top *= -cos[:, None, None]
+    top += distance[:, None, None]
+    np.maximum(top, 0.0, out=top)
+    top *= top
+    along = (away_x * away_x)[:, None, :] + (away_y * away_y)[:, :, None]
+    if shift.any():
+        along = np.maximum(np.sqrt(along) - shift[:, None, None], 0.0)
+        along *= along
+    along += top
+    touched = along <= (balls.radii**2)[:, None, None]
+    index = np.arange(-window.rings, window.rings)
+    ring = np.maximum(-index, index + 1)
+    rows = (touched.any(axis=2) * ring).max(axis=1)
+    columns = (touched.any(axis=1) * ring).max(axis=1)
+    return np.asarray(np.maximum(rows, columns))
+
+
+def _away(foot: FloatArray, place: FloatArray, lateral: FloatArray) -> FloatArray:
+    """Distance of feet (n,) from each cell along one axis, less what a body may slide (n, S - 1) [m]."""
+    before = place[:-1] - foot[:, None]
+    away: FloatArray = np.maximum(np.maximum(before, (place[:-1] - place[1:]) - before) - lateral[:, None], 0.0)
+    return away
+
+
+def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: Balls) -> FloatArray:
+    """How far each plane lies, vertically, from the mesh where a ball can touch either (n,) [m], at most.
+
+    ``heights`` (n, S, S) [m] is one instant of the window. All that the balls can touch must lie in it. Infinite where
+    a hole is near, or where the plane can be touched beyond the window.
+
+    Plane and facet differ by a linear function, so they differ most at a corner: it is enough to take the corners of
+    all facets that are near. A point of a facet is no further up than its highest corner and no nearer to the foot of
+    the perpendicular from the ball's middle than that corner less the facet's length, so the facet's highest corner is
+    near if the facet is; and where the facet is below the plane, the ball reaches no further than on the plane itself.
+    """
+    place = window.places()
+    steepness = np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    cos = 1.0 / steepness
+    distance = planes.above(balls.centres) * cos
+    foot_x = balls.centres[:, 0] + distance * planes.slope_x * cos
+    foot_y = balls.centres[:, 1] + distance * planes.slope_y * cos
+    u, v = place - foot_x[:, None], place - foot_y[:, None]
+    climb_x, climb_y = planes.slope_x[:, None] * u, planes.slope_y[:, None] * v
+    climb = climb_x[:, None, :] + climb_y[:, :, None]
+    base = planes.height + planes.slope_x * foot_x + planes.slope_y * foot_y
+    deviation = heights - base[:, None, None] - climb
+    size = np.abs(deviation)
+    if window.holes:
+        hole = np.isnan(size)
+        size[hole] = np.inf
+        deviation[hole] = 0.0
+    largest = np.where(size < np.inf, size, 0.0).max(axis=(1, 2)) if window.holes else size.max(axis=(1, 2))
+    climb *= climb
+    climb += (u * u)[:, None, :]
+    climb += (v * v)[:, :, None]
+    along = np.sqrt(climb)
+    sine = np.sqrt(np.maximum(1.0 - cos * cos, 0.0))
+    slack = np.sqrt(2.0) * window.resolution * steepness + balls.lateral + largest * sine
+    along -= slack[:, None, None]
+    np.maximum(along, 0.0, out=along)
+    along *= along
+    np.maximum(deviation, 0.0, out=deviation)
+    deviation *= -cos[:, None, None]
+    deviation += distance[:, None, None]
+    np.maximum(deviation, 0.0, out=deviation)
+    deviation *= deviation
+    along += deviation
+    near = along <= (balls.radii**2)[:, None, None]
+    bound: FloatArray = np.where(near, size, 0.0).max(axis=(1, 2))
+    disc = np.sqrt(np.maximum(balls.radii**2 - np.maximum(distance, 0.0) ** 2, 0.0)) + balls.lateral
+    beyond = np.maximum(np.abs(foot_x), np.abs(foot_y)) + disc > window.rings * window.resolution
+    bound[beyond] = np.inf
+    return bound
