@@ -46,7 +46,8 @@ def measure_main_meshes(bench: Bench, side: int) -> None:
 def _measure_physx(bench: Bench, waves: Waves) -> None:
     """The report's Smart-Mesh in PhysX: a patch of 3 x 3 is searched and collected by this package, cooked by PhysX.
 
-    Its ball is in neither engine's hands and falls; the patch follows it from above all the same."""
+    The ball has no collider under it and falls; its patch stays over it all the same.
+    """
     if missing("physx"):
         return
     player = Player(waves, height_map(waves), UNIFORM)
