@@ -27,7 +27,7 @@ setup(
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
-        "studies": ["matplotlib"],
+        "studies": ["coal", "matplotlib", "mujoco", "sapien"],
         "test": ["hypothesis", "pytest"],
     },
     zip_safe=False,
