@@ -69,6 +69,15 @@ class Session:
 
         self.node.create_service(kind, f"~/{service}", callback)
 
+    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
+        """Serves ``~/service`` with responses of other forms, which ``handle`` fills in."""
+
+        def callback(request: Any, response: Any) -> Any:
+            handle(request, response)
+            return response
+
+        self.node.create_service(kind, f"~/{service}", callback)
+
     def clock_now(self) -> float:
         """The node's clock [s]."""
         return float(self.node.get_clock().now().nanoseconds) * 1e-9
