@@ -131,8 +131,8 @@ class SimulationServices:
         response.features.features = [getattr(self._features, name) for name in FEATURES]
         response.features.spawn_formats = ["urdf"]
         response.features.custom_info = (
-            "smartmesh_ros terrain_collider. The state of tracked bodies cannot be set. Accelerations are not measured, "
-            "read zero, and are ignored when set."
+            "smartmesh_ros terrain_collider. The state of tracked bodies cannot be set. Accelerations are not "
+            "measured: they read zero, and are ignored when set."
         )
 
     def _state(self) -> int:

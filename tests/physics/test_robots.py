@@ -1,6 +1,5 @@
 """Joints, frames and ground wrenches of robots, against mechanics."""
 
-import importlib.util
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from smartmesh_ros import BodyState, Box, HeightMap, InputError, World
 from smartmesh_ros.physics.base_frames import InertialFrame, centre_state, frame_state
 from smartmesh_ros.physics.joints import JointCommand
 
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 PENDULUM = """
 <robot name="pendulum">
   <link name="base"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -116,12 +116,11 @@ def test_base_frame_and_centre_of_mass_are_one_rigid_body(p, q, v, w, offset, tu
 
 def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
     """PyBullet's own word for where links are: an arm fixed to the base at its origin lies at the base's frame."""
-    rovers = load_rovers()
-    world.spawn_robot("rover", rovers.rover(), BodyState((1.0, 2.0, 3.0), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
+    world.spawn_robot("rover", ROVER, BodyState((1.0, 2.0, 3.0), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
     body = world.bodies["rover"]
     frame = world.base_state("rover")
     wheel = world.client.getLinkState(body.uid, body.joints["front_left"])[4]
-    x, y = rovers.PLACES["front_left"]
+    x, y = 0.3, 0.25  # of the joint, in the URDF
     cos, sin = math.cos(0.8), math.sin(0.8)
     expected = (wheel[0] - (x * cos - y * sin), wheel[1] - (x * sin + y * cos), wheel[2])
     assert frame.position == pytest.approx(expected, abs=1e-6)
@@ -144,10 +143,3 @@ def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
         assert mean[:3] == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
         assert mean[3:] == pytest.approx([0.0, 0.0, 0.0], abs=0.02 * weight * 0.2)
         assert wrenches["box"].centre == pytest.approx(world.state("box").position)
-
-
-def load_rovers():  # type: ignore[no-untyped-def]
-    spec = importlib.util.spec_from_file_location("rovers", Path(__file__).parent.parent / "rovers.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
