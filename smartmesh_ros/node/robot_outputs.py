@@ -21,15 +21,17 @@ def robots(world: World) -> list[str]:
 def joint_states(header: Header, world: World) -> JointState:
     """All joints: ``<joint>`` where there is one robot, for robot_state_publisher, else ``<robot>/<joint>``."""
     names = robots(world)
-    message = JointState(header=Header(stamp=header.stamp))  # joints are in no frame
+    found = []
     for robot in names:
         prefix = f"{robot}/" if len(names) > 1 else ""
-        readings = world.joints(robot)
-        message.name += [prefix + reading.name for reading in readings]
-        message.position += [reading.position for reading in readings]
-        message.velocity += [reading.velocity for reading in readings]
-        message.effort += [reading.effort for reading in readings]
-    return message
+        found += [(prefix + joint.name, joint) for joint in world.joints(robot)]
+    return JointState(
+        header=Header(stamp=header.stamp),  # joints are in no frame
+        name=[name for name, _ in found],
+        position=[joint.position for _, joint in found],
+        velocity=[joint.velocity for _, joint in found],
+        effort=[joint.effort for _, joint in found],
+    )
 
 
 def odometry(header: Header, world: World, robot: str) -> Odometry:

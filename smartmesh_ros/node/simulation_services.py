@@ -16,7 +16,7 @@ from smartmesh_ros.node.entity_filters import select
 from smartmesh_ros.node.optional_messages import find_interfaces
 from smartmesh_ros.node.robot_outputs import pose_message, twist_message
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.urdf import robot_name, with_package_paths
+from smartmesh_ros.node.urdf import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.physics.base_frames import centre_state
 
 PACKAGE = "simulation_interfaces"
@@ -183,7 +183,7 @@ class SimulationServices:
             raise InputError("unsupported", "entities have no namespace here; their topics name them")
         session.require_frame(request.initial_pose.header.frame_id)
         state = conversions.state_from(request.initial_pose.pose)
-        name = request.name or robot_name(urdf)
+        name = request.name or robot_name(urdf_text(urdf))
         if request.allow_renaming:
             name = self._free_name(name)
         session.world.spawn_robot(name, urdf, state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -19,6 +20,16 @@ def robot_name(urdf: str) -> str:
     if root.tag != "robot":
         raise InputError("urdf_format", f"the robot is a <{root.tag}>; it must be URDF, a <robot>")
     return root.get("name") or ""
+
+
+def urdf_text(urdf: str) -> str:
+    """The text of a URDF file, or the text itself. Raises `InputError` if there is no such file."""
+    if urdf.lstrip().startswith("<"):
+        return urdf
+    try:
+        return Path(urdf).read_text()
+    except (OSError, ValueError) as error:
+        raise InputError("urdf", f"there is no URDF file {urdf!r} ({error})") from None
 
 
 def with_package_paths(urdf: str) -> str:

@@ -83,8 +83,8 @@ def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[st
     """The joints of a robot, by name and PyBullet's index, as they are now."""
     readings = []
     for (name, _), state in zip(joints.items(), client.getJointStates(uid, list(joints.values())), strict=True):
-        command = commands.get(name)
-        # PyBullet tells the efforts of its motors only.
-        applied = command.effort if command is not None and command.is_effort else None
-        readings.append(JointReading(name, state[0], state[1], state[3] if applied is None else applied))
+        command = commands.get(name) or JointCommand()
+        # PyBullet tells the efforts of its motors only, and that of a motor that is off stays as it was.
+        effort = state[3] if command.has_target else command.effort or 0.0
+        readings.append(JointReading(name, state[0], state[1], effort))
     return readings
