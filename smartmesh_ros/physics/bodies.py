@@ -111,6 +111,7 @@ class BodyFactory:
             raise InputError(
                 "urdf", f"the URDF of {name!r} does not load ({error}); check it with check_urdf"
             ) from None
+        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # no drag that the URDF does not ask for
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
             if client.getCollisionShapeData(uid, index):

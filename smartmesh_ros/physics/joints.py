@@ -61,7 +61,8 @@ class JointReading:
 def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
     """Hands a command to PyBullet. An effort must be applied again before each step, by `apply_effort`."""
     if command.has_target:
-        limit = client.getJointInfo(uid, joint)[10] or DEFAULT_EFFORT
+        limit = client.getJointInfo(uid, joint)[10]
+        limit = limit if limit > 0.0 else DEFAULT_EFFORT  # PyBullet has zero where the URDF says nothing
         force = limit if command.effort is None else command.effort
         velocity = command.velocity or 0.0
         if command.position is None:
