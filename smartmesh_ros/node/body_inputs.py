@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from time import monotonic
 
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -51,7 +50,7 @@ class BodyInputs:
         stamp = conversions.stamp_seconds(header.stamp)
         session.require_frame(header.frame_id)
         clock = self._clocks.setdefault(topic, StampClock())
-        time = clock.place(stamp, session.clock_now(), monotonic())
+        time = clock.place(stamp, session.clock_now(), session.clock.pace())
         for body in bodies:
             known = session.world.bodies.get(body.name)
             if known is not None and not known.tracked:

@@ -33,8 +33,8 @@ class TerrainInputs:
         self._taken = taken
         self._clocks: dict[str, StampClock] = {}
         durability = DurabilityPolicy[session.settings.durability.upper()]
-        maps = QoSProfile(depth=2, durability=durability)
-        updates = QoSProfile(depth=100, durability=durability)
+        maps = QoSProfile(depth=session.settings.map_depth, durability=durability)
+        updates = QoSProfile(depth=session.settings.update_depth, durability=durability)
         session.listen(Heightmap, "heightmap", self._on_map, maps)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates)
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
