@@ -7,6 +7,7 @@ from time import monotonic
 from typing import Literal
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.stopwatch import Stopwatch
 
 DeadlinePolicy = Literal["skip", "catch_up", "slow_down"]
 
@@ -23,6 +24,8 @@ class Pacer:
 
     A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
 
+    ``lateness`` collects how late the steps started.
+
     - *skip*: the missed steps are left out and the beat is kept. `advance` returns how many there were, so that
       simulated time can go on without them.
     - *catch_up*: the missed steps run one right after the other until the loop is on its beat again. What is more than
@@ -38,6 +41,7 @@ class Pacer:
         self.policy = policy
         self.misses = 0
         self.most_catch_up = MOST_CATCH_UP
+        self.lateness = Stopwatch(("lateness",))
         self._now = now
         self.deadline = now() + period
 
@@ -56,6 +60,7 @@ class Pacer:
     def advance(self) -> int:
         """Notes that the work of this deadline is starting, and sets the next one; returns the steps to leave out."""
         late = -self.remaining()
+        self.lateness.note("lateness", max(late, 0.0))
         missed = int(late / self.period) if late > self.period else 0
         skipped = 0
         if missed and self.policy == "catch_up":

@@ -49,7 +49,7 @@ class Settings:
     motion: MotionConfig = field(default_factory=MotionConfig)
     publish: PublishRates = field(default_factory=PublishRates)
     frame_id: str = ""
-    max_samples: int = 64_000_000
+    max_samples: int = 16_384**2
     durability: Durability = "volatile"
     map_depth: int = 2
     update_depth: int = 100

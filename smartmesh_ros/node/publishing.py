@@ -124,7 +124,7 @@ class Publishing:
             StageTiming(
                 stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
             )
-            for times in self._world.stopwatch.read()
+            for times in (*self._world.stopwatch.read(), *self._session.pacer.lateness.read())
         ]
         message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
         message.header.stamp = self._session.stamp_now()

@@ -35,8 +35,8 @@ class TerrainInputs:
         durability = DurabilityPolicy[session.settings.durability.upper()]
         maps = QoSProfile(depth=session.settings.map_depth, durability=durability)
         updates = QoSProfile(depth=session.settings.update_depth, durability=durability)
-        session.listen(Heightmap, "heightmap", self._on_map, maps)
-        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates)
+        session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
+        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
 
@@ -44,20 +44,20 @@ class TerrainInputs:
         """Accepts whatever stamps come next, after a reset."""
         self._clocks.clear()
 
-    def _on_map(self, message: Heightmap) -> None:
+    def _on_map(self, data: bytes) -> None:
         settings = self._session.settings
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting(message.tile, stamp, message.header.frame_id) as time:
-            if conversions.is_removal(message):
-                self._terrain.remove(message.tile)
+        new = conversions.map_from(data, settings.max_samples)
+        stamp = conversions.stamp_seconds(new.start)
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id) as time:
+            if new.geometry is None:
+                self._terrain.remove(new.start.tile)
                 return
-            new = conversions.map_from(message, settings.max_samples)
-            known = self._terrain.tiles.get(message.tile)
+            known = self._terrain.tiles.get(new.start.tile)
             if isinstance(known, HeightMap) and known.geometry == new.geometry:
                 known.replace(new.heights, time=time, velocities=new.velocities)
             else:
                 self._put(
-                    message.tile,
+                    new.start.tile,
                     HeightMap(
                         new.heights,
                         geometry=new.geometry,
@@ -67,13 +67,15 @@ class TerrainInputs:
                     ),
                 )
 
-    def _on_region(self, message: HeightmapUpdate) -> None:
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting(message.tile, stamp, message.header.frame_id, update=True) as time:
-            tile = self._terrain.tile(message.tile)
+    def _on_region(self, data: bytes) -> None:
+        new = conversions.region_from(data, self._session.settings.max_samples)
+        stamp = conversions.stamp_seconds(new.start)
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id, update=True) as time:
+            tile = self._terrain.tile(new.start.tile)
             if not isinstance(tile, HeightMap):
-                raise InputError("unknown_tile", f"tile {message.tile!r} is a general mesh; use ~/terrain_mesh_update")
-            new = conversions.region_from(message, self._session.settings.max_samples)
+                raise InputError(
+                    "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
+                )
             tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
 
     def _on_mesh(self, data: bytes) -> None:

@@ -5,13 +5,19 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
+import pytest
 from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.testing import COLLIDER, Probe
+from smartmesh_ros.node.dds import VARIABLE, use_large_message_profile
+from smartmesh_ros.testing import COLLIDER, Probe, Process
+
+# Size of the shared memory that the profile asks for [bytes].
+SEGMENT = 128 * 1024**2
 
 MISMATCHED = """
 import rclpy
@@ -68,6 +74,25 @@ def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
         probe.wait_for(lambda: late and seconds(late[-1].header.stamp) > seconds(newest))
         before = [message for message in late if seconds(message.header.stamp) <= seconds(newest)]
         assert 2 <= len(before) <= 3
+
+
+def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Source and collider use it, the probe does not: peers with and without it understand each other."""
+    monkeypatch.delenv(VARIABLE, raising=False)
+    use_large_message_profile()
+    with probe.running() as collider:
+        source = Process("terrain_source", {"rows": 2048, "columns": 2048, "rate": 2.0, "resolution": 0.05})
+        try:
+            probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 4)
+            assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
+            lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
+            segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
+            # Its own and the source's.
+            assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
+            assert "XMLPARSER" not in collider.output
+        finally:
+            source.stop()
+            source.close()
 
 
 def seconds(stamp: Time) -> float:
