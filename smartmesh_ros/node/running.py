@@ -20,6 +20,9 @@ from smartmesh_ros.errors import InputError
 # Time may stand still; signals are obeyed nevertheless, and ``idle()`` is called so often [s].
 LONGEST_WAIT = 0.1
 
+# Messages and calls handled between two steps by a loop that is late.
+MOST_WHEN_LATE = 8
+
 ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
 
 
@@ -54,7 +57,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
         worked = monotonic()
         try:
             while not stop:
-                executor.spin_once(timeout_sec=0.0)
+                if node.pacer.remaining() <= 0.0:
+                    _handle_some(executor, node)
                 while not stop and (left := node.pacer.remaining()) > 0.0:
                     executor.spin_once(timeout_sec=min(left, LONGEST_WAIT))
                     if monotonic() - worked > LONGEST_WAIT:
@@ -68,3 +72,13 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             node.destroy_node()
     finally:
         try_shutdown()
+
+
+def _handle_some(executor: Executor, node: Any) -> None:
+    """Handles some of the messages that wait while the loop is late; a call of the executor costs too much to ask
+    again when there was none."""
+    for _ in range(MOST_WHEN_LATE):
+        handled = node.handled
+        executor.spin_once(timeout_sec=0.0)
+        if node.handled == handled:
+            return

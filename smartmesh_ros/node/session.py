@@ -24,7 +24,7 @@ class Session:
 
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
     taken [s], None before the first. ``paused``: whether the physics stands still. ``lock``: held by whatever touches
-    the world, for executors with several threads.
+    the world, for executors with several threads. ``handled``: messages and calls so far.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -33,6 +33,7 @@ class Session:
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
         self.subscriptions: list[Any] = []
+        self.handled = 0
         self.refusals = Refusals(node.get_logger())
         self.lock = RLock()
         self.clock = NodeClock(node)
@@ -48,6 +49,7 @@ class Session:
         def callback(message: Any) -> None:
             try:
                 with self.lock:
+                    self.handled += 1
                     take(message)
             except InputError as error:
                 self.refusals.add(topic, error)
@@ -60,6 +62,7 @@ class Session:
         def callback(request: Any, response: Any) -> Any:
             try:
                 with self.lock:
+                    self.handled += 1
                     response.message = act(request)
                 response.success = True
             except InputError as error:

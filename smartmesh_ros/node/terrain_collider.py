@@ -47,6 +47,11 @@ class TerrainCollider(Node):
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
 
+    @property
+    def handled(self) -> int:
+        """Messages and calls handled so far."""
+        return self.session.handled
+
     def tick(self, skipped: int = 0) -> None:
         """One physics step (none while paused), and whatever is due to be published.
 

@@ -82,6 +82,8 @@ class TerrainSource(Node):
             self._publish_region(self._scene.changed(time), now.to_msg())
         self._listeners = listeners
 
+    handled = 0  # it takes no messages
+
     def idle(self) -> None:
         """Publishes nothing while time stands still."""
 
