@@ -44,10 +44,10 @@ def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]
     if holes:
         heights[rng.random(heights.shape) < 0.05] = np.nan
     terrain = Terrain(HeightMap(heights, resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4, velocities=heights * 0.1))
-    tracker = PatchTracker(terrain, PatchConfig())
+    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     tracker.set_bodies(np.resize(radii, count), np.full(count, -1))
     inner = terrain.tiles[""].geometry.to_world(rng.uniform(5, 55, count), rng.uniform(5, 75, count))
-    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros(count), 0.01)
+    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros((count, 3)), 0.01, 1 / 240)
 
 
 def xyz(values: Sequence[float]) -> dict[str, float]:

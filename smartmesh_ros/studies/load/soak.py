@@ -118,7 +118,8 @@ class Soak(Node):
             request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2])
         position = request.pose.position
         # Within the smallest map.
-        position.x, position.y, position.z = (*self._rng.uniform(-3.0, 3.0, 2).tolist(), 1.5)
+        position.x, position.y = self._rng.uniform(-3.0, 3.0, 2).tolist()
+        position.z = 1.5
         if self.call(self._spawner, request).success:
             self.alive.append(name)
             self._log.done["spawned"] += 1

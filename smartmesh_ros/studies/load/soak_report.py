@@ -68,9 +68,10 @@ def report(data: dict[str, Any], out: Path) -> None:
     done, lost = data["done"], sorted(set(data["alive"]) - set(data["seen"]))
     sent = done.get("bad messages", 0) + done.get("bad calls", 0)
     words = (
-        f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of another "
-        f"size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, patch kinds changed "
-        f"{done.get('kinds changed', 0)} times. Bad messages and calls: {sent} sent, {data['refused']} refused by the "
+        f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of "
+        f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, patch kinds "
+        f"changed {done.get('kinds changed', 0)} times. Bad messages and calls: {sent} sent, "
+        f"{data['refused']} refused by the "
         f"node's count. Bodies lost: {len(lost)} of {len(data['alive'])}; below the ground at the end: "
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
