@@ -168,11 +168,15 @@ class Elements:
             self._rows[phase] = _Row(data, record, walk.offset)
         return self._rows[phase]
 
-    def put(self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any]) -> int:
+    def put(
+        self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any], *, same: bool = False
+    ) -> int:
         """Writes ``count`` elements at ``offset`` of ``buffer`` and returns where the next byte goes.
 
         ``fields``: values of the fields that differ from the template, by path, one row per element; a single number is
         taken for all. Strings are (count, bytes) arrays without their closing zero, as `text_rows` makes them.
+        ``same``: that as many elements with the same fields were the last thing written there, so that only the values
+        of the fields need writing.
         """
         if count == 0:
             return offset
@@ -188,18 +192,19 @@ class Elements:
         end = offset
         for index, first in enumerate(starts[:count]):
             step = cycle if index >= lead else count
-            end = max(end, self._put_rows(buffer, first, period, fields, slice(index, count, step)))
+            end = max(end, self._put_rows(buffer, first, period, fields, slice(index, count, step), same))
         return end
 
     def _put_rows(
-        self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice
+        self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice, same: bool
     ) -> int:
         """Writes the ``chosen`` elements, whose layout is the same, from ``first`` on, one every ``period`` bytes."""
         row = self._row(first % LONGEST)
         count = len(range(chosen.start, chosen.stop, chosen.step))
         size = len(row.template)
-        block = np.ndarray((count, size), np.uint8, buffer, first, (period, 1))
-        block[...] = row.template
+        if not same:
+            block = np.ndarray((count, size), np.uint8, buffer, first, (period, 1))
+            block[...] = row.template
         view: Any = np.ndarray((count,), row.record, buffer, first, (period,))
         for path, value in fields.items():
             part = value[chosen] if np.ndim(value) else value

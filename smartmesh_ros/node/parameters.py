@@ -55,6 +55,7 @@ class Settings:
     update_depth: int = 100
     output_durability: Durability = "volatile"
     output_depth: int = 10
+    incremental: bool = False
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
@@ -100,6 +101,8 @@ SPECS = (
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     Spec("publish.contacts", _D.publish.contacts, "Rate of ~/contacts [Hz].", 0.0, 1000.0),
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
+    Spec("publish.incremental", _D.incremental, "~/patches holds only the patches that changed, and all of them when a "
+         "subscriber joins and every 5 s."),
     Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
     Spec(
         "publish.durability", _D.output_durability, "QoS durability of the outputs; transient_local keeps the last "
@@ -147,6 +150,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         update_depth=v["terrain.update_depth"],
         output_durability=v["publish.durability"],
         output_depth=v["publish.depth"],
+        incremental=v["publish.incremental"],
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),

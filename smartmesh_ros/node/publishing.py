@@ -16,7 +16,10 @@ from smartmesh_ros.node import diagnostics, outputs
 from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peers import incompatible_peers
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.states import simulated_states
 
+# In incremental mode all patches are published at least so often [s].
+ALL_PATCHES_PERIOD = 5.0
 RELIABLE = QoSProfile(depth=10)
 
 
@@ -76,6 +79,8 @@ class Publishing:
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
         self._refused_before = 0
+        self._listeners = 0
+        self._all_patches_due = 0.0
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
@@ -101,7 +106,18 @@ class Publishing:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
     def _make_patches(self) -> bytes:
-        return self._markers.write(self._header(), self._world.ground.batches, self._world.follower_names())
+        # Everything for whoever came since, and now and then for whoever missed something.
+        listeners, now = self._outputs["patches"].publisher.get_subscription_count(), monotonic()
+        only_changed = (
+            self._session.settings.incremental and listeners == self._listeners and now < self._all_patches_due
+        )
+        self._listeners = listeners
+        if not only_changed:
+            self._all_patches_due = now + ALL_PATCHES_PERIOD
+        world = self._world
+        return self._markers.write(
+            self._header(), world.ground.batches, world.follower_names(), only_changed=only_changed
+        )
 
     def _make_collider_patches(self) -> bytes:
         world = self._world
@@ -109,11 +125,7 @@ class Publishing:
         return self._collider_patches.write(self._header(), world.ground.batches, world.follower_names(), carried)
 
     def _make_body_states(self) -> bytes:
-        world = self._world
-        simulated = [body for body in world.bodies.values() if not body.tracked]
-        return self._body_states.write(
-            self._header(), [(body.name, body.radius, world.state(body.name)) for body in simulated]
-        )
+        return self._body_states.write(self._header(), simulated_states(self._world))
 
     def _make_contacts(self) -> bytes:
         return self._contacts.write(self._header(), self._world.contacts())
