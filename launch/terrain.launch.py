@@ -20,6 +20,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("scene", default_value="waves", description="Scene of terrain_source."),
             DeclareLaunchArgument("dds", default_value=profile, description="Fast DDS settings, an XML file."),
             SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", LaunchConfiguration("dds")),
+            SetEnvironmentVariable("RMW_FASTRTPS_USE_QOS_FROM_XML", "1"),
             Node(
                 package="smartmesh_ros",
                 executable="terrain_collider",

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
+# Has the profile's memory policy respected: buffers as large as the messages, and only while they are needed.
+POLICY_VARIABLE = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
@@ -13,4 +15,7 @@ def use_large_message_profile() -> None:
 
     Works before the first node is made only, because Fast DDS reads its settings once.
     """
-    os.environ.setdefault(VARIABLE, str(Path(get_package_share_directory("smartmesh_ros")) / "config" / "fastdds.xml"))
+    if VARIABLE in os.environ:
+        return
+    os.environ[POLICY_VARIABLE] = "1"
+    os.environ[VARIABLE] = str(Path(get_package_share_directory("smartmesh_ros")) / "config" / "fastdds.xml")

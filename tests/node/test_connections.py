@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.dds import VARIABLE, use_large_message_profile
+from smartmesh_ros.node.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.testing import COLLIDER, Probe, Process
 
 # Size of the shared memory that the profile asks for [bytes].
@@ -78,7 +78,9 @@ def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
 
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
     """Source and collider use it, the probe does not: peers with and without it understand each other."""
-    monkeypatch.delenv(VARIABLE, raising=False)
+    for name in (VARIABLE, POLICY_VARIABLE):  # set anew below, and as they were after the test
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
     use_large_message_profile()
     with probe.running() as collider:
         source = Process("terrain_source", {"rows": 2048, "columns": 2048, "rate": 2.0, "resolution": 0.05})

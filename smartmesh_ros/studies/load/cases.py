@@ -11,7 +11,7 @@ Kind = Literal["terrain_collider", "naive", "apart"]
 
 RESOLUTION = 0.1
 # Distance of the bodies, and their radius [m].
-SPACING, RADIUS = 0.5, 0.15
+SPACING, RADIUS = 0.45, 0.15
 # The wave under them: amplitude [m], wave number [rad/m] and angular frequency [rad/s].
 WAVE = (0.05, 1.0, 4.0)
 # The probe is a tracked body over flat ground that jumps between CODES heights, so that each map is told from the

@@ -25,7 +25,12 @@ def environment() -> dict[str, str]:
     from ament_index_python.packages import get_package_prefix
 
     profile = str(Path(get_package_prefix("smartmesh_ros")) / SHARE)
-    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "FASTRTPS_DEFAULT_PROFILES_FILE": profile, **os.environ}
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": profile,
+        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
+        **os.environ,
+    }
 
 
 def node_command(case: Case, parameters: Path) -> list[str]:

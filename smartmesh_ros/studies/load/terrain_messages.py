@@ -37,7 +37,7 @@ class TerrainMessages:
         room = np.minimum.reduce([self._x, y, self._x[::-1, ::-1], y[::-1, ::-1]])
         self._swell = WAVE[0] * np.clip(room / 0.4, 0.0, 1.0)
         x, probe_y = case.probe
-        self._flat = (np.abs(self._x - x) <= 0.75) & (np.abs(y - probe_y) <= 0.75)
+        self._flat = (np.abs(self._x - x) <= 0.65) & (np.abs(y - probe_y) <= 0.65)
 
     def heights(self, k: int, time: float) -> NDArray[np.float32]:
         """The part that moves (window, window) [m]."""
