@@ -25,7 +25,7 @@ setup(
     ],
     install_requires=["numpy", "pybullet"],
     extras_require={
-        "studies": ["matplotlib"],
+        "studies": ["matplotlib", "psutil"],
         "test": ["hypothesis", "pytest"],
     },
     zip_safe=False,
@@ -39,6 +39,8 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",
+            f"load = {NAME}.studies.load.study:main",
+            f"soak = {NAME}.studies.load.soak:main",
         ],
     },
 )

@@ -97,6 +97,10 @@ class Soak(Node):
             self._executor.spin_once(timeout_sec=min(left, 0.1))
         return bool(condition())
 
+    def connected(self) -> bool:
+        """Whether the node hears what is sent: else the first bad messages would go nowhere."""
+        return bool(self._maps.get_subscription_count()) and bool(self._updates.get_subscription_count())
+
     def call(self, client: Any, request: Any) -> Any:
         """A service call; raises `RuntimeError` where there is no answer."""
         future = client.call_async(request)
@@ -183,7 +187,7 @@ def run(minutes: float, folder: Path) -> dict[str, Any]:
     collider = start_node("terrain_collider", {"publish.patches": 10.0, "publish.body_states": 10.0}, folder)
     source = start_node("terrain_source", source_parameters(rng), folder)
     try:
-        if not node.wait(START_LIMIT, lambda: int(node.health.get("samples", 0)) > 0):
+        if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
             raise RuntimeError("the node took no map")
         watch = Watch(collider.pid)
         start = monotonic()
