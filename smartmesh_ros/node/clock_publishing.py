@@ -9,6 +9,8 @@ from rosgraph_msgs.msg import Clock
 from smartmesh_ros.node.session import Session
 
 TOPIC = "/clock"
+# What the graph calls a node whose name it does not know yet.
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Seconds between two log lines about another publisher.
 LOG_PERIOD = 5.0
 
@@ -47,9 +49,14 @@ class ClockPublishing:
         node = self._session.node
         own = (node.get_name(), node.get_namespace())
         peers = node.get_publishers_info_by_topic(self._publisher.topic_name)
-        others = {f"{peer.node_namespace.rstrip('/')}/{peer.node_name}" for peer in peers
-                  if (peer.node_name, peer.node_namespace) != own}  # fmt: skip
+        others = {
+            f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
+            for peer in peers
+            if (peer.node_name, peer.node_namespace) != own
+        }
         self.rivals = sorted(others) or ["another node of this name"]
+        if any(UNKNOWN in name for name in self.rivals):
+            return  # found a moment ago; its name comes
         node.get_logger().error(
             f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
             "publish.clock to 0 and use_sim_time to true to follow that clock",
