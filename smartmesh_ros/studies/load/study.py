@@ -30,22 +30,22 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
     return {name: make(quick=quick) for name, make in makers.items()}
 
 
-def run_all(chosen: dict[str, list[Case]]) -> dict[str, list[dict[str, Any]]]:
-    """Runs every case, a line each."""
-    results: dict[str, list[dict[str, Any]]] = {}
+def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) -> None:
+    """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each."""
+    data = {"machine": machine(), "groups": {group: known.get(group, []) for group in chosen}}
     start = monotonic()
     for group, members in chosen.items():
-        results[group] = []
-        for case in members:
+        done = {Case(**result["case"]).name for result in data["groups"][group]}
+        for case in (case for case in members if case.name not in done):
             result = run_case(case)
-            results[group].append(result)
+            data["groups"][group].append(result)
+            file.write_text(json.dumps(data, indent=1))
             s = Summary.of(result)
             print(
                 f"{monotonic() - start:6.0f} s  {case.name:50s} update+step {s.update_and_step:6.2f} ms  "
                 f"missed {100 * s.missed:6.2f} %  real time {s.real_time_factor:.2f}  lost {s.lost}",
                 flush=True,
             )
-    return results
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
@@ -73,13 +73,14 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
     parser.add_argument("--out", type=Path, help=f"folder of JSON and pictures (default {OUT}; out/load with --quick)")
     parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
+    parser.add_argument("--resume", action="store_true", help="run only what was not measured before")
     options = parser.parse_args(args)
     out = options.out or (Path("out/load") if options.quick else OUT)
     file = out / "load.json"
     if not options.report:
         out.mkdir(parents=True, exist_ok=True)
-        data = {"machine": machine(), "groups": run_all(groups(quick=options.quick))}
-        file.write_text(json.dumps(data, indent=1))
+        known = json.loads(file.read_text())["groups"] if options.resume and file.is_file() else {}
+        run_all(groups(quick=options.quick), file, known)
     report(json.loads(file.read_text()), out, None if options.quick else PAGE)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,24 +43,29 @@ class Summary:
     def steps_per_second(self) -> float:
         """Physics steps that were run."""
         windows = self.result["windows"]
-        return float(sum(w["stages"]["step"][0] for w in windows) / sum(w["seconds"] for w in windows))
+        return float(sum(w["stages"]["step"][0] for w in windows) / self.seconds)
+
+    @property
+    def seconds(self) -> float:
+        """Time that the windows cover [s]; a starved node may not have sent any."""
+        return float(sum(w["seconds"] for w in self.result["windows"])) or math.nan
 
     @property
     def cpu_per_step(self) -> float:
         """Processor time of the node for each step, all in [ms]."""
-        return float(1e3 * self.result["cpus"]["node"] / max(self.steps_per_second, 1e-9))
+        return float(1e3 * self.result["cpus"]["node"] / (self.steps_per_second or math.nan))
 
     @property
     def missed(self) -> float:
         """Share of the deadlines that were missed."""
         windows = self.result["windows"]
-        due = self.case.physics_rate * sum(w["seconds"] for w in windows)
-        return float(sum(w["misses"] for w in windows) / due)
+        return float(sum(w["misses"] for w in windows) / (self.case.physics_rate * self.seconds))
 
     @property
     def real_time_factor(self) -> float:
         """Simulated seconds per second."""
-        return float(np.mean([w["real_time_factor"] for w in self.result["windows"]]))
+        factors = [w["real_time_factor"] for w in self.result["windows"]]
+        return float(np.mean(factors)) if factors else math.nan
 
     @property
     def latency(self) -> tuple[float, float, float] | None:
