@@ -19,13 +19,17 @@ STAGES = {"search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "ste
 def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[Path]:
     """Draws every picture there are runs for."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [
-        _bodies(groups["grid"], machine, folder / "bodies.png"),
-        _ways(groups["naive"], machine, folder / "naive.png", "The same node written naively", executors=False),
-        _ways(groups["executors"], machine, folder / "executors.png",
-              "Executors, 100 bodies, full 1024$^2$ maps at 30 Hz", executors=True),
-        _latency(groups["grid"], machine, folder / "latency.png"),
-    ]  # fmt: skip
+    paths = []
+    if groups["grid"]:
+        paths += [_bodies(groups["grid"], machine, folder / "bodies.png")]
+        paths += [_latency(groups["grid"], machine, folder / "latency.png")]
+    if groups["naive"]:
+        title = "The same node written naively"
+        paths += [_ways(groups["naive"], machine, folder / "naive.png", title, executors=False)]
+    if groups["executors"]:
+        title = "Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz"
+        paths += [_ways(groups["executors"], machine, folder / "executors.png", title, executors=True)]
+    return paths
 
 
 def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:

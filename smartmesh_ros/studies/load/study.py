@@ -32,7 +32,7 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
 
 def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) -> None:
     """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each."""
-    data = {"machine": machine(), "groups": {group: known.get(group, []) for group in chosen}}
+    data: dict[str, Any] = {"machine": machine(), "groups": {group: known.get(group, []) for group in chosen}}
     start = monotonic()
     for group, members in chosen.items():
         done = {Case(**result["case"]).name for result in data["groups"][group]}
@@ -50,7 +50,8 @@ def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) ->
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
-    summaries = {name: [Summary.of(result) for result in results] for name, results in data["groups"].items()}
+    found = data["groups"]
+    summaries = {name: [Summary.of(result) for result in found.get(name, [])] for name in groups(quick=True)}
     for path in pictures.draw(summaries, data["machine"], out):
         print(f"wrote {path}")
     blocks = {
