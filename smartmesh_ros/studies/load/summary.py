@@ -16,7 +16,7 @@ UPDATE = ("search", "collect", "collider")
 @dataclass(frozen=True)
 class Summary:
     """One run. Stage times [ms] are medians over windows of a second of the window's median, 99th percentile and
-    maximum; ``latency`` [ms] is the median, 99th percentile and maximum, None where nothing was seen."""
+    maximum, NaN where a stage did not run; ``latency`` [ms] is the median, 99th percentile and maximum, None where nothing was seen."""
 
     case: Case
     result: dict[str, Any]
@@ -30,7 +30,7 @@ class Summary:
         """Median, 99th percentile, maximum of a stage [ms]; the maximum is that of all windows."""
         times = np.array([w["stages"][name][1:] for w in self.result["windows"] if w["stages"][name][0]])
         if not len(times):
-            return 0.0, 0.0, 0.0
+            return math.nan, math.nan, math.nan
         median, high = np.median(times[:, :2], axis=0) / 1e3
         return float(median), float(high), float(times[:, 2].max() / 1e3)
 

@@ -122,8 +122,8 @@ def _lost(s: Summary) -> str:
 
 
 def _ms(value: float) -> str:
-    return f"{value:.3g}" if value else "-"
+    return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def _three(values: tuple[float, float, float] | None) -> str:
-    return " / ".join(f"{value:.3g}" for value in values) if values else "-"
+    return " / ".join(_ms(value) for value in values) if values else "-"
