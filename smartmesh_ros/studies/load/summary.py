@@ -15,8 +15,12 @@ UPDATE = ("search", "collect", "collider")
 
 @dataclass(frozen=True)
 class Summary:
-    """One run. Stage times [ms] are medians over windows of a second of the window's median, 99th percentile and
-    maximum, NaN where a stage did not run; ``latency`` [ms] is the median, 99th percentile and maximum, None where nothing was seen."""
+    """One run.
+
+    Stage times [ms] are medians over windows of a second of the window's median and 99th percentile, and the maximum of
+    all windows; NaN where a stage did not run. ``latency`` [ms] is the median, 99th percentile and maximum, None where
+    nothing was seen.
+    """
 
     case: Case
     result: dict[str, Any]
