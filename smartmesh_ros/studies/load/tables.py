@@ -69,7 +69,7 @@ def targets(groups: dict[str, list[Summary]]) -> str:
 
     def add(what: str, summary: Summary | None, measure: Callable[[Summary], float], most: float, unit: str) -> None:
         value = measure(summary) if summary else math.nan
-        verdict = "not run" if math.isnan(value) else "reached" if value <= most else "**missed**"
+        verdict = "not measured" if math.isnan(value) else "reached" if value <= most else "**missed**"
         lines.append([what, f"{most:.3g} {unit}", f"{value:.3g} {unit}", verdict])
 
     hundred, thousand = find(100, 240.0), find(1000, 60.0)
@@ -84,7 +84,7 @@ def targets(groups: dict[str, list[Summary]]) -> str:
         add(f"{name}: processor time a step of everything but `stepSimulation`", s,
             lambda s: s.cpu_per_step - s.stage("step")[0], step, "ms")  # fmt: skip
         add(f"{name}: the same without search, collect and collider", s,
-            lambda s: s.cpu_per_step - s.update_and_step, step, "ms")  # fmt: skip
+            _ros_side, step, "ms")  # fmt: skip
     full = find(100, 240.0, mode="full")
     add("full 1024^2 map taken, median", full, lambda s: s.stage("ingest")[0], 2.0, "ms")
     add("64^2 region taken, median", hundred, lambda s: s.stage("ingest")[0], 0.2, "ms")
@@ -105,6 +105,12 @@ def write(path: Path, blocks: dict[str, str]) -> None:
         _, end, rest = rest.partition("<!-- end -->")
         text = f"{start}{found}{block}\n{end}{rest}"
     path.write_text(text)
+
+
+def _ros_side(s: Summary) -> float:
+    """Processor time a step without patches and physics [ms]; NaN where waiting for a processor hides it in them."""
+    rest = s.cpu_per_step - s.update_and_step
+    return rest if rest >= 0.0 else math.nan
 
 
 def _run(s: Summary) -> list[str]:
