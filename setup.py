@@ -27,7 +27,7 @@ setup(
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
-        "studies": ["coal", "matplotlib", "mujoco", "sapien"],
+        "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
     },
     zip_safe=False,
@@ -41,6 +41,8 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",
+            f"load = {NAME}.studies.load.study:main",
+            f"soak = {NAME}.studies.load.soak:main",
         ],
     },
 )
