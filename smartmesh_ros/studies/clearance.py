@@ -19,8 +19,10 @@ RIM = 24
 
 @dataclass(frozen=True)
 class Skin:
-    """A body as spheres of ``radius`` [m] around ``points`` (M, 3) [m] in its own frame: exact for a sphere; dense along
-    a capsule's axis; radius zero and points on the surface for boxes and cylinders."""
+    """A body as spheres of ``radius`` [m] around ``points`` (M, 3) [m] in its own frame.
+
+    Exact for a sphere; dense along a capsule's axis; radius zero and points on the surface for boxes and cylinders.
+    """
 
     points: FloatArray
     radius: float

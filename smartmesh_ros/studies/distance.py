@@ -38,8 +38,8 @@ class Surface:
 
 
 class Nearest(NamedTuple):
-    """Of N points: signed ``distance`` to the surface (N,) [m], positive above it, at most the reach that was asked for;
-    ``normal`` (N, 3), unit, from the nearest point of the surface outwards; NaN beyond the reach."""
+    """Of N points: signed ``distance`` to the surface (N,) [m], positive above it, at most the reach asked for; and
+    ``normal`` (N, 3), unit, from the nearest point of the surface outwards, NaN beyond the reach."""
 
     distance: FloatArray
     normal: FloatArray

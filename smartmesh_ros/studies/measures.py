@@ -11,6 +11,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
+GRAVITY = 9.81  # [m/s^2]
 # A body is held up by something where its acceleration differs from gravity's by more than this share of it.
 HELD_UP = 0.1
 
@@ -44,7 +45,7 @@ def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Pen
     return Penetration(p50, p99, most, hover, int(gone[-1].sum()) if len(gone) else 0, clearance.shape[1])
 
 
-def held_up(before: FloatArray, after: FloatArray, dt: float, gravity: float = 9.81) -> BoolArray:
+def held_up(before: FloatArray, after: FloatArray, dt: float, gravity: float = GRAVITY) -> BoolArray:
     """Which bodies something holds up, from their velocities (N, 3) [m/s] before and after one step of ``dt`` [s]."""
     felt = (after - before) / dt
     felt[:, 2] += gravity
@@ -61,11 +62,12 @@ def energies(
 ) -> FloatArray:
     """Mechanical energy [J] of bodies: ``positions``, ``linear``, ``angular`` (..., 3), ``inertia`` (3,) [kg m^2] in a
     frame in which it is diagonal and that ``angular`` is given in; a sphere's holds in every frame. Shape (...)."""
-    moving = 0.5 * mass * (linear**2).sum(axis=-1) + 0.5 * (inertia * angular**2).sum(axis=-1)
-    return np.asarray(moving + mass * 9.81 * positions[..., 2])
+    kinetic: FloatArray = mass * (linear**2).sum(axis=-1) + (inertia * angular**2).sum(axis=-1)
+    total: FloatArray = 0.5 * kinetic + mass * GRAVITY * positions[..., 2]
+    return total
 
 
 def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
     """Angle [deg] between unit vectors (N, 3); shape (N,). Accurate for small ones."""
     sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
-    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals)))
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)
