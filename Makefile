@@ -21,7 +21,7 @@ prepare:  ## environment and install/ only
 	@scripts/workspace prepare
 
 bench:  ## running times against the report's tables
-	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/bench
+	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/bench
 
 clean:  ## remove what the commands made
 	rm -rf .venv build install log

@@ -25,7 +25,7 @@ setup(
     ],
     install_requires=["numpy", "pybullet"],
     extras_require={
-        "studies": ["matplotlib"],
+        "studies": ["coal", "matplotlib", "mujoco", "sapien"],
         "test": ["hypothesis", "pytest"],
     },
     zip_safe=False,

@@ -1,0 +1,128 @@
+"""Every engine does what physics says; those that are not installed are skipped by name."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.shapes import Box, Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.studies.engines.bullet import BulletHeightfieldOptions, BulletTrimeshOptions
+from smartmesh_ros.studies.engines.engine import EngineBody, Setup
+from smartmesh_ros.studies.engines.registry import ENGINES, build, missing
+
+DT = 1.0 / 240.0
+G = 9.81
+ROWS, COLUMNS, RESOLUTION = 21, 31, 0.2
+# What an engine needs for boxes not to catch at inner edges, and to know that the whole ground moves.
+OPTIONS = {
+    "bullet_trimesh": BulletTrimeshOptions(edge_filter=True),
+    "bullet_heightfield": BulletHeightfieldOptions(edge_filter=True, carry_velocity=True),
+}
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    if missing(name):
+        pytest.skip(f"{name}: {missing(name)}")
+    return name
+
+
+def ball(position: tuple[float, float, float], **state: tuple[float, float, float]) -> EngineBody:
+    return EngineBody(shape=Sphere(0.25), mass=2.0, state=BodyState(position=position, **state))
+
+
+def setup(heights: np.ndarray, *bodies: EngineBody) -> Setup:
+    return Setup(heights=heights, resolution=RESOLUTION, bodies=bodies, dt=DT)
+
+
+def test_bodies_rest_on_the_ground(engine: str) -> None:
+    """On level ground that was lower and higher before, off the middle of a map that is not square."""
+    level = np.full((ROWS, COLUMNS), 0.7)
+    box = EngineBody(shape=Box(0.4, 0.6, 0.3), state=BodyState(position=(4.1, 1.1, 1.5)))
+    with build(engine, setup(level - 2.0, ball((1.3, 2.9, 1.5)), box)) as scene:
+        scene.set_ground(level + 0.5)
+        scene.set_ground(level)
+        for _ in range(600):
+            scene.set_ground(level)
+            scene.step()
+        settled = scene.positions()
+        assert settled[:, 2] == pytest.approx([0.7 + 0.25, 0.7 + 0.15], abs=0.004)
+        for _ in range(120):
+            scene.step()
+        assert scene.positions() == pytest.approx(settled, abs=0.002)
+
+
+def test_map_lies_where_it_should(engine: str) -> None:
+    """Two balls in two pits at known samples, whose shape tells x from y and one diagonal from the other."""
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    pits = ((4, 22), (15, 6))
+    distance = np.min([np.hypot(row - r, column - c) for r, c in pits], axis=0)
+    heights = 0.35 * np.minimum(distance * RESOLUTION, 1.0)
+    bodies = [ball((c * RESOLUTION + 0.15, r * RESOLUTION - 0.1, 0.8)) for r, c in pits]
+    with build(engine, setup(heights, *bodies)) as scene:
+        for _ in range(1200):
+            scene.step()
+        expected = [(c * RESOLUTION, r * RESOLUTION) for r, c in pits]
+        assert scene.positions()[:, :2] == pytest.approx(np.array(expected), abs=0.05)  # cells are 0.2 m
+
+
+def test_cells_are_cut_along_the_main_diagonal(engine: str) -> None:
+    """A ridge along the main diagonal of one cell holds a ball up; cut the other way it would lie 44 mm lower."""
+    heights = np.zeros((ROWS, COLUMNS))
+    row, column = 10, 15
+    heights[row : row + 2, column : column + 2] = [[0.1, 0.0], [0.0, 0.1]]
+    middle = ((column + 0.5) * RESOLUTION, (row + 0.5) * RESOLUTION, 0.1 + 0.25)
+    with build(engine, setup(heights, ball(middle))) as scene:
+        for _ in range(24):
+            scene.step()
+        assert scene.positions()[0, 2] == pytest.approx(0.35, abs=0.004)
+
+
+def test_thrown_ball_follows_ballistics(engine: str) -> None:
+    flat = np.full((ROWS, COLUMNS), -5.0)
+    with build(engine, setup(flat, ball((1.0, 1.0, 1.0), linear=(2.0, 1.0, 3.0), angular=(0.0, 1.0, 4.0)))) as scene:
+        steps = 120
+        for _ in range(steps):
+            scene.step()
+        time = steps * DT
+        fallen = 1.0 + 3.0 * time - 0.5 * G * time * (time + DT)  # semi-implicit Euler is a step ahead of the parabola
+        assert scene.positions()[0] == pytest.approx([1.0 + 2.0 * time, 1.0 + time, fallen], abs=0.01)
+        assert scene.velocities()[0] == pytest.approx([2.0, 1.0, 3.0 - G * time, 0.0, 1.0, 4.0], abs=0.02)
+        turn = math.hypot(1.0, 4.0) * time
+        assert abs(scene.orientations()[0, 3]) == pytest.approx(abs(math.cos(0.5 * turn)), abs=0.01)
+
+
+def test_friction_is_the_bodies_own(engine: str) -> None:
+    """On gravity that leans by 0.4 a ball rolls, unless its friction is less than 2/7 of that: then it slips."""
+    time, lean = 0.5, 0.4
+    for friction in (0.05, 0.6):
+        rolling = EngineBody(shape=Sphere(0.25), friction=friction, state=BodyState(position=(1.0, 2.0, 0.25)))
+        leaning = replace(setup(np.zeros((ROWS, COLUMNS)), rolling), gravity=(lean * G, 0.0, -G))
+        with build(engine, leaning, OPTIONS.get(engine)) as scene:
+            for _ in range(round(time / DT)):
+                scene.step()
+            velocity, turning = scene.velocities()[0, [0, 4]]
+        slips = friction < 2.0 / 7.0 * lean
+        assert velocity == pytest.approx(G * time * (lean - friction if slips else 5.0 / 7.0 * lean), rel=0.05)
+        assert turning == pytest.approx(2.5 * friction * G * time / 0.25 if slips else velocity / 0.25, rel=0.1)
+
+
+def test_ball_stays_on_ground_that_rises(engine: str) -> None:
+    flat = np.zeros((ROWS, COLUMNS))
+    with build(engine, setup(flat, ball((3.0, 2.0, 0.25))), OPTIONS.get(engine)) as scene:
+        for index in range(240):
+            height = 0.5 * math.sin(2.0 * index * DT)
+            scene.set_ground(flat + height, flat + math.cos(2.0 * index * DT))
+            scene.step()
+        assert scene.positions()[0, 2] == pytest.approx(0.25 + height, abs=0.04)
+
+
+def test_unknown_engine_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match="smartmesh"):
+        build("rapier", setup(np.zeros((ROWS, COLUMNS))))
