@@ -49,7 +49,7 @@ class Scene:
 
     ``grid``: samples on a side and their distance [m]; sample (0, 0) lies at the origin. ``map_rate`` [Hz]: how often
     the engines are told about the ground; 0 = once. ``settle`` [s]: what is not measured at first. ``samples`` [Hz]:
-    how often is measured. ``reference``: the run that bodies are compared with, at an eighth of the usual step: a *whole*
+    how often is measured. ``reference``: the run that bodies are compared with, at an eighth of the step: a *whole*
     filtered collider where the ground is rigid, or our *finest* setting on maps of that rate. ``quick``: part of the
     quick run.
     """
