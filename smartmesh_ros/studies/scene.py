@@ -25,7 +25,7 @@ SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cyli
 @dataclass(frozen=True, kw_only=True)
 class Bodies:
     """``count`` bodies of one ``shape`` and ``size`` [m], dropped from ``drop`` [m] above the ground at random places
-    within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]."""
+    within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]; ``rolling``: spheres turn as fast as they move."""
 
     count: int = 16
     shape: str = "sphere"
@@ -33,6 +33,7 @@ class Bodies:
     spread: tuple[float, float] = (4.0, 4.0)
     drop: float = 0.05
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rolling: bool = False
     friction: float = 0.5
     seed: int = 5
 
@@ -107,8 +108,11 @@ class Scene:
         xy = np.array(places)
         surface = self.surface(self.make_ground().heights(0.0))
         low = lowest(surface, bodies.make_shape(), xy) + bodies.drop
+        spin = 1.0 / bodies.size[0] if bodies.rolling else 0.0
+        angular = (-bodies.velocity[1] * spin, bodies.velocity[0] * spin, 0.0)
         return [
-            BodyState((float(x), float(y), float(z)), linear=bodies.velocity) for (x, y), z in zip(xy, low, strict=True)
+            BodyState((float(x), float(y), float(z)), linear=bodies.velocity, angular=angular)
+            for (x, y), z in zip(xy, low, strict=True)
         ]
 
 
