@@ -25,8 +25,8 @@ SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cyli
 @dataclass(frozen=True, kw_only=True)
 class Bodies:
     """``count`` bodies of one ``shape`` and ``size`` [m], dropped from ``drop`` [m] above the ground at random places
-    within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]; ``rolling``: spheres turn as fast
-    as they move."""
+    within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]; ``rolling``: spheres turn as
+    fast as they move."""
 
     count: int = 16
     shape: str = "sphere"
