@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.studies.distance import Surface, nearest
@@ -79,6 +80,24 @@ def clearances(
     """Signed distance (N,) [m] from the surface of bodies at ``positions`` (N, 3) and ``orientations`` (N, 4) to the
     ground: negative = they overlap by so much. Beyond ``reach`` [m] from the skin's points it is cut off there."""
     sample = skin(shape)
-    points = (positions[:, None] + rotate(orientations, sample.points)).reshape(-1, 3)
-    found = nearest(surface, points, sample.radius + reach).distance
-    return np.asarray(found.reshape(len(positions), -1).min(axis=1) - sample.radius)
+    points = positions[:, None] + rotate(orientations, sample.points)
+    count = len(sample.points)
+    if count == 1:
+        return np.asarray(nearest(surface, points[:, 0], sample.radius + reach).distance - sample.radius)
+    chosen = _lowest_points(surface, points)
+    distance = np.full(points.shape[:2], np.inf)
+    distance[chosen] = nearest(surface, points[chosen], sample.radius + reach).distance
+    return np.asarray(distance.min(axis=1) - sample.radius)
+
+
+def _lowest_points(surface: Surface, points: FloatArray) -> NDArray[np.bool_]:
+    """Which points (N, M, 3) may be the nearest to the ground of their body's, (N, M).
+
+    Over ground no steeper than s, a distance is between the vertical gap and that times 1 / sqrt(1 + s^2).
+    """
+    gap = points[..., 2] - surface.below(points.reshape(-1, 3)).reshape(points.shape[:2])
+    cosine = 1.0 / math.sqrt(1.0 + surface.steepest**2)
+    least, most = np.where(gap > 0.0, gap * cosine, gap), np.where(gap > 0.0, gap, gap * cosine)
+    unknown = np.isnan(gap)
+    most[unknown], least[unknown] = np.inf, -np.inf  # beside the ground; it may still be near
+    return np.asarray(least <= most.min(axis=1, keepdims=True))

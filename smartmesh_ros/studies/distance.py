@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,13 @@ class Surface:
 
     geometry: GridGeometry
     heights: FloatArray
+
+    @cached_property
+    def steepest(self) -> float:
+        """The slope [-] that no triangle exceeds."""
+        across = [np.abs(np.diff(self.heights, axis=axis)) for axis in (0, 1)]
+        largest = [float(np.nanmax(steps)) if np.isfinite(steps).any() else 0.0 for steps in across]
+        return math.hypot(*largest) / self.geometry.resolution
 
     def below(self, points: FloatArray) -> FloatArray:
         """Height of the ground under points (N, 3) [m]; NaN where there is none. Shape (N,)."""

@@ -116,3 +116,16 @@ def test_turned_shapes_reach_down_by_their_support_function(seed: int) -> None:
         found = clearances(ground, shape, np.array([[1.5, 3.0, 0.05]]), orientation, reach=1.0)[0]
         assert -1e-9 <= found - (0.05 - reach) <= slack + 1e-9
         assert skin(shape).points.shape[1] == 3
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.3))
+def test_leaving_out_points_that_cannot_be_nearest_changes_nothing(seed: int, rough: float) -> None:
+    rng = np.random.default_rng(seed)
+    ground = surface(rng.normal(0.0, rough, (20, 20)), 0.1)
+    orientation = rng.normal(size=(1, 4))
+    orientation /= np.linalg.norm(orientation)
+    position = np.array([[0.0, 1.5, rng.uniform(-0.2, 0.6)]])
+    box = Box(0.5, 0.3, 0.2)
+    every = nearest(ground, (position[:, None] + rotate(orientation, skin(box).points))[0], 1.0).distance
+    assert clearances(ground, box, position, orientation, reach=1.0)[0] == pytest.approx(every.min(), abs=1e-12)
