@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.config import ColliderKind
+from smartmesh_ros.patches.grid_collect import Collected
 from smartmesh_ros.patches.template import PatchTemplate
+from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
@@ -23,6 +25,7 @@ class PatchBatch(ABC):
     of a patch. ``rows``, ``columns``: nearest vertex (n,); on a general mesh row 0 and the vertex's index. ``stride``:
     samples of the map from one sample of the patch to the next (n,). ``centres_w``: position of the nearest
     vertex (n, 3) [m]. ``linear_w``, ``angular_w``: velocity of the ground there and its turning, (n, 3) [m/s, rad/s].
+    ``deviation``: how far the collider may lie from the main mesh where the body can touch it (n,) [m], NaN = unknown.
     """
 
     tile: str
@@ -35,6 +38,7 @@ class PatchBatch(ABC):
     centres_w: FloatArray
     linear_w: FloatArray
     angular_w: FloatArray
+    deviation: FloatArray
 
     @abstractmethod
     def vertices_w(self) -> FloatArray:
@@ -56,6 +60,34 @@ class GridBatch(PatchBatch):
     heights_w: FloatArray
     holes: bool
 
+    @classmethod
+    def of(
+        cls,
+        tile: str,
+        kind: ColliderKind,
+        bodies: IntArray,
+        heightmap: HeightMap,
+        template: PatchTemplate,
+        cells: Cells,
+        stride: IntArray,
+        ground: Collected,
+        deviation: FloatArray,
+    ) -> GridBatch:
+        """Patches around ``cells`` from what was collected there."""
+        geometry = heightmap.geometry
+        spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
+        centres_w = np.empty((len(bodies), 3))
+        centres_w[:, :2] = geometry.to_world(cells.rows, cells.columns)
+        centres_w[:, 2] = ground.heights[:, template.centre]
+        twist = np.zeros((2, len(bodies), 3))
+        if ground.velocities is not None:
+            grid_twist(ground.velocities @ template.fit, spacing, geometry.yaw, twist)
+        return cls(
+            tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,
+            stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1], deviation=deviation,
+            heightmap=heightmap, template=template, spacing=spacing, heights_w=ground.heights, holes=ground.holes,
+        )  # fmt: skip
+
     def vertices_w(self) -> FloatArray:
         """Vertices of all patches (n, K, 3) [m], in the order of the template."""
         template = self.template
@@ -70,6 +102,15 @@ class GridBatch(PatchBatch):
     def may_have_holes(self) -> bool:
         """Whether any sample may be NaN."""
         return self.holes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlaneBatch(GridBatch):
+    """Patches whose collider is a plane along the ground under the body: through ``points_w`` (n, 3) [m], nearest to
+    the bodies, with ``normals_w`` (n, 3), upward. Their vertices are samples that the plane is near to."""
+
+    points_w: FloatArray
+    normals_w: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

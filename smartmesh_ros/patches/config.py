@@ -1,5 +1,6 @@
 """Settings of patches."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -17,9 +18,11 @@ PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms",
 class PatchConfig:
     """How patches are made.
 
-    ``search``, ``collect``: the report's methods. ``kind``: the collider; the last two are the report's Simple-Mesh,
-    one collider of the whole terrain. ``rings``: samples on each side of the nearest vertex (the report's
-    collider-size); 0 = from the body's size and speed. ``tolerance`` [m]: how far a patch may lie from the main mesh.
+    ``search``, ``collect``: the report's methods. ``kind``: the collider; *auto* chooses for each body none, a plane or
+    the heightfield with the fewest samples, whichever is cheapest within the tolerance; *plane* does without the
+    tolerance; the last two are the report's Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each
+    side of the nearest vertex (the report's collider-size); 0 = from the body's size and speed, above 0 there is no
+    choice to make and *auto* is a heightfield. ``tolerance`` [m]: how far a patch may lie from the main mesh.
     ``edge_filter``: no ghost collisions at the inner edges of patches. ``carry_velocity``: patches carry the ground's
     velocity into the contact.
     """
@@ -41,6 +44,16 @@ class PatchConfig:
             raise InputError("parameter", f"patch rings is {self.rings}; it must be 0 (from the body) to {MOST_RINGS}")
         if not self.tolerance > 0.0:
             raise InputError("parameter", f"patch tolerance is {self.tolerance} m; it must be greater than zero")
+
+    @property
+    def chooses(self) -> bool:
+        """Whether each body gets as much ground as it needs."""
+        return self.kind == "plane" or (self.kind == "auto" and self.rings == 0)
+
+    @property
+    def plane_tolerance(self) -> float:
+        """How far a plane may lie from the main mesh [m]."""
+        return math.inf if self.kind == "plane" else self.tolerance
 
     @property
     def grid_kind(self) -> ColliderKind:

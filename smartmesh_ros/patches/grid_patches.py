@@ -1,80 +1,94 @@
-"""Patches of height maps."""
+"""Patches of height maps: one of fixed extent for each body, or as much as it needs."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, grid_twist
+from smartmesh_ros.patches.auto import AutoPatches, Moving
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.collect import BFS
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
-from smartmesh_ros.patches.template import PatchTemplate, patch_template
-from smartmesh_ros.search.best_first import best_first_cells
-from smartmesh_ros.search.brute_force import brute_force_cells
-from smartmesh_ros.search.grid import Cells, nearest_vertices
-from smartmesh_ros.search.ray_cast import ray_cast
+from smartmesh_ros.patches.grid_collect import collect_across, collect_inside, fit_in
+from smartmesh_ros.patches.grid_search import GridSearch
+from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.graph import GridGraph
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
-_FILLS = {"_rings": 0, "_stride": 0, "_least": 0.0, "_most": -1.0, "_row": -1, "_column": -1}
+_FILLS = {"_rings": 0, "_stride": 0, "_least": 0.0, "_most": -1.0}
 
 
 class GridPatches:
     """Searches and collects the patches of bodies on height maps, a batch per size."""
 
     def __init__(self, terrain: Terrain, config: PatchConfig, stopwatch: Stopwatch) -> None:
-        self.config = config
+        self._config = config
         self._terrain = terrain
         self._stopwatch = stopwatch
+        self._search = GridSearch()
+        self._auto = AutoPatches(config, self._search, stopwatch)
         self._rings = np.empty(0, np.int64)
         self._stride = np.empty(0, np.int64)
         # A patch stays as it is while the reach its body needs lies between these [m].
         self._least = np.empty(0)
         self._most = np.empty(0)
-        # Nearest vertex at the update before, -1 = none.
-        self._row = np.empty(0, np.int64)
-        self._column = np.empty(0, np.int64)
+
+    def configure(self, config: PatchConfig) -> None:
+        """Takes other settings; every patch is made anew."""
+        self._config = self._auto.config = config
+        self.forget(slice(None))
 
     def set_bodies(self, kept: IntArray) -> None:
         """Says which bodies there are, by their index before, -1 = new (N,)."""
         carry_over(self, _FILLS, kept)
+        self._search.set_bodies(kept)
+        self._auto.set_bodies(kept)
 
     def forget(self, bodies: IntArray | slice) -> None:
         """Forgets where bodies were: they are on another map now, or patches are to be made anew."""
         self._most[bodies] = -1.0
-        self._row[bodies] = self._column[bodies] = -1
+        self._search.forget(bodies)
+        self._auto.forget(bodies)
 
     def patches(
-        self,
-        name: str,
-        bodies: IntArray,
-        grid: FloatArray,
-        positions_w: FloatArray,
-        reach: FloatArray,
-        time: float,
-        before: list[PatchBatch],
+        self, name: str, moving: Moving, solid: BoolArray, time: float, dt: float, before: list[PatchBatch]
     ) -> list[PatchBatch]:
-        """Patches on the tile ``name`` at ``time`` [s].
+        """Patches on the tile ``name`` at ``time`` [s] for a step of ``dt`` [s].
 
-        ``bodies``: indices (n,); ``grid``: their fractional (row, column) (n, 2); ``positions_w`` (n, 3) [m]; ``reach``
-        (n,) [m]; ``before``: the batches of the update before.
+        ``solid`` (n,): which of the bodies have colliders; ``before``: the batches of the update before.
         """
+        if not self._config.chooses:
+            return self._of_fixed_extent(name, moving, time, before)
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
-        self._set_extent(heightmap, bodies, reach)
+        if solid.all():
+            batches, edge = self._auto.patches(name, heightmap, moving, time, dt, before)
+            rest = moving.of(edge)
+        else:
+            chosen = moving.of(solid)
+            batches, edge = self._auto.patches(name, heightmap, chosen, time, dt, before)
+            rest = moving.of(np.union1d(np.flatnonzero(~solid), np.flatnonzero(solid)[edge]))
+        if rest.bodies.size:
+            batches += self._of_fixed_extent(name, rest, time, before)
+        return batches
+
+    def _of_fixed_extent(self, name: str, moving: Moving, time: float, before: list[PatchBatch]) -> list[PatchBatch]:
+        heightmap = self._terrain.tiles[name]
+        assert isinstance(heightmap, HeightMap)
+        bodies, grid, geometry = moving.bodies, moving.grid, heightmap.geometry
+        travel = np.sqrt(np.einsum("ij,ij->i", moving.moved_w, moving.moved_w))
+        self._set_extent(heightmap, bodies, moving.radii + travel)
         with self._stopwatch.stage("search"):
-            cells = self._search(heightmap, bodies, grid, positions_w, before)
+            cells = self._search.nearest(self._config.search, geometry, bodies, grid, moving.positions_w, before)
             if len(self._terrain.tiles) > 1:
                 # Where tiles meet there is no rim: the grid goes on beyond the edge.
                 nearest = np.ceil(grid - 0.5).astype(np.int64)
-                beyond = (nearest < 1) | (nearest > (heightmap.geometry.rows - 2, heightmap.geometry.columns - 2))
+                beyond = (nearest < 1) | (nearest > (geometry.rows - 2, geometry.columns - 2))
                 rows, columns = np.where(beyond.any(axis=1), nearest.T, cells)
                 cells = Cells(rows, columns)
-        self._row[bodies], self._column[bodies] = cells.rows, cells.columns
         rings = self._rings[bodies]
         first = int(rings[0])
         if (rings == first).all():
@@ -94,138 +108,19 @@ class GridPatches:
         bodies = bodies[outgrown]
         geometry = heightmap.geometry
         side = min(geometry.rows, geometry.columns)
-        extent = extent_for(need[outgrown], geometry.resolution, side, self.config.rings)
+        extent = extent_for(need[outgrown], geometry.resolution, side, self._config.rings)
         self._rings[bodies], self._stride[bodies] = extent.rings, extent.stride
         self._least[bodies], self._most[bodies] = extent.least, extent.most
 
-    def _search(
-        self,
-        heightmap: HeightMap,
-        bodies: IntArray,
-        grid: FloatArray,
-        positions_w: FloatArray,
-        before: list[PatchBatch],
-    ) -> Cells:
-        """Nearest vertices by the chosen method, the map's rim left out."""
-        geometry, method = heightmap.geometry, self.config.search
-        if method == "grid_traversal":
-            return nearest_vertices(geometry, grid)
-        if method == "brute_force":
-            return brute_force_cells(geometry, grid)
-        row, column = self._row[bodies], self._column[bodies]
-        if method == "ray_cast":
-            hits = _hits(bodies, positions_w, before)
-            missed = hits.rows < 0
-            if missed.any():
-                hits.rows[missed], hits.columns[missed] = brute_force_cells(geometry, grid[missed])
-            # A strided patch hits a vertex near the nearest one only; a step or two leads there.
-            return best_first_cells(geometry, grid, _inside_rim(geometry.rows, geometry.columns, hits))
-        unknown = row < 0
-        start = Cells(np.where(unknown, geometry.rows // 2, row), np.where(unknown, geometry.columns // 2, column))
-        return best_first_cells(geometry, grid, _inside_rim(geometry.rows, geometry.columns, start))
-
     def _batch(
         self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, cells: Cells, time: float
-    ) -> PatchBatch:
-        geometry = heightmap.geometry
-        template = patch_template(rings)
-        stride = self._stride[bodies]
-        rows, columns, holes = cells.rows, cells.columns, heightmap.has_holes
+    ) -> GridBatch:
+        template, stride = patch_template(rings), self._stride[bodies]
         with self._stopwatch.stage("collect"):
-            margin = rings * stride
             if len(self._terrain.tiles) == 1:
-                # Leaving out a rim as wide as the patch keeps its topology constant.
-                rows = np.maximum(np.minimum(rows, geometry.rows - 1 - margin), margin)
-                columns = np.maximum(np.minimum(columns, geometry.columns - 1 - margin), margin)
-                samples = heightmap.sample(*self._indices(heightmap, template, rows, columns, stride), time)
+                cells = fit_in(heightmap.geometry, cells, rings * stride)
+                ground = collect_inside(heightmap, template, cells, stride, time, self._config.collect)
             else:
-                samples, holes = self._across_tiles(name, template, rows, columns, stride, time)
-        spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
-        centres_w = np.empty((len(bodies), 3))
-        centres_w[:, :2] = geometry.to_world(rows, columns)
-        centres_w[:, 2] = samples.heights[:, template.centre]
-        twist = np.zeros((2, len(bodies), 3))
-        if samples.velocities is not None:
-            grid_twist(samples.velocities @ template.fit, spacing, geometry.yaw, twist)
-        return GridBatch(
-            tile=name,
-            kind=self.config.grid_kind,
-            bodies=bodies,
-            triangles=template.triangles,
-            rows=rows,
-            columns=columns,
-            stride=stride,
-            centres_w=centres_w,
-            linear_w=twist[0],
-            angular_w=twist[1],
-            heightmap=heightmap,
-            template=template,
-            spacing=spacing,
-            heights_w=samples.heights,
-            holes=holes,
-        )
-
-    def _indices(
-        self, heightmap: HeightMap, template: PatchTemplate, rows: IntArray, columns: IntArray, stride: IntArray
-    ) -> tuple[IntArray, IntArray]:
-        """Samples of patches (n, K) and their centres (n,), as indices into the map."""
-        geometry = heightmap.geometry
-        centres = rows * geometry.columns + columns
-        if self.config.collect == "cached":
-            indices = template.indices(geometry.columns) * stride[:, None]
-            indices += centres[:, None]
-            return indices, centres
-        collect = BFS[self.config.collect]
-        collected = [
-            collect(GridGraph(geometry.rows, geometry.columns, step), centre, template.rings)
-            for centre, step in zip(centres.tolist(), stride.tolist(), strict=True)
-        ]
-        return np.array(collected, np.int64).reshape(len(centres), template.rows.size), centres
-
-    def _across_tiles(
-        self, name: str, template: PatchTemplate, rows: IntArray, columns: IntArray, stride: IntArray, time: float
-    ) -> tuple[Samples, bool]:
-        """Samples of patches that may reach over the edge of their tile: there the ground is that of the neighbours."""
-        heightmap = self._terrain.tiles[name]
-        assert isinstance(heightmap, HeightMap)
-        geometry = heightmap.geometry
-        r = rows[:, None] + template.rows * stride[:, None]
-        c = columns[:, None] + template.columns * stride[:, None]
-        inner_r, inner_c = np.clip(r, 0, geometry.rows - 1), np.clip(c, 0, geometry.columns - 1)
-        middle = template.centre
-        heights, velocities = heightmap.sample(
-            inner_r * geometry.columns + inner_c, inner_r[:, middle] * geometry.columns + inner_c[:, middle], time
-        )
-        outside = (inner_r != r) | (inner_c != c)
-        holes = heightmap.has_holes
-        if outside.any():
-            beyond = self._terrain.around(geometry.to_world(r[outside], c[outside]), time)
-            heights[outside] = beyond.heights
-            if beyond.velocities is not None or velocities is not None:
-                velocities = np.zeros_like(heights) if velocities is None else velocities
-                velocities[outside] = 0.0 if beyond.velocities is None else beyond.velocities
-            holes = True
-        return Samples(heights, velocities), holes
-
-
-def _inside_rim(rows: int, columns: int, cells: Cells) -> Cells:
-    return Cells(np.clip(cells.rows, 1, rows - 2), np.clip(cells.columns, 1, columns - 2))
-
-
-def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> Cells:
-    """Vertices that rays from the bodies hit on the patches they had, -1 = missed or none."""
-    place = {body: index for index, body in enumerate(bodies.tolist())}
-    rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
-    for batch in before:
-        if not isinstance(batch, GridBatch):
-            continue
-        members = [i for i, body in enumerate(batch.bodies.tolist()) if body in place]
-        if not members:
-            continue
-        mine = np.array([place[body] for body in batch.bodies[members].tolist()])
-        vertex = ray_cast(positions_w[mine], batch.vertices_w()[members], batch.triangles)
-        hit = vertex >= 0
-        template, stride = batch.template, batch.stride[members]
-        rows[mine[hit]] = (batch.rows[members] + template.rows[vertex] * stride)[hit]
-        columns[mine[hit]] = (batch.columns[members] + template.columns[vertex] * stride)[hit]
-    return Cells(rows, columns)
+                ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
+        unknown = np.full(len(bodies), np.nan)
+        return GridBatch.of(name, self._config.grid_kind, bodies, heightmap, template, cells, stride, ground, unknown)

@@ -108,6 +108,7 @@ class MeshPatches:
             centres_w=centre[None],
             linear_w=linear[None],
             angular_w=angular[None],
+            deviation=np.zeros(1),
             positions_w=samples.positions[None],
             vertices=topology.vertices,
         )

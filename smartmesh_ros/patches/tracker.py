@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from smartmesh_ros.patches.auto import Moving
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_patches import GridPatches
 from smartmesh_ros.patches.mesh_patches import MeshPatches
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -24,15 +25,18 @@ class PatchTracker:
         self.stopwatch = stopwatch or Stopwatch()
         self.batches: list[PatchBatch] = []
         self._radii = np.empty(0)
+        self._solid = np.empty(0, bool)
         self._tile = np.empty(0, np.int64)  # place of the body's tile in _names, -1 = none
         self._names: list[str] = []
         self._meshes: dict[str, MainMesh] = {}
         self._grid = GridPatches(terrain, config, self.stopwatch)
         self._general: dict[str, MeshPatches] = {}
 
-    def set_bodies(self, radii: FloatArray, kept: IntArray) -> None:
-        """Says which bodies there are: bounding ``radii`` (N,) [m] and, per body, its index before or -1 (N,)."""
+    def set_bodies(self, radii: FloatArray, kept: IntArray, solid: BoolArray | None = None) -> None:
+        """Says which bodies there are: bounding ``radii`` (N,) [m]; per body, its index before or -1 (N,); which are
+        ``solid`` (N,), that is, need no more ground than they can touch. The others always get a patch."""
         self._radii = np.asarray(radii, np.float64)
+        self._solid = np.ones(len(self._radii), bool) if solid is None else solid
         carry_over(self, {"_tile": -1}, kept)
         self._grid.set_bodies(kept)
         for general in self._general.values():
@@ -41,29 +45,29 @@ class PatchTracker:
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings, from the next update on."""
-        self.config = self._grid.config = config
-        self._grid.forget(slice(None))
+        self.config = config
+        self._grid.configure(config)
         for general in self._general.values():
             general.config = config
 
-    def update(self, positions_w: FloatArray, travel: FloatArray, time: float) -> list[PatchBatch]:
-        """Patches at ``time`` [s] for bodies at ``positions_w`` (N, 3) [m] that may ``travel`` (N,) [m] until the next
-        update. Bodies off the terrain, or whose position is not finite, get none."""
+    def update(self, positions_w: FloatArray, moved_w: FloatArray, time: float, dt: float) -> list[PatchBatch]:
+        """Patches at ``time`` [s] for bodies at ``positions_w`` (N, 3) [m] that may move on by ``moved_w`` (N, 3) [m]
+        in the step of ``dt`` [s] until the next update. Bodies off the terrain, or whose position is not finite, get
+        none."""
         if self.terrain.tiles != self._meshes:
             self._take_tiles()
         before, self.batches = self.batches, []
         if not (len(positions_w) and self._names):
             return self.batches
-        reach = self._radii + travel
         for place, bodies, grid in self._on_tiles(positions_w):
             name = self._names[place]
             mesh = self._meshes[name]
+            moving = Moving(bodies, grid, positions_w[bodies], self._radii[bodies], moved_w[bodies])
             if isinstance(mesh, HeightMap):
-                self.batches += self._grid.patches(name, bodies, grid, positions_w[bodies], reach[bodies], time, before)
+                self.batches += self._grid.patches(name, moving, self._solid[bodies], time, dt, before)
             else:
-                self.batches += self._general[name].patches(
-                    name, bodies, positions_w[bodies], reach[bodies], time, before
-                )
+                reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
+                self.batches += self._general[name].patches(name, bodies, moving.positions_w, reach, time, before)
         return self.batches
 
     def _take_tiles(self) -> None:

@@ -22,11 +22,22 @@ class BulletCalls:
         get, client = pb.getBasePositionAndOrientation, self._client
         return [get(body, client) for body in bodies]
 
-    def set_poses(self, bodies: list[int], positions: list[list[float]], orientation: Any) -> None:
-        """Puts bodies at positions [m], all in one orientation. This stops them."""
+    def set_positions(self, bodies: list[int], positions: list[list[float]], orientation: Any) -> None:
+        """Puts bodies at positions [m], all in one orientation (x, y, z, w). This stops them."""
         reset, client = pb.resetBasePositionAndOrientation, self._client
         for body, position in zip(bodies, positions, strict=True):
             reset(body, position, orientation, client)
+
+    def set_poses(self, bodies: list[int], positions: list[list[float]], orientations: list[list[float]]) -> None:
+        """Puts bodies at positions [m] in orientations (x, y, z, w). This stops them."""
+        reset, client = pb.resetBasePositionAndOrientation, self._client
+        for body, position, orientation in zip(bodies, positions, orientations, strict=True):
+            reset(body, position, orientation, client)
+
+    def velocity(self, body: int) -> tuple[float, float, float]:
+        """Linear velocity of a body [m/s]."""
+        linear: tuple[float, float, float] = pb.getBaseVelocity(body, self._client)[0]
+        return linear
 
     def set_velocities(self, bodies: list[int], twists: list[list[float]]) -> None:
         """Gives bodies their linear and angular velocities, six numbers each [m/s, rad/s]."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
@@ -18,15 +17,19 @@ from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
 from smartmesh_ros.physics.mesh_colliders import MeshColliders
 from smartmesh_ros.physics.pairs import Pairs
+from smartmesh_ros.physics.planes import Planes
 from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
 from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Faster bodies do not get larger patches; a teleport is not a speed [m/s].
 FASTEST = 50.0
+
+# Which collider a follower has.
+_BARE, _FIELD, _PLANE, _MESH = range(4)
 
 
 def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
@@ -60,10 +63,13 @@ class Ground:
         self._tracker = PatchTracker(self.terrain, self.config, self.stopwatch)
         pairs = Pairs(client)
         self._heightfields = Heightfields(client, pairs)
+        self._planes = Planes(client, pairs)
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._positions = np.empty((0, 3))
         self._solid = np.empty(0, bool)
+        self._radii = np.empty(0)
+        self._held = np.empty(0, np.int64)
         self._links: list[int] = []
 
     @property
@@ -120,11 +126,9 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         positions = self._read_positions()
-        moved = positions - self._positions
-        travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        travel = np.where(travel < FASTEST * dt, travel, FASTEST * dt * (travel > 0.0))  # zero where NaN: it is new
+        moved = self._motion(positions, dt)
         self._positions = positions
-        batches = self._tracker.update(positions, travel, time)
+        batches = self._tracker.update(positions, moved, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             supported = np.zeros(len(self.followers), bool)
@@ -134,9 +138,8 @@ class Ground:
                 self._whole.release()
                 for batch in batches:
                     supported[self._apply(batch)] = True
-            if not supported.all():
-                for index in np.flatnonzero(~supported).tolist():
-                    self._release(index)
+            for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
+                self._release(index)
 
     def close(self) -> None:
         """Takes all colliders away."""
@@ -149,12 +152,14 @@ class Ground:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
         before = {follower: index for index, follower in enumerate(self.followers)}
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
-        carry_over(self, {"_positions": np.nan}, kept)
+        carry_over(self, {"_positions": np.nan, "_held": _BARE}, kept)
         self.followers = followers
+        self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
         self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
         self._heightfields.adopt(followers, kept)
-        self._tracker.set_bodies(np.array([follower.radius for follower in followers]), kept)
+        self._planes.adopt(followers, kept)
+        self._tracker.set_bodies(self._radii, kept, self._solid)
 
     def _read_positions(self) -> FloatArray:
         positions = [pose[0] for pose in self._calls.poses([follower.body for follower in self.followers])]
@@ -162,6 +167,17 @@ class Ground:
             follower = self.followers[index]
             positions[index] = self._client.getLinkState(follower.body, follower.link)[0]
         return np.array(positions, np.float64).reshape(-1, 3)
+
+    def _motion(self, positions: FloatArray, dt: float) -> FloatArray:
+        """How far bodies will move in a step: as far as in the last one, or as their velocity says if they are new."""
+        moved = positions - self._positions
+        for index in np.flatnonzero(np.isnan(moved[:, 0])).tolist():
+            moved[index] = np.multiply(self._calls.velocity(self.followers[index].body), dt)
+        travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
+        far = ~(travel <= FASTEST * dt)
+        if far.any():
+            moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
+        return np.nan_to_num(moved)
 
     def _apply(self, batch: PatchBatch) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
@@ -177,21 +193,29 @@ class Ground:
             twist = None
             if self.config.carry_velocity:
                 twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
-            if batch.kind == "heightfield" and isinstance(batch, GridBatch):
-                for index in bodies[rows].tolist():
-                    self._meshes.release(self.followers[index])
+            if isinstance(batch, PlaneBatch):
+                self._make_room(bodies[rows], _PLANE)
+                self._planes.apply(batch, rows, self._radii[bodies[rows]], None if twist is None else twist[rows])
+            elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
+                self._make_room(bodies[rows], _FIELD)
                 twist = None if twist is None else twist[rows]
                 self._heightfields.apply(batch, rows, base[rows], twist, self.config.edge_filter)
             else:
+                self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
         return supported
+
+    def _make_room(self, indices: IntArray, held: int) -> None:
+        """Takes colliders of another kind from followers."""
+        for index in indices[self._held[indices] != held].tolist():
+            self._release(index)
+            self._held[index] = held
 
     def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None) -> None:
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         vertices = batch.vertices_w()
         for row in rows.tolist():
             index = int(batch.bodies[row])
-            self._heightfields.release(index)
             triangles = batch.triangles
             if batch.may_have_holes:
                 triangles = triangles[~np.isnan(vertices[row, :, 2])[triangles].any(axis=1)]
@@ -209,11 +233,14 @@ class Ground:
             )
 
     def _release(self, index: int) -> None:
+        """Takes a follower's collider away, if it has one."""
         self._heightfields.release(index)
+        self._planes.release(index)
         self._meshes.release(self.followers[index])
+        self._held[index] = _BARE
 
 
-def _base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Bases of patches with holes, at the mean of their heights where the centre is one, and which have any ground."""
     holes = np.isnan(heights_w)
     grounded = np.asarray(~holes.all(axis=1))

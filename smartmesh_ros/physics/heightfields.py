@@ -8,7 +8,6 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.extent import MOST_RINGS
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
@@ -44,7 +43,7 @@ class Heightfields:
         self._shapes = np.empty(0, np.int64)
         self._colliders = np.empty(0, np.int64)
         # What the colliders were last given: heights [m], base position [m] and yaw [rad], twist [m/s, rad/s].
-        self._heights = np.empty((0, (2 * MOST_RINGS + 1) ** 2))
+        self._heights = np.empty((0, 81))
         self._poses = np.empty((0, 4))
         self._twists = np.empty((0, 6))
 
@@ -102,6 +101,9 @@ class Heightfields:
 
     def _replace(self, bodies: IntArray, relative: FloatArray, size: int, edge_filter: bool) -> None:
         count = size * size
+        if count > self._heights.shape[1]:
+            room = np.full((len(self._heights), count - self._heights.shape[1]), np.nan)
+            self._heights = np.concatenate([self._heights, room], axis=1)
         # The largest difference is NaN, and so not small, where the collider is new.
         difference = np.abs(relative - self._heights[bodies, :count]).max(axis=1)
         changed = np.flatnonzero(~(difference <= SAME_HEIGHT))
@@ -128,7 +130,7 @@ class Heightfields:
         turned = (moved & carried) | (twist != old_twist).any(axis=1)
         if moved.any():
             self._poses[bodies] = pose
-            self._calls.set_poses(self._colliders[bodies[moved]].tolist(), base[moved].tolist(), collider_yaw(yaw))
+            self._calls.set_positions(self._colliders[bodies[moved]].tolist(), base[moved].tolist(), collider_yaw(yaw))
         if turned.any():
             self._twists[bodies] = twist
             self._calls.set_velocities(self._colliders[bodies[turned]].tolist(), twist[turned].tolist())

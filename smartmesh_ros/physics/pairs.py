@@ -9,10 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
-# Collision group of colliders. Their mask is empty: without a rule they touch nothing.
-PATCH_GROUP = 1 << 9
-
-
 class Pairs:
     """The rules of colliders in one PyBullet world."""
 
@@ -24,7 +20,8 @@ class Pairs:
         """Makes a new collider touch nothing, whatever had its number before."""
         client = self._client
         for link in range(-1, client.getNumJoints(collider)):
-            client.setCollisionFilterGroupMask(collider, link, PATCH_GROUP, 0)
+            # PyBullet lets two bodies touch if either's mask holds the other's group: the group has to be empty, too.
+            client.setCollisionFilterGroupMask(collider, link, 0, 0)
         self._set_all(collider, 0)
 
     def join(self, collider: int, body: int, link: int) -> None:

@@ -11,6 +11,7 @@ from smartmesh_ros.errors import InputError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 # More samples than this cannot be held in memory as floats by any machine the project knows (2**31 * 4 bytes = 8 GiB).
 MOST_SAMPLES = 2**31

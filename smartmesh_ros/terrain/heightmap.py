@@ -92,6 +92,11 @@ class HeightMap:
         return f"{self.geometry.rows} x {self.geometry.columns} at {self.geometry.resolution:g} m"
 
     @property
+    def lifetime(self) -> float:
+        """Expected time from the last update to the next [s]; 0 = none is expected."""
+        return float(self._lifetime.max())
+
+    @property
     def has_holes(self) -> bool:
         """Whether any sample may be NaN."""
         return self._has_holes

@@ -44,12 +44,12 @@ ADJACENT = {
 @pytest.mark.parametrize("radius", [0.15, 0.5])
 def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius: float) -> None:
     terrain = ADJACENT[name]()
-    tracker = PatchTracker(terrain, PatchConfig())
+    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     count = 81
     tracker.set_bodies(np.full(count, radius), np.full(count, -1))
     positions = np.column_stack([np.linspace(-2.0, 2.0, count), np.full(count, 0.03), np.zeros(count)])
     seen = set()
-    for batch in tracker.update(positions, np.zeros(count), 20.0):
+    for batch in tracker.update(positions, np.zeros((count, 3)), 20.0, 1.0 / 240.0):
         vertices = batch.vertices_w()
         assert not np.isnan(vertices).any()
         np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
@@ -112,11 +112,11 @@ def test_tiles_come_are_replaced_and_go() -> None:
 
 def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
     terrain = ADJACENT["overlapping"]()
-    tracker = PatchTracker(terrain, PatchConfig())
+    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     tracker.set_bodies(np.array([0.2]), np.array([-1]))
     tiles = []
     for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
-        [batch] = tracker.update(np.array([[x, 0.0, 0.0]]), np.zeros(1), 20.0)
+        [batch] = tracker.update(np.array([[x, 0.0, 0.0]]), np.zeros((1, 3)), 20.0, 1.0 / 240.0)
         tiles.append(batch.tile)
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
@@ -127,12 +127,12 @@ def test_a_hundred_tiles_are_one_terrain() -> None:
     for row in range(10):
         for column in range(10):
             terrain.put(f"{row},{column}", tile(column * 5.0, row * 5.0, 26, 26, 0.2))
-    tracker = PatchTracker(terrain, PatchConfig())
+    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     rng = np.random.default_rng(0)
     tracker.set_bodies(np.full(300, 0.2), np.full(300, -1))
     positions = np.column_stack([rng.uniform(3.0, 47.0, (300, 2)), np.zeros(300)])
     for _ in range(3):
-        batches = tracker.update(positions, np.zeros(300), 20.0)
+        batches = tracker.update(positions, np.zeros((300, 3)), 20.0, 1.0 / 240.0)
         assert sum(len(batch.bodies) for batch in batches) == 300
         for batch in batches:
             vertices = batch.vertices_w()

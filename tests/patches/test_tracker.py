@@ -11,9 +11,11 @@ from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
+DT = 1.0 / 240.0
+
 
 def tracker_for(heightmap: HeightMap, radii: list[float], config: PatchConfig | None = None) -> PatchTracker:
-    tracker = PatchTracker(Terrain(heightmap), config or PatchConfig())
+    tracker = PatchTracker(Terrain(heightmap), config or PatchConfig(kind="heightfield"))
     tracker.set_bodies(np.array(radii), np.full(len(radii), -1))
     return tracker
 
@@ -28,7 +30,7 @@ def test_every_vertex_is_a_sample_of_the_map(seed: int, yaw: float, shape: tuple
     inside = heightmap.geometry.to_world(rng.uniform(0, shape[0] - 1, 20), rng.uniform(0, shape[1] - 1, 20))
     positions = np.column_stack([inside, np.zeros(20)])
     seen = 0
-    for batch in tracker_for(heightmap, radii).update(positions, np.zeros(20), 0.0):
+    for batch in tracker_for(heightmap, radii).update(positions, np.zeros((20, 3)), 0.0, DT):
         vertices = batch.vertices_w().reshape(-1, 3)
         cells = heightmap.geometry.to_grid(vertices[:, :2])
         np.testing.assert_allclose(cells, np.rint(cells), atol=1e-6)
@@ -45,7 +47,7 @@ def test_patches_reach_beyond_the_body_on_every_side(radius: float, travel: floa
     rng = np.random.default_rng(3)
     positions = np.column_stack([rng.uniform(10, 20, (200, 2)), np.zeros(200)])
     tracker = tracker_for(heightmap, [radius] * 200)
-    for batch in tracker.update(positions, np.full(200, travel), 0.0):
+    for batch in tracker.update(positions, np.tile([travel, 0.0, 0.0], (200, 1)), 0.0, DT):
         vertices = batch.vertices_w()
         body = positions[batch.bodies]
         need = radius + travel - 1e-6
@@ -67,7 +69,7 @@ def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
     velocities = rise + roll * place[..., 1] - pitch * place[..., 0]
     heightmap.replace(np.zeros((60, 60)), time=0.1, velocities=velocities)
     position = heightmap.geometry.to_world(29.7, 30.2)
-    [batch] = tracker_for(heightmap, [radius]).update(np.array([[*position, 0.0]]), np.zeros(1), 0.1)
+    [batch] = tracker_for(heightmap, [radius]).update(np.array([[*position, 0.0]]), np.zeros((1, 3)), 0.1, DT)
     centre = batch.centres_w[0]
     assert batch.linear_w[0, 2] == pytest.approx(rise + roll * centre[1] - pitch * centre[0], abs=1e-3)
     np.testing.assert_allclose(batch.angular_w[0], [roll, pitch, 0.0], atol=1e-3)
@@ -79,19 +81,19 @@ def test_patches_do_not_flicker_between_sizes() -> None:
     sizes = []
     for step in range(60):
         travel = 0.001 if step % 2 else 0.0  # about the border between two sizes
-        [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.array([travel]), 0.0)
+        [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.array([[travel, 0.0, 0.0]]), 0.0, DT)
         sizes.append(batch.template.size)
     assert len(set(sizes[1:])) == 1
-    [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.array([0.4]), 0.0)
+    [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.array([[0.4, 0.0, 0.0]]), 0.0, DT)
     fast = batch.spacing[0] * batch.template.rings
-    [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.array([0.0]), 0.0)
+    [batch] = tracker.update(np.array([[5.0, 5.0, 0.2]]), np.zeros((1, 3)), 0.0, DT)
     assert batch.spacing[0] * batch.template.rings < fast
 
 
 def test_bodies_off_the_terrain_have_no_patch() -> None:
     heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
     positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
-    [batch] = tracker_for(heightmap, [0.5] * 5).update(positions, np.zeros(5), 0.0)
+    [batch] = tracker_for(heightmap, [0.5] * 5).update(positions, np.zeros((5, 3)), 0.0, DT)
     assert batch.bodies.tolist() == [0, 1]
 
 
@@ -99,7 +101,7 @@ def test_bodies_off_the_terrain_have_no_patch() -> None:
 def test_fixed_rings_are_the_reports_collider_size(rings: int) -> None:
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
     tracker = tracker_for(heightmap, [0.01, 2.0], PatchConfig(rings=rings))
-    [batch] = tracker.update(np.array([[2.0, 2.0, 0.0], [3.0, 3.0, 0.0]]), np.zeros(2), 0.0)
+    [batch] = tracker.update(np.array([[2.0, 2.0, 0.0], [3.0, 3.0, 0.0]]), np.zeros((2, 3)), 0.0, DT)
     assert batch.template.size == 2 * rings + 1
     assert batch.stride.tolist() == [1, 1]
 

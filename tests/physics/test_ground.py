@@ -9,7 +9,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.terrain.heightmap import HeightMap
 
@@ -54,7 +54,7 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     heightmap = HeightMap(rng.uniform(-0.5, 0.5, (60, 70)), resolution=0.2, origin=(1.0, 2.0, 0.7), yaw=yaw)
     middle = heightmap.geometry.to_world(30.3, 33.2)
     body = sphere(client, (*middle, 5.0), radius)
-    ground = Ground(client, heightmap)
+    ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
     follower = ground.attach(body)
     assert follower.radius == radius
     ground.update(0.0, DT)
@@ -77,7 +77,7 @@ def test_untouched_moved_or_replaced_as_needed(client: Any, calls: dict[str, int
     bumps = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 50)).astype(np.float32)
     heightmap = HeightMap(bumps, resolution=0.1)
     body = sphere(client, (2.0, 2.0, 1.0))
-    ground = Ground(client, heightmap)
+    ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
     ground.attach(body, radius=0.2)
 
     def calls_of_update(time: float) -> dict[str, int]:
@@ -101,11 +101,12 @@ def test_untouched_moved_or_replaced_as_needed(client: Any, calls: dict[str, int
     assert calls_of_update(21.0) == {}, "the ground changed elsewhere"
 
 
-def test_a_patch_collides_with_its_own_body_only(client: Any) -> None:
+@pytest.mark.parametrize("kind", ["heightfield", "plane", "trimesh", "hull", "prisms"])
+def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
     client.setGravity(0, 0, -9.81)
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
-    followed, other = sphere(client, (2.0, 2.0, 0.3)), sphere(client, (2.0, 2.7, 0.3))
-    ground = Ground(client, heightmap)
+    followed, other = sphere(client, (2.0, 2.0, 0.3)), sphere(client, (2.0, 2.36, 0.05), radius=0.05)
+    ground = Ground(client, heightmap, PatchConfig(kind=kind))
     ground.attach(followed)
     for step in range(120):
         ground.update(step * DT, DT)
@@ -117,7 +118,7 @@ def test_a_patch_collides_with_its_own_body_only(client: Any) -> None:
 def test_colliders_are_used_again_and_never_pile_up(client: Any) -> None:
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
     bodies = [sphere(client, (1.0 + 0.5 * i, 2.0, 1.0)) for i in range(4)]
-    ground = Ground(client, heightmap)
+    ground = Ground(client, heightmap, PatchConfig(kind="heightfield"))
     for _ in range(50):
         for body in bodies:
             ground.attach(body, radius=0.2)

@@ -1,0 +1,105 @@
+"""The triangles of a small window of a height map, and how far a plane is from those that a ball may touch."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.patches.grid_window import Balls, Window
+from smartmesh_ros.patches.planes import Planes
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+
+
+class Facets(NamedTuple):
+    """Triangles of n windows of (k + 1) x (k + 1) samples.
+
+    ``slope_x``, ``slope_y``: (n, 2, k, k), first the triangles below each cell's diagonal, then those above it.
+    ``corner``: heights of the cells' first samples (n, k, k) [m]. ``places``: x or y of those samples (k,) [m].
+    """
+
+    slope_x: FloatArray
+    slope_y: FloatArray
+    corner: FloatArray
+    places: FloatArray
+    resolution: float
+
+
+def facets_of(window: Window) -> Facets:
+    """Facets of a window."""
+    z = window.heights
+    along, across = np.diff(z, axis=2) / window.resolution, np.diff(z, axis=1) / window.resolution
+    # Below the diagonal: (r, c), (r, c + 1), (r + 1, c + 1); above it: (r, c), (r + 1, c + 1), (r + 1, c).
+    slope_x = np.stack([along[:, :-1], along[:, 1:]], axis=1)
+    slope_y = np.stack([across[:, :, 1:], across[:, :, :-1]], axis=1)
+    return Facets(slope_x, slope_y, z[:, :-1, :-1], window.places()[:-1], window.resolution)
+
+
+def facet_index(facets: Facets, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The facet under each of n points (n,) [m]: which of its cell's two, row and column of the cell (n,); points
+    outside the window get the nearest cell's."""
+    cells = len(facets.places)
+    u, v = x / facets.resolution + cells // 2, y / facets.resolution + cells // 2
+    column: IntArray = np.clip(np.floor(u), 0, cells - 1).astype(np.int64)
+    row: IntArray = np.clip(np.floor(v), 0, cells - 1).astype(np.int64)
+    return (v - row > u - column).astype(np.int64), row, column
+
+
+def facet_planes(facets: Facets, upper: IntArray, row: IntArray, column: IntArray) -> Planes:
+    """The planes of facets given as by `facet_index`."""
+    body = np.arange(len(row))
+    slope_x, slope_y = facets.slope_x[body, upper, row, column], facets.slope_y[body, upper, row, column]
+    height = facets.corner[body, row, column] - slope_x * facets.places[column] - slope_y * facets.places[row]
+    return Planes(height, slope_x, slope_y)
+
+
+def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
+    """How far each plane may lie, vertically, from the facets where a ball can touch either (n,) [m]; infinite where a
+    hole is near. All that the balls can touch must lie in the window.
+
+    A bound, not an estimate: facet and plane differ by a linear function. Where the ball can touch the facet
+    (within a disc around the foot of the perpendicular from the ball's middle) or the plane (likewise) it is largest at
+    the disc's edge at the most, and over the whole facet at a corner.
+    """
+    x, y, z = (balls.centres[:, axis, None, None, None] for axis in range(3))
+    radii, lateral = balls.radii[:, None, None, None], balls.lateral[:, None, None, None]
+    flat = Planes(*(values[:, None, None, None] for values in planes))
+    places, spacing = facets.places, facets.resolution
+    slope_x, slope_y = facets.slope_x, facets.slope_y
+    base = facets.corner[:, None] - slope_x * places - slope_y * places[:, None]  # where their planes meet x = y = 0
+    tilt_x, tilt_y = slope_x - flat.slope_x, slope_y - flat.slope_y
+    offset = base - flat.height
+    tilt = np.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
+    at_corner = _corner_deviation(offset, tilt_x, tilt_y, facets)
+    deviation = np.zeros(len(balls.radii))
+    for height, across, along in ((base, slope_x, slope_y), flat):
+        steepness = 1.0 / np.sqrt(1.0 + across * across + along * along)
+        distance = (z - height - across * x - along * y) * steepness
+        disc = np.sqrt(np.maximum(radii * radii - distance * distance, 0.0)) + lateral
+        foot_x, foot_y = x + distance * across * steepness, y + distance * along * steepness
+        # The disc and the cell may meet: the foot lies within the disc's radius of the cell's square.
+        away_x = np.maximum(np.maximum(places - foot_x, foot_x - places - spacing), 0.0)
+        away_y = np.maximum(np.maximum(places[:, None] - foot_y, foot_y - places[:, None] - spacing), 0.0)
+        near = (away_x * away_x + away_y * away_y <= disc * disc) & (distance <= radii)
+        in_disc = np.abs(offset + tilt_x * foot_x + tilt_y * foot_y) + disc * tilt
+        worst = np.where(near, np.minimum(in_disc, at_corner), 0.0)
+        np.maximum(deviation, np.nan_to_num(worst, nan=0.0).max(axis=(1, 2, 3)), out=deviation)
+    holes = np.isnan(slope_x)
+    if holes.any():
+        away_x = np.maximum(np.maximum(places - x, x - places - spacing), 0.0)
+        away_y = np.maximum(np.maximum(places[:, None] - y, y - places[:, None] - spacing), 0.0)
+        near = away_x * away_x + away_y * away_y <= (radii + lateral) ** 2
+        deviation[(holes & near).any(axis=(1, 2, 3))] = np.inf
+    return deviation
+
+
+def _corner_deviation(offset: FloatArray, tilt_x: FloatArray, tilt_y: FloatArray, facets: Facets) -> FloatArray:
+    """The largest deviation at the three corners of each facet (n, 2, k, k)."""
+    spacing = facets.resolution
+    first = offset + tilt_x * facets.places + tilt_y * facets.places[:, None]
+    opposite = first + (tilt_x + tilt_y) * spacing
+    third = first.copy()
+    third[:, 0] += tilt_x[:, 0] * spacing
+    third[:, 1] += tilt_y[:, 1] * spacing
+    largest: FloatArray = np.maximum(np.maximum(np.abs(first), np.abs(opposite)), np.abs(third))
+    return largest

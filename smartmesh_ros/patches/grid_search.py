@@ -1,0 +1,81 @@
+"""Nearest vertices of a height map by the chosen method, remembered from update to update."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.search.best_first import best_first_cells
+from smartmesh_ros.search.brute_force import brute_force_cells
+from smartmesh_ros.search.grid import Cells, nearest_vertices
+from smartmesh_ros.search.methods import SearchMethod
+from smartmesh_ros.search.ray_cast import ray_cast
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+
+
+class GridSearch:
+    """Searches for bodies by their index, the map's rim left out."""
+
+    def __init__(self) -> None:
+        self._row = np.empty(0, np.int64)  # nearest vertex at the update before, -1 = none
+        self._column = np.empty(0, np.int64)
+
+    def set_bodies(self, kept: IntArray) -> None:
+        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        carry_over(self, {"_row": -1, "_column": -1}, kept)
+
+    def forget(self, bodies: IntArray | slice) -> None:
+        """Forgets where bodies were."""
+        self._row[bodies] = self._column[bodies] = -1
+
+    def nearest(
+        self,
+        method: SearchMethod,
+        geometry: GridGeometry,
+        bodies: IntArray,
+        grid: FloatArray,
+        positions_w: FloatArray,
+        before: list[PatchBatch],
+    ) -> Cells:
+        """Vertices nearest to points given as fractional (row, column) (n, 2).
+
+        ``positions_w`` (n, 3) [m] is where rays start; ``before`` holds the patches they are cast at.
+        """
+        if method == "grid_traversal":
+            return nearest_vertices(geometry, grid)
+        if method == "brute_force":
+            return brute_force_cells(geometry, grid)
+        row, column = self._row[bodies], self._column[bodies]
+        if method == "ray_cast":
+            row, column = _hits(bodies, positions_w, before)
+            missed = row < 0
+            if missed.any():
+                row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
+            # A strided patch hits a vertex near the nearest one only; a step or two leads there.
+        else:
+            row = np.where(row < 0, geometry.rows // 2, row)
+            column = np.where(column < 0, geometry.columns // 2, column)
+        start = Cells(np.clip(row, 1, geometry.rows - 2), np.clip(column, 1, geometry.columns - 2))
+        found = best_first_cells(geometry, grid, start)
+        self._row[bodies], self._column[bodies] = found
+        return found
+
+
+def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> tuple[IntArray, IntArray]:
+    """Rows and columns of the vertices that rays from the bodies hit on the patches they had, -1 = missed or none."""
+    place = {body: index for index, body in enumerate(bodies.tolist())}
+    rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
+    for batch in before:
+        if not isinstance(batch, GridBatch):
+            continue
+        members = [i for i, body in enumerate(batch.bodies.tolist()) if body in place]
+        if not members:
+            continue
+        mine = np.array([place[body] for body in batch.bodies[members].tolist()])
+        vertex = ray_cast(positions_w[mine], batch.vertices_w()[members], batch.triangles)
+        hit = vertex >= 0
+        template, stride = batch.template, batch.stride[members]
+        rows[mine[hit]] = (batch.rows[members] + template.rows[vertex] * stride)[hit]
+        columns[mine[hit]] = (batch.columns[members] + template.columns[vertex] * stride)[hit]
+    return rows, columns
