@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
+
 class Pairs:
     """The rules of colliders in one PyBullet world."""
 

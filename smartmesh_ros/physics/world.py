@@ -21,8 +21,9 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # PyBullet keeps a contact point until it has moved by this share of the body's size; at its default of 0.02 the points
-# that a rolling body leaves behind hold it back and make it hop. The value holds for all worlds of a process.
-CONTACT_BREAKING = 2e-5
+# that a rolling body leaves behind hold it back and make it hop. Far smaller values let boxes creep down slopes. The
+# value holds for all worlds of a process.
+CONTACT_BREAKING = 2e-4
 
 
 @dataclass(frozen=True, kw_only=True)

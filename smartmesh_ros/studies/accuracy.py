@@ -80,7 +80,8 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     draw_all(images / "all.png", scenes, results, known)
     blocks["summary"] = summary_table(scenes, results, known)
     data["scenes"] = {name: {key: asdict(result) for key, result in found.items()} for name, found in results.items()}
-    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies` on {machine()}. See [accuracy](accuracy.md).\n\n"
+    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies` on {machine()}.\n"
+    head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
     (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
     print("\n" + blocks["summary"])
 

@@ -12,7 +12,7 @@ FLOOR = 1e-5
 
 
 def error_of(result: Result) -> float:
-    """The chart's measure of accuracy [m]: penetration, 99 %; infinite where bodies are lost or nothing was measured."""
+    """The chart's measure of accuracy [m]: penetration, 99 %; infinite where bodies are lost or none was measured."""
     if result.lost or math.isnan(result.p99):
         return math.inf
     return max(result.p99, FLOOR)

@@ -218,7 +218,7 @@ def neighbours(method: PatchConfig) -> float:
 
 
 def maps_change(method: PatchConfig) -> float:
-    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions take the place of its own."""
+    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
     with Arena(method) as arena:
         arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
         arena.settle(1.0)

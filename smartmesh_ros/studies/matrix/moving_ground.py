@@ -61,15 +61,15 @@ def drags(method: PatchConfig) -> float:
 
 
 def falls_away(method: PatchConfig) -> float:
-    """How far [mm] a ball is from free fall over ground that falls away at 2 g."""
+    """By how many steps a ball lags behind free fall over ground that falls away at 2 g."""
     with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
         arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
         worst = 0.0
         dt = 1.0 / 240.0
         for time in arena.run(0.9 * math.sqrt(2.0 * 2.0 / GRAVITY)):
             expected = 0.2 - 0.5 * GRAVITY * time * (time + dt)  # symplectic Euler falls a little further
-            worst = max(worst, abs(arena.positions()[0, 2] - expected))
-        return 1e3 * worst
+            worst = max(worst, abs(float(arena.positions()[0, 2]) - expected) / (GRAVITY * time * dt))
+        return worst
 
 
 def lands_after_fall(method: PatchConfig) -> float:
@@ -125,7 +125,7 @@ def crowd(method: PatchConfig) -> float:
             x, y = 0.21 * (index % 32 - 15.5), 0.21 * (index // 32 - 15.5)
             z = float(arena.heightmap.at([[x, y]], 0.0).heights[0])
             arena.spawn(f"ball_{index}", ball, (x, y, z + 0.15))
-        return lost_in(arena, 0.5)
+        return lost_in(arena, 0.25)
 
 
 def robot(method: PatchConfig) -> float:
@@ -144,6 +144,7 @@ def robot(method: PatchConfig) -> float:
 
 
 _STEADY = "theory: the ball stays on"
+_UNKNOWN = "free fall; in the first step nobody knows of it"
 _FACTS = "what the project set out to reach, 99 %"
 ROWS = (
     Row(name="T5 ground rising, 0.1 m/s", figure=_rising(0.1), limit=1.0, unit="mm", source=_STEADY),
@@ -153,7 +154,7 @@ ROWS = (
     Row(name="launch, 2 m/s", figure=_launch(2.0), limit=2.0, unit="%", source="ballistics", quick=True),
     Row(name="launch, 8 m/s", figure=_launch(8.0), limit=2.0, unit="%", source="ballistics"),
     Row(name="T5 ground sliding, 0.5 m/s", figure=drags, limit=5.0, unit="%", source="theory: the box goes along"),
-    Row(name="ground falling at 2 g", figure=falls_away, limit=5.0, unit="mm", source="theory: free fall", quick=True),
+    Row(name="ground falling at 2 g", figure=falls_away, limit=1.0, unit="steps late", source=_UNKNOWN, quick=True),
     Row(name="landing after it", figure=lands_after_fall, limit=1.0, unit="mm", source="rest height"),
     Row(name="floating on heaving ground", figure=floats, limit=1.0, unit="mm", source=_STEADY),
     Row(name="waves, w = 1", figure=_rides(1), limit=2.0, unit="mm", source=_FACTS),

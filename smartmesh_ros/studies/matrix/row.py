@@ -53,4 +53,4 @@ class Outcome:
     @property
     def passed(self) -> bool | None:
         """Whether the figure is within the limit; None where there is none."""
-        return None if self.figure is None else self.figure <= self.limit
+        return None if self.figure is None else bool(self.figure <= self.limit)

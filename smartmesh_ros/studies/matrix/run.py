@@ -18,7 +18,7 @@ def run_cell(row: Row, method: str) -> Outcome:
     figure: float | None = None
     if method not in row.skip:
         try:
-            figure = row.figure(METHODS[method])
+            figure = float(row.figure(METHODS[method]))
         except InputError:  # the method cannot do it
             figure = math.inf
     return Outcome(row=row.name, method=method, figure=figure, limit=row.limit, unit=row.unit, source=row.source)

@@ -65,8 +65,8 @@ def _rolled(method: PatchConfig) -> tuple[float, float]:
 
 
 def ripples_against_whole(method: PatchConfig) -> float:
-    """Largest distance [mm] after a second of eight balls rolling over 5 cm ripples from the same on a filtered collider
-    of the whole map."""
+    """Largest distance [mm] after a second of eight balls rolling over 5 cm ripples from where a filtered collider of
+    the whole map takes them."""
     ground = {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}
     with Arena(method, ground, size=101, resolution=0.1) as arena:
         starts = np.random.default_rng(3).uniform(-2.0, 2.0, (8, 2))
@@ -161,23 +161,28 @@ def normals(method: PatchConfig) -> float:
     with Arena(method, ground, size=81, resolution=0.1) as arena:
         arena.scatter(8, Sphere(0.2), 2.0, 0.22, linear=(1.0, 0.0, 0.0))
         angles: list[float] = []
-        surface = arena.surface()
+        surface, before = arena.surface(), arena.positions()
         for time in arena.run(1.5):
             if time > 0.5:
-                angles += _normal_errors(arena, surface)
+                angles += _normal_errors(arena, surface, before)
+            before = arena.positions()
         return float(np.percentile(angles, 99)) if angles else math.inf
 
 
-def _normal_errors(arena: Arena, surface: Surface) -> list[float]:
-    contacts = [point for point in arena.world.client.getContactPoints() if point[9] > 0.0]
+def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> list[float]:
+    """Errors [deg] of the contacts with the ground, which were found with the bodies at ``positions`` (N, 3) [m]."""
+    names = {arena.world.bodies[name].uid: index for index, name in enumerate(arena.shapes)}
+    contacts = [
+        (names[point[1]], np.array(point[7])) if point[1] in names else (names[point[2]], -np.array(point[7]))
+        for point in arena.world.client.getContactPoints()
+        if point[9] > 0.0 and (point[1] in names) != (point[2] in names)
+    ]
     if not contacts:
         return []
-    names = {arena.world.bodies[name].uid: index for index, name in enumerate(arena.shapes)}
-    owner = [names[point[1]] if point[1] in names else names[point[2]] for point in contacts]
-    sign = np.array([1.0 if point[1] in names else -1.0 for point in contacts])
-    found = np.array([point[7] for point in contacts]) * sign[:, None]
-    true = nearest(surface, arena.positions()[owner], 0.4).normal
-    return [float(angle) for angle in angles_between(found, true)[np.isfinite(true).all(axis=1)]]
+    owner = [body for body, _ in contacts]
+    true = nearest(surface, positions[owner], 0.4).normal
+    errors = angles_between(np.array([normal for _, normal in contacts]), true)
+    return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
 
 
 def wide_box(method: PatchConfig) -> float:
