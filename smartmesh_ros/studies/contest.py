@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 # The run is timed in so many pieces, all engines taking turns; cost is their median.
 PIECES = 12
-# An engine that has used so much of the clock in one scene is stopped [s].
+# An engine that has used so much of the processor in one scene is stopped [s].
 PATIENCE = 4.0
 
 
@@ -30,7 +30,7 @@ PATIENCE = 4.0
 class Result:
     """One configuration in one scene.
 
-    ``cost`` [us]: update and step, per body and simulated second, median; ``spread``: its quartiles [us]; ``update``:
+    ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles [us]; ``update``:
     the ground's share of it [us]. Then `Penetration`'s figures [m]; deviation from the reference after one second,
     median and largest over the bodies [m], NaN = none; how long it ran [s]; ``note``: why it did not run, or not long.
     """
@@ -116,13 +116,13 @@ class Runner:
             heights = None if number == self._map else self._maps(number)
             if self._steps == last - 1:
                 before = engine.velocities()
-            start = perf_counter()
+            start = process_time()
             if heights is not None:
                 engine.set_ground(heights)
                 self._map = number
-            middle = perf_counter()
+            middle = process_time()
             engine.step()
-            end = perf_counter()
+            end = process_time()
             self._piece[0] += middle - start
             self._piece[1] += end - middle
             self._steps += 1

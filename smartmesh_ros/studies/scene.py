@@ -28,10 +28,10 @@ class Bodies:
     within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]; ``rolling``: spheres turn as
     fast as they move."""
 
-    count: int = 16
+    count: int = 48
     shape: str = "sphere"
     size: tuple[float, ...] = (0.2,)
-    spread: tuple[float, float] = (4.0, 4.0)
+    spread: tuple[float, float] = (7.0, 7.0)
     drop: float = 0.05
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rolling: bool = False

@@ -39,8 +39,8 @@ def scene_table(results: Mapping[str, Result]) -> str:
             ]
         )  # fmt: skip
     header = [
-        "configuration", "cost [ms]", "quartiles", "update [ms]", "p50 [mm]", "p99 [mm]", "max [mm]", "hover [mm]", "lost",
-        "deviation, median / max [mm]",
+        "configuration", "cost [ms]", "quartiles", "update [ms]", "p50 [mm]", "p99 [mm]", "max [mm]", "hover [mm]",
+        "lost", "deviation, median / max [mm]",
     ]  # fmt: skip
     return table(header, rows)
 
