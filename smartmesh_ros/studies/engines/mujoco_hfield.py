@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.shapes import Sphere
@@ -67,10 +68,18 @@ class MujocoHfield(Engine):
         self.set_ground(setup.heights)
 
     def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
+        self.write(self.normalised(heights))
+
+    def normalised(self, heights: FloatArray) -> NDArray[np.float32]:
+        """Heights (R, C) [m] as MuJoCo keeps them: 0 to 1 of the range; raises `InputError` where they leave it."""
         low, high = self._options.lowest, self._options.highest
         if not (heights.min() >= low and heights.max() <= high):
             raise InputError("height", f"heights leave {low} to {high} m; build the engine with a wider range")
-        np.multiply(heights - low, 1.0 / (high - low), out=self._heights, casting="same_kind")
+        return np.asarray((heights - low) / (high - low), np.float32)
+
+    def write(self, data: NDArray[np.float32]) -> None:
+        """Takes heights that are `normalised` already: all that MuJoCo itself needs, and the least it can cost."""
+        self._heights[...] = data
 
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data, self._options.substeps)

@@ -1,0 +1,34 @@
+"""What a bench ran on: cores, CPU model and versions, and nothing that tells whose machine it is."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "coal")
+
+
+def describe() -> dict[str, object]:
+    """Cores, CPU model, and versions of Python and of what is measured."""
+    return {"cores": os.cpu_count() or 1, "cpu": _cpu_model(), "versions": _versions()}
+
+
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor() or platform.machine())
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found

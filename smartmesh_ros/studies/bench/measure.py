@@ -1,0 +1,142 @@
+"""Measuring: a case is run for many frames, and its median and spread are kept (the report's Chapter 4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# Frames that are run and not counted; the first alone where it takes longer than a second.
+WARM_UP = 2
+# A frame that would take longer than this is not measured [s].
+LONGEST_FRAME = 2.5
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is measured: ``side`` x ``side`` samples or vertices, ``bodies`` at a time, colliders of ``rings``; zero
+    where that says nothing."""
+
+    what: str
+    method: str
+    side: int = 0
+    bodies: int = 1
+    rings: int = 0
+
+
+class Timing(NamedTuple):
+    """Running time of a frame [us]: median, 10th and 90th percentile, and how many frames were measured."""
+
+    median: float
+    low: float
+    high: float
+    frames: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """``frames`` to measure of each case; fewer, but at least ``least``, where they take longer than ``seconds``, or
+    ``report_seconds`` for the report's own figures."""
+
+    frames: int = 100
+    least: int = 5
+    seconds: float = 5.0
+    report_seconds: float = 25.0
+    quick: bool = False
+
+
+FULL = Effort()
+QUICK = Effort(frames=8, least=2, seconds=0.1, report_seconds=0.1, quick=True)
+
+
+class Results:
+    """Timings by case, and facts that are not timings (sizes of batches, say) by name."""
+
+    def __init__(self) -> None:
+        self.timings: dict[Case, Timing] = {}
+        self.left_out: dict[str, str] = {}
+
+    def us(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
+        """Median of a case [us]; NaN where it was not measured."""
+        timing = self.timings.get(Case(what, method, side, bodies, rings))
+        return timing.median if timing else math.nan
+
+    def ms(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
+        """The same [ms]."""
+        return self.us(what, method, side=side, bodies=bodies, rings=rings) / 1e3
+
+    def as_json(self) -> dict[str, Any]:
+        """What `from_json` takes."""
+        return {
+            "left_out": self.left_out,
+            "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
+        }
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Results:
+        """What `as_json` gave."""
+        results = cls()
+        results.left_out = dict(data["left_out"])
+        for entry in data["timings_us"]:
+            case = Case(*(entry[name] for name in Case.__dataclass_fields__))
+            results.timings[case] = Timing(*(entry[name] for name in Timing._fields))
+        return results
+
+
+class Bench:
+    """Runs cases and keeps what they took."""
+
+    def __init__(self, effort: Effort = FULL) -> None:
+        self.effort = effort
+        self.results = Results()
+
+    def time(
+        self,
+        case: Case,
+        run: Callable[[], object],
+        prepare: Callable[[], object] | None = None,
+        seconds: float | None = None,
+    ) -> Timing:
+        """Measures ``run``, each time after ``prepare``, which is not measured; for at most about ``seconds`` [s]."""
+        return self.race({case: run}, prepare, seconds)[case]
+
+    def race(
+        self,
+        runs: Mapping[Case, Callable[[], object]],
+        prepare: Callable[[], object] | None = None,
+        seconds: float | None = None,
+    ) -> dict[Case, Timing]:
+        """Measures several cases turn by turn, so that whatever else the machine does slows all of them alike."""
+        effort, start = self.effort, perf_counter()
+        for _ in range(WARM_UP):
+            if perf_counter() - start < 1.0:
+                self._lap(runs, prepare)
+        limit, laps, start = effort.seconds if seconds is None else seconds, list[list[float]](), perf_counter()
+        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < limit):
+            laps.append(self._lap(runs, prepare))
+        low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90), axis=0)
+        timings = {
+            case: Timing(float(median[i]), float(low[i]), float(high[i]), len(laps)) for i, case in enumerate(runs)
+        }
+        self.results.timings |= timings
+        return timings
+
+    def hopeless(self, case: Case, smaller: int) -> bool:
+        """Whether a frame of ``case`` would take too long, by the time of the same on ``smaller`` x ``smaller``."""
+        known = self.results.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
+        return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
+
+    @staticmethod
+    def _lap(runs: Mapping[Case, Callable[[], object]], prepare: Callable[[], object] | None) -> list[float]:
+        times = []
+        for run in runs.values():
+            if prepare is not None:
+                prepare()
+            start = perf_counter()
+            run()
+            times.append(perf_counter() - start)
+        return times

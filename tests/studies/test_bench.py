@@ -1,0 +1,108 @@
+"""The bench runs from end to end, and what it writes says what it measured."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.studies.bench import cli, document, report
+from smartmesh_ros.studies.bench.markdown import number, times
+from smartmesh_ros.studies.bench.measure import Bench, Case, Effort, Results, Timing
+from smartmesh_ros.studies.bench.targets import TARGETS
+
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a quick run leaves."""
+    folder = tmp_path_factory.mktemp("bench")
+    assert cli.main(["--quick", "--out", str(folder)]) == 0
+    return folder
+
+
+def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
+    data = json.loads((folder / document.RESULTS).read_text())
+    assert set(data["machine"]) == {"cores", "cpu", "versions"}
+    measured = {entry["what"] for entry in data["timings_us"]}
+    assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "step", "ingest"}
+    for entry in data["timings_us"]:
+        assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
+    run = document.read(folder / document.RESULTS)
+    assert run.results.as_json() == {name: data[name] for name in ("left_out", "timings_us")}
+
+
+def test_a_table_and_a_picture_for_each_of_the_reports(folder: Path) -> None:
+    tables = (folder / document.TABLES).read_text()
+    for heading in [f"Table {index}" for index in range(1, 7)]:
+        assert f"### {heading}:" in tables
+    for target in TARGETS:
+        assert target.text in tables
+    pictures = sorted(folder.glob("figure_*.png"))
+    assert [picture.stem for picture in pictures] == [f"figure_{n:02d}" for n in (2, 12, 13, 14, 15, 16, 17)]
+    assert all(picture.read_bytes().startswith(PNG) for picture in pictures)
+
+
+def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path) -> None:
+    words = tmp_path / "benchmarks.md"
+    words.write_text(f"# By hand\n\n{document.START}\nold\n{document.END}\n\nBy hand, too.\n")
+    arguments = ["--from", str(folder / document.RESULTS), "--out", str(tmp_path), "--document", str(words)]
+    assert cli.main(arguments) == 0
+    text = words.read_text()
+    assert text.startswith(f"# By hand\n\n{document.START}")
+    assert text.endswith(f"{document.END}\n\nBy hand, too.\n")
+    assert (folder / document.TABLES).read_text() in text
+    assert "old" not in text
+
+
+def test_a_document_without_marks_is_refused(tmp_path: Path) -> None:
+    words = tmp_path / "other.md"
+    words.write_text("# Other\n")
+    with pytest.raises(InputError, match="no lines"):
+        document.update(words, "tables")
+    assert words.read_text() == "# Other\n"
+
+
+def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
+    calls: list[str] = []
+    bench = Bench(Effort(frames=7, least=2))
+    first, second = Case("a", "first"), Case("a", "second")
+    bench.race({first: lambda: calls.append("1"), second: lambda: calls.append("2")}, lambda: calls.append("p"))
+    text = "".join(calls)
+    assert text == "p1p2" * (len(text) // 4)
+    assert bench.results.timings[first].frames == bench.results.timings[second].frames == 7
+    bench = Bench(Effort(frames=1000, least=3, seconds=0.0))
+    assert bench.time(first, lambda: None).frames == 3
+
+
+def test_sizes_that_would_take_too_long_are_known_before() -> None:
+    bench = Bench()
+    bench.results.timings[Case("simple", "slow", 100)] = Timing(1e6, 1e6, 1e6, 5)
+    assert bench.hopeless(Case("simple", "slow", 200), 100)
+    assert not bench.hopeless(Case("simple", "slow", 150), 100)
+    assert bench.hopeless(Case("simple", "never measured", 200), 100)
+
+
+def test_what_was_not_measured_is_no_figure() -> None:
+    results = Results()
+    assert math.isnan(results.us("simple", "physx", side=3))
+    assert not any(target.reached(results) for target in TARGETS)
+    assert number(math.nan) == times(math.nan) == "-"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.00123, "0.00123"), (0.0999, "0.0999"), (1.0, "1.00"), (254.778, "255"), (12345.6, "12346")]
+)
+def test_numbers_have_three_digits(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_the_reports_own_ratio_follows_from_its_tables() -> None:
+    """Its Table 6 at 200x200: 2,863 times in PhysX, 582 times in Bullet."""
+    uniform = report.FINAL_UNIFORM[200]
+    assert round(report.SIMPLE_PHYSX[200] / uniform) == 2863
+    assert round(report.SIMPLE_BULLET[200] / uniform) == 582
