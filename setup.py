@@ -39,6 +39,7 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",
+            f"studies = {NAME}.studies.accuracy:main",
         ],
     },
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -13,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from smartmesh_ros.studies.bench.machine import describe
 from smartmesh_ros.studies.chart import draw_all, draw_scene
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import PIECES, run_scene
@@ -33,8 +32,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def say(line: str) -> None:
         print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
 
-    blocks: dict[str, str] = {"machine": machine()}
-    data: dict[str, Any] = {"machine": machine(), "quick": options.quick}
+    found = describe()
+    versions: Any = found["versions"]
+    words = ", ".join(f"{name} {version}" for name, version in versions.items())
+    blocks: dict[str, str] = {"machine": f"Measured on {found['cores']} cores of {found['cpu']}; {words}."}
+    data: dict[str, Any] = {"machine": found, "quick": options.quick}
     if not options.matrix_only:
         _charts(options, images, blocks, data, say)
     if not options.charts_only:
@@ -49,18 +51,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     fill(out / "accuracy.md", blocks)
     print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
     return 0
-
-
-def machine() -> str:
-    """Cores and model of the processor."""
-    model = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [
-            line.partition(":")[2].strip() for line in info.read_text().splitlines() if line.startswith("model name")
-        ]
-        model = names[0] if names else model
-    return f"{os.cpu_count()} cores, {model}"
 
 
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
@@ -80,7 +70,7 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     draw_all(images / "all.png", scenes, results, known)
     blocks["summary"] = summary_table(scenes, results, known)
     data["scenes"] = {name: {key: asdict(result) for key, result in found.items()} for name, found in results.items()}
-    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies` on {machine()}.\n"
+    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
     head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
     (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
     print("\n" + blocks["summary"])
