@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from smartmesh_ros.physics.world import World
@@ -52,18 +53,28 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
 
 def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
     below = world.below_ground()
-    patches = sum(len(batch.bodies) for batch in world.ground.batches)
+    batches = world.ground.batches
+    kinds: Counter[str] = Counter()
+    for batch in batches:
+        kinds[batch.kind] += len(batch.bodies)
+    patches = kinds.total()
+    known = [batch.deviation[~np.isnan(batch.deviation)] for batch in batches]
+    deviation = max((float(of_batch.max()) for of_batch in known if of_batch.size), default=0.0)
     values = {
         "simulated": sum(not body.tracked for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
         "patches": patches,
         "without ground": len(world.ground.followers) - patches,
         "below ground": len(below),
+        **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
+        "largest deviation [m]": f"{deviation:.6f}",
         "colliders replaced": world.ground.replacements,
         "colliders leaked": world.ground.leaked,
     }
     if below:
         return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+    if deviation > world.config.patch.tolerance:
+        return DiagnosticStatus.WARN, f"patches lie up to {deviation:.4f} m from the terrain", values
     return DiagnosticStatus.OK, f"{patches} patches", values
 
 

@@ -138,6 +138,7 @@ class ColliderPatches:
                     "row": batch.rows[chosen],
                     "column": batch.columns[chosen],
                     "stride": batch.stride[chosen],
+                    "deviation": batch.deviation[chosen],
                     "mesh.vertices": vertices[part],
                     "mesh.triangles": np.broadcast_to(triangles, (len(texts), *triangles.shape)),
                 }

@@ -65,7 +65,10 @@ SPECS = (
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
     Spec("search.method", _PATCH.search, "How the nearest vertex is found.", choices=get_args(SearchMethod)),
     Spec("collect.method", _PATCH.collect, "How the vertices of a patch are found.", choices=get_args(CollectMethod)),
-    Spec("patch.kind", _PATCH.kind, "Collider of a patch.", choices=get_args(PatchKind)),
+    Spec(
+        "patch.kind", _PATCH.kind, "Collider of a patch; auto: none, a plane or the smallest heightfield within "
+        "patch.tolerance.", choices=get_args(PatchKind),
+    ),
     Spec("patch.rings", _PATCH.rings, "Samples on each side of the nearest vertex; 0 = from the body's size.", 0, 4),
     Spec("patch.tolerance", _PATCH.tolerance, "How far a patch may lie from the terrain [m].", 1e-6, 10.0),
     Spec("patch.edge_filter", _PATCH.edge_filter, "No ghost collisions at the inner edges of patches."),
@@ -95,8 +98,6 @@ NAMES = frozenset(spec.name for spec in SPECS)
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings from the values of all parameters; raises `InputError` naming the first that cannot be."""
     v = declaring.checked(values, SPECS)
-    if v["patch.kind"] == "plane":
-        raise InputError("parameter", "patch.kind 'plane' is not available yet; use 'auto'")
     physics = PhysicsConfig(
         rate=v["physics.rate"],
         gravity=tuple(v["physics.gravity"]),

@@ -22,8 +22,10 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m].
+# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m]; the smaller
+# one where it is made again at every step.
 SLACK = 0.001
+STEP_SLACK = 0.0001
 # It holds for so many steps where the ground moves, and for as much travel in any case.
 HORIZON = 8
 # What a body gains in a step by falling, at most [m/s^2].
@@ -156,20 +158,22 @@ class AutoPatches:
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
         looks = 0.5 * HORIZON
         reach = moving.radii + SLACK + looks * (across + along) + FALL * dt * dt
+        reach += np.abs(self._lean[bodies]).max(axis=1)
         rings = window_rings(reach, geometry.resolution)
         self._rows[bodies], self._columns[bodies] = cells
         inside = (cells.rows >= rings) & (cells.rows < geometry.rows - rings)
         inside &= (cells.columns >= rings) & (cells.columns < geometry.columns - rings)
+        # The search leaves the rim out: the nearest vertex found may not be that.
+        inside &= np.maximum(np.abs(foot[:, 0] - cells.rows), np.abs(foot[:, 1] - cells.columns)) <= 0.5 + 1e-9
         self._state[bodies[~inside]] = EDGE
         self._until[bodies[~inside]] = -np.inf
         with self._stopwatch.stage("collect"):
             for size in np.unique(rings[inside]).tolist():
                 rows = np.flatnonzero(inside & (rings == size))
-                ahead = steps if size > FACET_RINGS else 1
-                share = looks if ahead > 1 or not on_the_move else 1.5
-                self._decide_size(
-                    heightmap, size, moving.of(rows), share * across[rows], share * along[rows], time, dt, ahead
-                )
+                # Windows of few cells are looked at again at every step; the margin for that is small.
+                few = size <= 2
+                ahead = 1 if few else steps
+                self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], few, time, dt, ahead)
         self._version[bodies] = heightmap.version
 
     def _decide_size(
@@ -179,11 +183,13 @@ class AutoPatches:
         moving: Moving,
         across: FloatArray,
         along: FloatArray,
+        few: bool,
         time: float,
         dt: float,
         steps: int,
     ) -> None:
-        """Decides for bodies with windows of ``size`` rings, which may come ``across`` and go ``along`` (n,) [m]."""
+        """Decides for bodies with windows of ``size`` rings, which come ``across`` and go ``along`` (n,) [m] in a step,
+        until ``steps`` are over."""
         geometry, bodies = heightmap.geometry, moving.bodies
         cells = Cells(self._rows[bodies], self._columns[bodies])
         ones = np.ones_like(bodies)
@@ -192,13 +198,14 @@ class AutoPatches:
         heights = ground.heights.reshape(shape)
         rates = None if ground.velocities is None else ground.velocities.reshape(shape)
         ahead = heights + rates * (steps * dt) if rates is not None and steps > 1 else None
-        window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution)
+        window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution, holes=ground.holes)
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
-        fall = FALL * dt * dt
-        balls = Balls(centres=centres, radii=moving.radii + SLACK + across + fall, lateral=SLACK + along)
+        looks, slack = (1.0, STEP_SLACK) if few else (0.5 * HORIZON, SLACK)
+        drop, slide = slack + looks * across, slack + looks * along
+        balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
             self._state[bodies], self._rings[bodies], self._stride[bodies],
@@ -207,37 +214,29 @@ class AutoPatches:
         self._rings[bodies], self._stride[bodies] = choice.rings, choice.stride
         self._deviation[bodies] = choice.deviation
         self._plane[bodies] = np.stack(choice.planes, axis=1)
-        self._rise[bodies] = 0.0 if rates is None else np.nan_to_num(rates[:, size, size])
+        self._rise[bodies] = 0.0 if rates is None else rates[:, size, size]
         self._rate[bodies] = 0.0
         if rates is not None:
             self._rate[bodies] = _rate_under(window, rates, choice.planes, centres)
-        known = np.isfinite(choice.planes.height)
         normals, offsets = choice.planes.normals(), foot_offset(choice.planes, centres)
-        known &= np.einsum("ij,ij->i", offsets, offsets) < (2.0 * moving.radii) ** 2
+        known = np.einsum("ij,ij->i", offsets, offsets) < (2.0 * moving.radii) ** 2  # not where there is a hole
         self._normal[bodies] = np.where(known[:, None], _turned(normals, geometry.yaw), (0.0, 0.0, 1.0))
-        self._lean[bodies] = np.where(known[:, None], offsets, 0.0)
+        # On curved ground the foot decides over the plane and the plane over the foot: half a step each time settles.
+        half = np.where(choice.state == FACET, 1.0, 0.5)[:, None]
+        self._lean[bodies] += np.where(known[:, None], half * (offsets - self._lean[bodies]), -self._lean[bodies])
         self._where[bodies], self._since[bodies] = moving.positions_w, time
         every = (choice.state == FACET) | (steps == 1)
         self._until[bodies] = np.where(every, time, time + (steps - 0.5) * dt) if rates is not None else np.inf
         # One step is taken before the next look.
-        share = 1.0 / (0.5 * HORIZON)
-        self._drop[bodies] = SLACK + (1.0 - share) * across
-        self._slide[bodies] = SLACK + (1.0 - share) * along
+        self._drop[bodies] = drop - across
+        self._slide[bodies] = slide - along
         clear = choice.state == NONE
         if clear.any():
-            self._hold_off(bodies, clear, heights, moving, across)
-
-    def _hold_off(
-        self, bodies: IntArray, clear: BoolArray, heights: FloatArray, moving: Moving, across: FloatArray
-    ) -> None:
-        """Gives bodies high above all ground around them as much approach as there is room."""
-        with np.errstate(invalid="ignore"):
-            top = np.nanmax(heights[clear].reshape(int(clear.sum()), -1), axis=1, initial=-np.inf)
-        room = moving.positions_w[clear, 2] - moving.radii[clear] - top
-        chosen = bodies[clear]
-        share = 1.0 / (0.5 * HORIZON)
-        room = np.minimum(room - share * across[clear], 10.0 * moving.radii[clear])
-        self._drop[chosen] = np.maximum(self._drop[chosen], room)
+            # As much approach as there is room above all ground around.
+            top = np.nan_to_num(heights[clear], nan=np.inf).max(axis=(1, 2))
+            room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * across[clear]
+            self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
+            self._slide[bodies[clear]] = SLACK + 2.0 * along[clear]
 
     def _planes(self, name: str, heightmap: HeightMap, moving: Moving, time: float) -> PlaneBatch:
         """Patches whose collider is a plane: 3 x 3 samples for the outputs, and the plane itself."""
@@ -286,13 +285,11 @@ class AutoPatches:
 def _rate_under(window: Window, rates: FloatArray, planes: Planes, centres: FloatArray) -> FloatArray:
     """How the coefficients of the facet under each body change (n, 3) [m/s, 1/s, 1/s]."""
     rows = np.arange(len(centres))
-    inner = Window(heights=rates, rings=window.rings, resolution=window.resolution).inner(
-        rows, min(FACET_RINGS, window.rings)
-    )
+    moving = Window(heights=rates, rings=window.rings, resolution=window.resolution, holes=window.holes)
     foot = centres[:, :2] - foot_offset(planes, centres)
-    facets = facets_of(inner)
-    found = facet_planes(facets, *facet_index(facets, *np.nan_to_num(foot).T))
-    return np.nan_to_num(np.stack(found, axis=1))
+    facets = facets_of(moving.inner(rows, FACET_RINGS))
+    found = np.stack(facet_planes(facets, *facet_index(facets, *np.nan_to_num(foot).T)), axis=1)
+    return np.nan_to_num(found) if window.holes else found
 
 
 def _turned(vectors: FloatArray, yaw: float) -> FloatArray:

@@ -7,17 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.facets import facet_deviation, facet_index, facet_planes, facets_of
-from smartmesh_ros.patches.grid_window import SIZES, Balls, Window, rings_touched
-from smartmesh_ros.patches.planes import Planes, fitted_planes, near_deviation
-from smartmesh_ros.patches.strides import cheapest_extents
+from smartmesh_ros.patches.facets import Facets, facet_deviation, facet_index, facet_planes, facets_of
+from smartmesh_ros.patches.grid_window import SIZES, Balls, Window
+from smartmesh_ros.patches.planes import Planes, fitted_planes, near_deviation, rings_touched
+from smartmesh_ros.patches.strides import HYSTERESIS, cheapest_extents
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # What a body stands on, as numbers in arrays.
 UNDECIDED, NONE, FACET, FITTED, FIELD, EDGE = -1, 0, 1, 2, 3, 4
 
-# Where at most so many rings can be touched, the facet under the body is the plane; beyond, one fitted to many facets.
-FACET_RINGS = 2
+# How far above the ground a body loses its collider, beyond what it may move [m].
+LEAVING = 0.002
+
+# A patch keeps its size while the body needs more than this share of it.
+ROOMY = 0.6
+
+# Where only the cells around one sample can be touched, the facet under the body is the plane; else one fitted to many.
+FACET_RINGS = 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,19 +50,20 @@ def choose(
     """Chooses for n bodies.
 
     ``lean`` (n, 2) [m]: horizontal offset of each body's middle from the point of the ground that is nearest to it, as
-    far as known. ``state``, ``rings``, ``stride`` (n,): what they have now. A cheaper collider must keep half the
+    far as known. ``state``, ``rings``, ``stride`` (n,): what they have now. A cheaper collider must keep a share of the
     tolerance [m], so that no body changes back and forth.
     """
-    need = rings_touched(window, balls)
+    planes = _along_ground(window, balls, lean)
+    need = _steady(rings_touched(window, planes, balls), planes, balls, state, rings * stride, window.rings)
     count = len(need)
     choice = Choice(
         state=np.where(need == 0, NONE, FIELD),
         rings=np.ones(count, np.int64),
         stride=np.ones(count, np.int64),
         deviation=np.zeros(count),
-        planes=Planes(*np.zeros((3, count))),
+        planes=planes,
     )
-    limit = np.where((state == FACET) | (state == FITTED), 1.0, 0.5) * config.plane_tolerance
+    limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
     if few.size:
         _stand_on_facets(choice, few, window, balls, lean, limit)
@@ -73,22 +80,54 @@ def choose(
     return choice
 
 
+def _steady(need: IntArray, planes: Planes, balls: Balls, state: IntArray, covered: IntArray, most: int) -> IntArray:
+    """``need`` where bodies on the border of another choice keep what they have.
+
+    A body that just left the ground keeps its collider, and a patch somewhat too large keeps its size.
+    """
+    distance = planes.above(balls.centres) / np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    leaving = (need == 0) & (state > NONE) & (distance <= balls.radii + LEAVING)
+    roomy = (state == FIELD) & (covered <= most) & (need < covered) & (need > ROOMY * covered)
+    return np.where(leaving, 1, np.where(roomy, covered, need))
+
+
+def _along_ground(window: Window, balls: Balls, lean: FloatArray) -> Planes:
+    """Planes along the ground under bodies: where windows are small the facet there, else what fits their middle."""
+    if window.rings <= 2:
+        facets = facets_of(window.inner(slice(None), FACET_RINGS))
+        planes = facet_planes(facets, *_facet_below(facets, balls.centres, lean))
+    else:
+        # From the body's size alone: what a plane leads to must not lead to another plane.
+        stride = np.minimum((0.25 * balls.radii / window.resolution).astype(np.int64) + 1, window.rings)
+        planes = fitted_planes(_nine(window.heights, stride), stride * window.resolution)
+    if window.holes:
+        hole = np.isnan(planes.height)
+        for values, instead in zip(planes, (balls.centres[hole, 2], 0.0, 0.0), strict=True):
+            values[hole] = instead
+    return planes
+
+
+def _facet_below(facets: Facets, centres: FloatArray, lean: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The facets that bodies stand on, as by `facet_index`."""
+    foot = centres[:, :2] - lean
+    planes = facet_planes(facets, *facet_index(facets, foot[:, 0], foot[:, 1]))
+    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
+    offset = foot_offset(planes, centres)
+    foot = centres[:, :2] - (np.nan_to_num(offset) if facets.holes else offset)
+    return facet_index(facets, foot[:, 0], foot[:, 1])
+
+
 def _stand_on_facets(
     choice: Choice, rows: IntArray, window: Window, balls: Balls, lean: FloatArray, limit: FloatArray
 ) -> None:
     """Chooses the facet under the body where no other that it can touch is far from its plane."""
-    inner, near = window.inner(rows, min(FACET_RINGS, window.rings)), balls.of(rows)
-    foot = near.centres[:, :2] - lean[rows]
+    inner, near = window.inner(rows, FACET_RINGS), balls.of(rows)
     facets = facets_of(inner)
-    planes = facet_planes(facets, *facet_index(facets, foot[:, 0], foot[:, 1]))
-    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
-    offset = foot_offset(planes, near.centres)
-    foot = near.centres[:, :2] - np.where(np.isfinite(offset), offset, 0.0)
-    facet = facet_index(facets, foot[:, 0], foot[:, 1])
+    facet = _facet_below(facets, near.centres, lean[rows])
     planes = facet_planes(facets, *facet)
     deviation = facet_deviation(facets, planes, near)
     if inner.ahead is not None:
-        later = facets_of(Window(heights=inner.ahead, rings=inner.rings, resolution=inner.resolution))
+        later = facets_of(inner.at_next_look())
         np.maximum(deviation, facet_deviation(later, facet_planes(later, *facet), near), out=deviation)
     _take_planes(choice, rows, planes, deviation, limit, FACET, np.ones(len(rows), np.int64))
 

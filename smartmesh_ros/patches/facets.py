@@ -23,6 +23,13 @@ class Facets(NamedTuple):
     corner: FloatArray
     places: FloatArray
     resolution: float
+    holes: bool
+
+    def of(self, rows: IntArray) -> Facets:
+        """Those of the windows in ``rows``."""
+        return Facets(
+            self.slope_x[rows], self.slope_y[rows], self.corner[rows], self.places, self.resolution, self.holes
+        )
 
 
 def facets_of(window: Window) -> Facets:
@@ -32,7 +39,7 @@ def facets_of(window: Window) -> Facets:
     # Below the diagonal: (r, c), (r, c + 1), (r + 1, c + 1); above it: (r, c), (r + 1, c + 1), (r + 1, c).
     slope_x = np.stack([along[:, :-1], along[:, 1:]], axis=1)
     slope_y = np.stack([across[:, :, 1:], across[:, :, :-1]], axis=1)
-    return Facets(slope_x, slope_y, z[:, :-1, :-1], window.places()[:-1], window.resolution)
+    return Facets(slope_x, slope_y, z[:, :-1, :-1], window.places()[:-1], window.resolution, window.holes)
 
 
 def facet_index(facets: Facets, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -58,8 +65,8 @@ def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
     hole is near. All that the balls can touch must lie in the window.
 
     A bound, not an estimate: facet and plane differ by a linear function. Where the ball can touch the facet
-    (within a disc around the foot of the perpendicular from the ball's middle) or the plane (likewise) it is largest at
-    the disc's edge at the most, and over the whole facet at a corner.
+    (within a disc around the foot of the perpendicular from the ball's middle) or the plane (likewise) it lies between
+    its values at the disc's edge, and over the facet between those at the corners.
     """
     x, y, z = (balls.centres[:, axis, None, None, None] for axis in range(3))
     radii, lateral = balls.radii[:, None, None, None], balls.lateral[:, None, None, None]
@@ -70,7 +77,7 @@ def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
     tilt_x, tilt_y = slope_x - flat.slope_x, slope_y - flat.slope_y
     offset = base - flat.height
     tilt = np.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
-    at_corner = _corner_deviation(offset, tilt_x, tilt_y, facets)
+    lowest, highest = _corner_deviations(offset, tilt_x, tilt_y, facets)
     deviation = np.zeros(len(balls.radii))
     for height, across, along in ((base, slope_x, slope_y), flat):
         steepness = 1.0 / np.sqrt(1.0 + across * across + along * along)
@@ -81,11 +88,15 @@ def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
         away_x = np.maximum(np.maximum(places - foot_x, foot_x - places - spacing), 0.0)
         away_y = np.maximum(np.maximum(places[:, None] - foot_y, foot_y - places[:, None] - spacing), 0.0)
         near = (away_x * away_x + away_y * away_y <= disc * disc) & (distance <= radii)
-        in_disc = np.abs(offset + tilt_x * foot_x + tilt_y * foot_y) + disc * tilt
-        worst = np.where(near, np.minimum(in_disc, at_corner), 0.0)
-        np.maximum(deviation, np.nan_to_num(worst, nan=0.0).max(axis=(1, 2, 3)), out=deviation)
-    holes = np.isnan(slope_x)
-    if holes.any():
+        at_foot = offset + tilt_x * foot_x + tilt_y * foot_y
+        swing = disc * tilt
+        above, below = np.minimum(at_foot + swing, highest), np.maximum(at_foot - swing, lowest)
+        worst = np.where(near, np.maximum(above, -below), 0.0)
+        if facets.holes:
+            worst[np.isnan(worst)] = 0.0
+        np.maximum(deviation, worst.max(axis=(1, 2, 3)), out=deviation)
+    if facets.holes:
+        holes = np.isnan(slope_x)
         away_x = np.maximum(np.maximum(places - x, x - places - spacing), 0.0)
         away_y = np.maximum(np.maximum(places[:, None] - y, y - places[:, None] - spacing), 0.0)
         near = away_x * away_x + away_y * away_y <= (radii + lateral) ** 2
@@ -93,13 +104,16 @@ def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
     return deviation
 
 
-def _corner_deviation(offset: FloatArray, tilt_x: FloatArray, tilt_y: FloatArray, facets: Facets) -> FloatArray:
-    """The largest deviation at the three corners of each facet (n, 2, k, k)."""
+def _corner_deviations(
+    offset: FloatArray, tilt_x: FloatArray, tilt_y: FloatArray, facets: Facets
+) -> tuple[FloatArray, FloatArray]:
+    """The least and the largest deviation at the three corners of each facet (n, 2, k, k)."""
     spacing = facets.resolution
     first = offset + tilt_x * facets.places + tilt_y * facets.places[:, None]
     opposite = first + (tilt_x + tilt_y) * spacing
     third = first.copy()
     third[:, 0] += tilt_x[:, 0] * spacing
     third[:, 1] += tilt_y[:, 1] * spacing
-    largest: FloatArray = np.maximum(np.maximum(np.abs(first), np.abs(opposite)), np.abs(third))
-    return largest
+    lowest: FloatArray = np.minimum(np.minimum(first, opposite), third)
+    highest: FloatArray = np.maximum(np.maximum(first, opposite), third)
+    return lowest, highest

@@ -17,6 +17,7 @@ class Window:
     """Samples around n bodies, ``rings`` on each side of a middle one, ``resolution`` [m] apart.
 
     ``heights`` (n, S, S) [m], S = 2 rings + 1; ``ahead``: the same when the bodies are looked at next, None = no other.
+    ``holes``: whether any sample may be NaN.
     The frame is the grid's own with the middle sample as its origin: x along the columns, y along the rows, z as in the
     world. Ground moves in a straight line between two looks, so what is linear in it is largest at one of them.
     """
@@ -25,17 +26,25 @@ class Window:
     rings: int
     resolution: float
     ahead: FloatArray | None = None
+    holes: bool = True
 
     @property
     def instants(self) -> list[FloatArray]:
         """Heights now and, where the ground moves, at the next look."""
         return [self.heights] if self.ahead is None else [self.heights, self.ahead]
 
-    def inner(self, rows: IntArray, rings: int) -> Window:
+    def at_next_look(self) -> Window:
+        """The window at that instant alone."""
+        assert self.ahead is not None
+        return Window(heights=self.ahead, rings=self.rings, resolution=self.resolution, holes=self.holes)
+
+    def inner(self, rows: IntArray | slice, rings: int) -> Window:
         """The middle of the windows of the bodies in ``rows``."""
         cut = slice(self.rings - rings, self.rings + rings + 1)
         ahead = None if self.ahead is None else self.ahead[rows, cut, cut]
-        return Window(heights=self.heights[rows, cut, cut], ahead=ahead, rings=rings, resolution=self.resolution)
+        return Window(
+            heights=self.heights[rows, cut, cut], ahead=ahead, rings=rings, resolution=self.resolution, holes=self.holes
+        )
 
     def places(self) -> FloatArray:
         """x of the columns, or y of the rows (S,) [m]."""
@@ -67,36 +76,3 @@ def window_rings(reach: FloatArray, resolution: float) -> IntArray:
     """
     cells = np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64)
     return np.asarray(SIZES[np.minimum(np.searchsorted(SIZES, cells), len(SIZES) - 1)])
-
-
-def rings_touched(window: Window, balls: Balls) -> IntArray:
-    """How many rings around the middle hold every facet that the balls can touch (n,); 0 = none touches.
-
-    A cell's facets lie no higher than its highest corner and no nearer than its square; a hole counts as ground of any
-    height.
-    """
-    z = window.heights if window.ahead is None else np.maximum(window.heights, window.ahead)
-    top = np.maximum(np.maximum(z[:, :-1, :-1], z[:, 1:, :-1]), np.maximum(z[:, :-1, 1:], z[:, 1:, 1:]))
-    np.nan_to_num(top, copy=False, nan=np.inf)
-    start = window.places()[:-1]
-    x, y, height = balls.centres.T
-    away_x = _away(x, start, window.resolution, balls.lateral)
-    away_y = _away(y, start, window.resolution, balls.lateral)
-    down = height[:, None, None] - top
-    np.maximum(down, 0.0, out=down)
-    down *= down
-    down += (away_x * away_x)[:, None, :]
-    down += (away_y * away_y)[:, :, None]
-    touched = ~(down > (balls.radii**2)[:, None, None])
-    index = np.arange(-window.rings, window.rings)
-    ring = np.maximum(-index, index + 1)
-    rows = np.where(touched.any(axis=2), ring, 0).max(axis=1)
-    columns = np.where(touched.any(axis=1), ring, 0).max(axis=1)
-    return np.asarray(np.maximum(rows, columns))
-
-
-def _away(place: FloatArray, start: FloatArray, resolution: float, lateral: FloatArray) -> FloatArray:
-    """Distance of each body from each cell along one axis, less what it may slide (n, S - 1) [m]."""
-    before = start - place[:, None]
-    away: FloatArray = np.maximum(np.maximum(before, -before - resolution) - lateral[:, None], 0.0)
-    return away

@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.patches.grid_window import Balls, Window
 from smartmesh_ros.patches.template import patch_template
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 class Planes(NamedTuple):
@@ -39,6 +39,56 @@ def fitted_planes(samples: FloatArray, spacing: FloatArray) -> Planes:
     return Planes(fit[:, 0], fit[:, 2] / spacing, fit[:, 1] / spacing)
 
 
+def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
+    """How many rings around the middle hold every facet that the balls can touch (n,); 0 = none touches.
+
+    ``planes`` run somehow along the ground: the nearer to it, the tighter the answer. Over a cell the mesh rises above
+    its plane no further than at the cell's highest corner, and no point of it is nearer, along the plane, to the foot
+    of the perpendicular from the ball's middle than the cell's square. A hole counts as ground of any height.
+    """
+    place = window.places()
+    steepness = np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    cos = 1.0 / steepness
+    sine = np.sqrt(np.maximum(1.0 - cos * cos, 0.0))
+    distance = planes.above(balls.centres) * cos
+    away_x = _away(balls.centres[:, 0] + distance * planes.slope_x * cos, place, balls.lateral)
+    away_y = _away(balls.centres[:, 1] + distance * planes.slope_y * cos, place, balls.lateral)
+    z = window.heights if window.ahead is None else np.maximum(window.heights, window.ahead)
+    over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
+    over -= (planes.slope_x[:, None] * place)[:, None, :]
+    if window.holes:
+        over[np.isnan(over)] = np.inf
+    top = np.maximum(over[:, :-1], over[:, 1:])
+    top = np.maximum(top[:, :, :-1], top[:, :, 1:])
+    np.abs(over, out=over)
+    if window.holes:
+        over[over == np.inf] = 0.0
+    shift = over.max(axis=(1, 2)) * sine
+    np.maximum(top, 0.0, out=top)
+    top *= -cos[:, None, None]
+    top += distance[:, None, None]
+    np.maximum(top, 0.0, out=top)
+    top *= top
+    along = (away_x * away_x)[:, None, :] + (away_y * away_y)[:, :, None]
+    if shift.any():
+        along = np.maximum(np.sqrt(along) - shift[:, None, None], 0.0)
+        along *= along
+    along += top
+    touched = along <= (balls.radii**2)[:, None, None]
+    index = np.arange(-window.rings, window.rings)
+    ring = np.maximum(-index, index + 1)
+    rows = (touched.any(axis=2) * ring).max(axis=1)
+    columns = (touched.any(axis=1) * ring).max(axis=1)
+    return np.asarray(np.maximum(rows, columns))
+
+
+def _away(foot: FloatArray, place: FloatArray, lateral: FloatArray) -> FloatArray:
+    """Distance of feet (n,) from each cell along one axis, less what a body may slide (n, S - 1) [m]."""
+    before = place[:-1] - foot[:, None]
+    away: FloatArray = np.maximum(np.maximum(before, (place[:-1] - place[1:]) - before) - lateral[:, None], 0.0)
+    return away
+
+
 def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: Balls) -> FloatArray:
     """How far each plane lies, vertically, from the mesh where a ball can touch either (n,) [m], at most.
 
@@ -62,7 +112,11 @@ def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: B
     base = planes.height + planes.slope_x * foot_x + planes.slope_y * foot_y
     deviation = heights - base[:, None, None] - climb
     size = np.abs(deviation)
-    largest = np.nan_to_num(np.where(np.isnan(size), 0.0, size).max(axis=(1, 2)))
+    if window.holes:
+        hole = np.isnan(size)
+        size[hole] = np.inf
+        deviation[hole] = 0.0
+    largest = np.where(size < np.inf, size, 0.0).max(axis=(1, 2)) if window.holes else size.max(axis=(1, 2))
     climb *= climb
     climb += (u * u)[:, None, :]
     climb += (v * v)[:, :, None]
@@ -72,11 +126,14 @@ def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: B
     along -= slack[:, None, None]
     np.maximum(along, 0.0, out=along)
     along *= along
-    down = distance[:, None, None] - np.maximum(np.where(np.isnan(deviation), 0.0, deviation), 0.0) * cos[:, None, None]
-    np.maximum(down, 0.0, out=down)
-    along += down * down
+    np.maximum(deviation, 0.0, out=deviation)
+    deviation *= -cos[:, None, None]
+    deviation += distance[:, None, None]
+    np.maximum(deviation, 0.0, out=deviation)
+    deviation *= deviation
+    along += deviation
     near = along <= (balls.radii**2)[:, None, None]
-    bound: FloatArray = np.where(near, np.where(np.isnan(size), np.inf, size), 0.0).max(axis=(1, 2))
+    bound: FloatArray = np.where(near, size, 0.0).max(axis=(1, 2))
     disc = np.sqrt(np.maximum(balls.radii**2 - np.maximum(distance, 0.0) ** 2, 0.0)) + balls.lateral
     beyond = np.maximum(np.abs(foot_x), np.abs(foot_y)) + disc > window.rings * window.resolution
     bound[beyond] = np.inf

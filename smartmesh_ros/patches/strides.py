@@ -12,6 +12,9 @@ from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # Rings a patch may have, cheapest first. The cost of a collider follows its samples.
+# A cheaper patch than a body has must keep this share of the tolerance.
+HYSTERESIS = 0.75
+
 RINGS = (1, 2, 3, 4, 6, 8, 12, 16)
 
 
@@ -47,7 +50,10 @@ def stride_deviation(window: Window, rows: IntArray, rings: int, stride: int) ->
         difference = -heights
         for corner, weight in zip(corners, weights, strict=True):
             difference += heights[:, corner] * weight
-        np.maximum(worst, np.nan_to_num(np.abs(difference), nan=np.inf).max(axis=1), out=worst)
+        np.abs(difference, out=difference)
+        if window.holes:
+            difference[np.isnan(difference)] = np.inf
+        np.maximum(worst, difference.max(axis=1), out=worst)
     return worst
 
 
@@ -65,8 +71,8 @@ def cheapest_extents(
     """The patches with the fewest samples that cover ``need`` (n,) rings of the map within the tolerance [m], for n
     ``bodies`` of a window.
 
-    ``rings``, ``stride`` (n,): what the bodies have now, 0 = nothing. A cheaper patch must keep half the tolerance, so
-    that no body changes back and forth. Where none will do, the finest there is; its deviation says so.
+    ``rings``, ``stride`` (n,): what the bodies have now, 0 = nothing. A cheaper patch must keep a share of the
+    tolerance, so that no body changes back and forth. Where none will do, the finest there is; its deviation says so.
     """
     result = Extents(np.zeros_like(need), np.ones_like(need), np.full(len(need), np.inf))
     open_ = np.ones(len(need), bool)
@@ -79,5 +85,5 @@ def cheapest_extents(
             deviation = stride_deviation(window, bodies[rows], count, step)
             result.rings[rows], result.stride[rows], result.deviation[rows] = count, step, deviation
             cheaper = (count < rings[rows]) | ((count == rings[rows]) & (step > stride[rows]))
-            open_[rows] = deviation > np.where(cheaper, 0.5 * tolerance, tolerance)
+            open_[rows] = deviation > np.where(cheaper, HYSTERESIS * tolerance, tolerance)
     return result

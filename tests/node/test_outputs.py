@@ -46,8 +46,8 @@ def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]
     terrain = Terrain(HeightMap(heights, resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4, velocities=heights * 0.1))
     tracker = PatchTracker(terrain, PatchConfig())
     tracker.set_bodies(np.resize(radii, count), np.full(count, -1))
-    inner = terrain.tiles[""].geometry.to_world(rng.uniform(5, 55, count), rng.uniform(5, 75, count))
-    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros(count), 0.01)
+    inner = terrain.tiles[""].geometry.to_world(rng.uniform(10, 50, count), rng.uniform(10, 70, count))
+    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros((count, 3)), 0.01, 1.0 / 240.0)
 
 
 def xyz(values: Sequence[float]) -> dict[str, float]:
@@ -121,6 +121,7 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
                 row=int(batch.rows[row]),
                 column=int(batch.columns[row]),
                 stride=int(batch.stride[row]),
+                deviation=float(batch.deviation[row]),
                 surface_twist=twist,
                 mesh=Mesh(triangles=triangles, vertices=[Point(x=x, y=y, z=z) for x, y, z in vertices]),
             )

@@ -44,6 +44,7 @@ def test_a_source_may_be_killed_and_started_again(probe: Probe) -> None:
         try:
             updates = int(probe.diagnostics("terrain")["updates of ''"])
             probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > updates + 10)
+            probe.wait_for(lambda: any(message.tile == "" for message in maps))
         finally:
             second.stop()
             second.close()
