@@ -87,6 +87,11 @@ class HeightfieldPool:
         self._pairs.join(heightfield.body, body, link)
         return heightfield
 
+    def forget_contacts(self, heightfield: Heightfield, body: int, link: int) -> None:
+        """Has PyBullet look for the contacts of a heightfield and its body anew."""
+        self._pairs.part(heightfield.body, body, link)
+        self._pairs.join(heightfield.body, body, link)
+
     def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""
         client = self._client

@@ -23,7 +23,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 # The run is timed in so many pieces, all engines taking turns; cost is their median.
 PIECES = 12
 # An engine that has used so much of the processor in one scene is stopped [s].
-PATIENCE = 4.0
+PATIENCE = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,9 @@ class Result:
     """One configuration in one scene.
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
-    [us]; ``update``: the ground's share of it [us]. Then `Penetration`'s figures [m]; deviation from the reference after one second,
-    median and largest over the bodies [m], NaN = none; how long it ran [s]; ``note``: why it did not run, or not long.
+    [us]; ``update``: the ground's share of it [us]. Then `Penetration`'s figures [m]; deviation from the reference
+    after one second, median and largest over the bodies [m], NaN = none; how long it ran [s]; ``note``: why it did not
+    run, or not long.
     """
 
     cost: float = math.nan

@@ -189,3 +189,16 @@ def test_a_rolling_ball_keeps_its_speed() -> None:
         state = world.state("ball")
         assert state.position[0] == pytest.approx(0.0, abs=2e-3)
         assert state.linear[0] == pytest.approx(3.0, abs=4e-3)
+
+
+def test_a_ball_does_not_hang_on_contacts_of_ground_that_sank_away() -> None:
+    """PyBullet keeps the contacts of a replaced heightfield; here all of it sinks but the sample that it is placed by."""
+    heightmap = flat()
+    with World(heightmap, WorldConfig(patch=PatchConfig(kind="heightfield"))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.04, 0.013, 0.2)))
+        world.step(240)
+        sunk = np.full((121, 121), -1.0)
+        sunk[60, 60] = 0.0
+        heightmap.replace(sunk, time=world.time)
+        world.step(240)
+        assert world.state("ball").position[2] < 0.1

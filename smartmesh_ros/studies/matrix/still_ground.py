@@ -260,7 +260,15 @@ ROWS = (
         source="theory: r sec(slope)",
         quick=True,
     ),
-    Row(name="T8 box on 5-50 cm cells", figure=wide_box, limit=1.0, unit="mm", source="a plane", quick=True),
+    Row(
+        name="T8 box on 5-50 cm cells",
+        figure=wide_box,
+        limit=1.0,
+        unit="mm",
+        source="a plane",
+        quick=True,
+        skip=("prisms",),
+    ),
     Row(
         name="ball of a fifth of a cell",
         figure=_sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0),
