@@ -192,7 +192,7 @@ def test_a_rolling_ball_keeps_its_speed() -> None:
 
 
 def test_a_ball_does_not_hang_on_contacts_of_ground_that_sank_away() -> None:
-    """PyBullet keeps the contacts of a replaced heightfield; here all of it sinks but the sample that it is placed by."""
+    """PyBullet keeps the contacts of a replaced heightfield; here all sinks but the sample it is placed by."""
     heightmap = flat()
     with World(heightmap, WorldConfig(patch=PatchConfig(kind="heightfield"))) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.04, 0.013, 0.2)))
