@@ -27,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
     data = json.loads((folder / document.RESULTS).read_text())
-    assert set(data["machine"]) == {"cores", "cpu", "versions"}
+    assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
     assert measured >= {"simple", "smart", "local", "search", "search_batch", "collect", "update", "step", "ingest"}
     for entry in data["timings_us"]:
@@ -57,6 +57,7 @@ def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path) -> None:
     assert text.endswith(f"{document.END}\n\nBy hand, too.\n")
     assert (folder / document.TABLES).read_text() in text
     assert "old" not in text
+    assert len(list((tmp_path / document.PICTURES).glob("*.png"))) == 7
 
 
 def test_a_document_without_marks_is_refused(tmp_path: Path) -> None:

@@ -59,9 +59,7 @@ def jobs(*, quick: bool) -> list[Job]:
     for count, rate in ((100, 240.0), (1000, 60.0)):
         if not quick or count <= crowds.BATCH:
             found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
-    for count in BATCHES:
-        if quick and count >= crowds.BATCH:
-            break
+    for count in BATCHES[:1] if quick else BATCHES:
         if count != crowds.BATCH:
             found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
         found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
@@ -100,10 +98,10 @@ def main(arguments: list[str] | None = None) -> int:
         run = document.Run(measure(quick=given.quick), machine.describe(), given.quick)
     files = document.write(run, given.out)
     if given.document:
-        document.update(given.document, document.summary(run))
+        document.update(given.document, document.summary(run), files.pictures)
     print(tables.targets(run.results))
     reached = [target.reached(run.results) for target in TARGETS]
-    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {', '.join(str(file) for file in files[:2])}")
+    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {files.tables} and {files.results}")
     return 0
 
 

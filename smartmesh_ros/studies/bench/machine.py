@@ -1,4 +1,4 @@
-"""What a bench ran on: cores, CPU model and versions, and nothing that tells whose machine it is."""
+"""What a bench ran on: cores, CPU model, load and versions, and nothing that tells whose machine it is."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "coal")
 
 
 def describe() -> dict[str, object]:
-    """Cores, CPU model, and versions of Python and of what is measured."""
-    return {"cores": os.cpu_count() or 1, "cpu": _cpu_model(), "versions": _versions()}
+    """Cores, CPU model, load average over the last five minutes, and versions of Python and of what is measured."""
+    load = round(os.getloadavg()[1], 1)
+    return {"cores": os.cpu_count() or 1, "cpu": _cpu_model(), "load": load, "versions": _versions()}
 
 
 def _cpu_model() -> str:

@@ -18,7 +18,7 @@ ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 
 def sides(quick: bool) -> tuple[int, ...]:
     """Sizes to measure, ascending."""
-    return (3, 5, 25, 50, 100) if quick else (*SIMPLE_PHYSX, *LARGER)
+    return (3, 5, 25, 50) if quick else (*SIMPLE_PHYSX, *LARGER)
 
 
 def measure_engine(bench: Bench, name: str) -> None:

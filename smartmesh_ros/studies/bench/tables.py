@@ -49,14 +49,23 @@ def all_tables(results: Results) -> str:
 def targets(results: Results) -> str:
     """What was to be reached."""
     rows = []
+    low, high = results.at("low"), results.at("high")
     for target in TARGETS:
         value = target.value(results)
+        spread = sorted((target.value(low), target.value(high)))
         verdict = "not measured" if math.isnan(value) else "reached" if target.reached(results) else "**missed**"
         sign = ">=" if target.at_least else "<="
         rows.append(
-            [target.text, target.reported, f"{sign} {target.limit:g} {target.unit}", f"{number(value)}", verdict]
+            [
+                target.text,
+                target.reported,
+                f"{sign} {target.limit:g} {target.unit}",
+                number(value),
+                " - ".join(map(number, spread)),
+                verdict,
+            ]
         )
-    return table(["figure", "report", "to reach", "measured", ""], rows)
+    return table(["figure", "report", "to reach", "median", "10 % - 90 %", ""], rows)
 
 
 def larger_maps(results: Results) -> str:
