@@ -108,11 +108,14 @@ class Runner:
         return self._steps / self.configuration.rate
 
     def advance(self, until: float) -> None:
-        """Steps to ``until`` [s]; maps come as they fall due."""
+        """Steps to ``until`` [s]; maps come as they fall due. Gives up where that takes too much of the processor."""
         engine, rate, scene = self.engine, self.configuration.rate, self._scene
         last = round(until * rate)
         before = engine.velocities()
         while self._steps < last:
+            if self.used + sum(self._piece) > PATIENCE:
+                self.note = f"stopped after {self.time:.2f} s: too slow"
+                return
             number = math.floor(self._steps / rate * scene.map_rate + 1e-6)
             give = None if number == self._map else self._handing(self._maps(number))
             if self._steps == last - 1:
@@ -143,8 +146,10 @@ class Runner:
     def end_piece(self) -> None:
         """Notes the running time since the last call."""
         simulated = self.time - self._piece_began
-        self.times.append((self._piece[0] / simulated, self._piece[1] / simulated))
         self.used += sum(self._piece)
+        if simulated <= 0.0:
+            return
+        self.times.append((self._piece[0] / simulated, self._piece[1] / simulated))
         self._piece, self._piece_began = [0.0, 0.0], self.time
 
 
@@ -165,8 +170,7 @@ def run_scene(
     surfaces = {}
     for part, piece in enumerate(np.array_split(instants, min(pieces, len(instants)))):
         for index, runner in enumerate(runners[part % len(runners) :] + runners[: part % len(runners)]):
-            if runner.used > PATIENCE:
-                runner.note = f"stopped after {runner.time:.2f} s: too slow"
+            if runner.note:
                 continue
             say(f"{scene.name} {part + 1}/{pieces} {index + 1}/{len(runners)} {runner.configuration.name}")
             for instant in piece.tolist():
@@ -200,7 +204,7 @@ def _measure(scene: Scene, surfaces: dict[float, Any], runners: list[Runner]) ->
 def _result(scene: Scene, runner: Runner, reference: FloatArray | None) -> Result:
     skip = round(scene.settle * scene.samples)
     measured = runner.samples[skip:]
-    if not measured:
+    if not measured or not runner.times:
         return Result(bodies=scene.bodies.count, note=runner.note or "too slow to measure")
     clearance = np.array([sample.clearance for sample in measured])
     below = np.array([sample.below for sample in runner.samples])
