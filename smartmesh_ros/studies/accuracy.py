@@ -16,6 +16,7 @@ from smartmesh_ros.studies.chart import draw_all, draw_scene
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import PIECES, run_scene
 from smartmesh_ros.studies.matrix.picture import draw_matrix, matrix_table
+from smartmesh_ros.studies.matrix.row import METHODS
 from smartmesh_ros.studies.matrix.run import run_matrix
 from smartmesh_ros.studies.scene import read_scenes
 from smartmesh_ros.studies.tables import fill, scene_table, summary_table
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not options.matrix_only:
         _charts(options, images, blocks, data, say)
     if not options.charts_only:
-        outcomes = run_matrix(say, quick=options.quick)
+        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
         draw_matrix(images / "stability.png", outcomes)
         blocks["stability"] = matrix_table(outcomes)
         data["stability"] = [asdict(outcome) for outcome in outcomes]
@@ -81,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
     parser.add_argument("--out", type=Path, help="folder to write to (docs, or out/studies with --quick)")
     parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only")
+    parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
     return parser

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.matrix import changes, moving_ground, still_ground
+from smartmesh_ros.studies.matrix import changes, moving_ground, rules, still_ground
 from smartmesh_ros.studies.matrix.row import METHODS, Outcome, Row
 
-ROWS: tuple[Row, ...] = (*still_ground.ROWS, *moving_ground.ROWS, *changes.ROWS)
+ROWS: tuple[Row, ...] = (*still_ground.ROWS, *moving_ground.ROWS, *changes.ROWS, *rules.ROWS)
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 
 
@@ -24,16 +24,13 @@ def run_cell(row: Row, method: str) -> Outcome:
     return Outcome(row=row.name, method=method, figure=figure, limit=row.limit, unit=row.unit, source=row.source)
 
 
-def run_matrix(say: Callable[[str], None], *, quick: bool = False) -> list[Outcome]:
-    """All cells, row by row; the quick run has fewer rows and methods."""
+def run_matrix(say: Callable[[str], None], *, quick: bool = False, methods: Sequence[str] = ()) -> list[Outcome]:
+    """All cells, row by row, or those of some ``methods``; the quick run has fewer rows and methods."""
+    chosen = tuple(methods) or (QUICK_METHODS if quick else tuple(METHODS))
     outcomes = []
     for row in ROWS:
         if row.quick or not quick:
-            for method in _methods(quick):
+            for method in chosen:
                 say(f"stability: {row.name}, {method}")
                 outcomes.append(run_cell(row, method))
     return outcomes
-
-
-def _methods(quick: bool) -> Iterable[str]:
-    return QUICK_METHODS if quick else METHODS
