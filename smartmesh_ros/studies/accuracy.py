@@ -47,11 +47,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         data["stability"] = [asdict(outcome) for outcome in outcomes]
     print(file=sys.stderr)
     path = out / "accuracy.json"
-    before = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
+    _save(path, data)
     fill(out / "accuracy.md", blocks)
     print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
     return 0
+
+
+def _save(path: Path, data: dict[str, Any]) -> None:
+    """Writes what a run found; what another run found of the rest stays."""
+    before = json.loads(path.read_text()) if path.exists() else {}
+    path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
 
 
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
@@ -62,15 +67,17 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     known = {configuration.name: configuration for configuration in chosen}
     results = {}
     parts = []
+    data["scenes"] = {}
     for scene in scenes:
         results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
         draw_scene(images / f"{scene.name}.png", scene, results[scene.name], known)
+        data["scenes"][scene.name] = {name: asdict(result) for name, result in results[scene.name].items()}
+        _save(images.parent.parent / "accuracy.json", data)
         parts.append(
             f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
         )
     draw_all(images / "all.png", scenes, results, known)
     blocks["summary"] = summary_table(scenes, results, known)
-    data["scenes"] = {name: {key: asdict(result) for key, result in found.items()} for name, found in results.items()}
     head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
     head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
     (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))

@@ -9,6 +9,7 @@ from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from smartmesh_ros.studies.configurations import Configuration, Family
 from smartmesh_ros.studies.contest import Result
@@ -30,15 +31,15 @@ MARKERS: dict[Family, str] = {
 
 def draw_scene(path: Path, scene: Scene, results: Mapping[str, Result], known: Mapping[str, Configuration]) -> None:
     """One scene: every configuration a point, the Pareto front a line."""
-    figure = Figure(figsize=(10.5, 6.5), layout="constrained")
+    figure = Figure(figsize=(11.0, 6.5), dpi=90)
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    axes = figure.add_axes((0.075, 0.09, 0.76, 0.84))
     _plot(axes, results, known, labels=True)
     axes.set_title(f"{scene.title} ({scene.bodies.count} bodies)")
     axes.set_xlabel("cost: update and step, per body and simulated second [ms]")
     axes.set_ylabel("penetration, 99 % [mm]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
-    figure.savefig(path, dpi=90)
+    figure.savefig(path)
 
 
 def draw_all(
@@ -65,30 +66,58 @@ def draw_all(
 def _plot(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configuration], *, labels: bool) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else ""))
+        axis.set_tick_params(which="minor", labelsize=8)
     finite = [error_of(result) for result in results.values() if math.isfinite(error_of(result))]
     top = 1e3 * 3.0 * max([*finite, 1e-2])
     for family in COLOURS:
-        mine = {name: result for name, result in results.items() if known[name].family == family and result.cost > 0.0}
-        kept = [result for result in mine.values() if math.isfinite(error_of(result))]
+        mine = [result for name, result in results.items() if known[name].family == family and result.cost > 0.0]
+        kept = [result for result in mine if math.isfinite(error_of(result))]
+        lost = [result for result in mine if result.lost]
         axes.scatter(
-            [result.cost / 1e3 for result in kept],
-            [1e3 * error_of(result) for result in kept],
+            [result.cost / 1e3 for result in kept], [1e3 * error_of(result) for result in kept],
             c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, label=family, zorder=3,
             edgecolors="white", linewidths=0.5,
         )  # fmt: skip
-        lost = [result for result in mine.values() if result.lost]
         axes.scatter([result.cost / 1e3 for result in lost], [top] * len(lost), c=COLOURS[family], marker="x", zorder=3)
-        if labels:
-            for name, result in mine.items():
-                height = top if result.lost else 1e3 * error_of(result)
-                text = f"{name} ({result.lost} lost)" if result.lost else name
-                axes.annotate(
-                    text, (result.cost / 1e3, height), xytext=(4, 3), textcoords="offset points", fontsize=7,
-                    color=COLOURS[family], rotation=20 if result.lost else 0,
-                )  # fmt: skip
     front = [results[name] for name in pareto_front(results)]
     axes.step(
         [result.cost / 1e3 for result in front], [1e3 * error_of(result) for result in front],
         where="post", color="0.35", linewidth=1.0, linestyle="--", label="Pareto front", zorder=2,
     )  # fmt: skip
     axes.grid(visible=True, which="major", alpha=0.3)
+    if labels:
+        axes.margins(x=0.12, y=0.1)
+        axes.autoscale_view()
+        _label(axes, results, known, top)
+
+
+def _label(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configuration], top: float) -> None:
+    """Writes the names beside the points, each where it covers no other."""
+    shown = [(name, result) for name, result in results.items() if result.cost > 0.0]
+    spots = {
+        name: axes.transData.transform((result.cost / 1e3, top if result.lost else 1e3 * error_of(result)))
+        for name, result in shown
+    }
+    taken: list[tuple[float, float, float, float]] = []
+    for name, result in shown:
+        text = f"{name} ({result.lost} lost)" if result.lost else name
+        x, y = spots[name]
+        width = 5.0 * len(text)
+        offsets = [(6.0, 10.0 * shift) for shift in (0, 1, -1, 2, -2, 3, -3, 4, -4)]
+        offsets += [(-width - 6.0, offset) for _, offset in offsets]
+        free = [(dx, dy) for dx, dy in offsets if not _covers((x + dx, y + dy, width, 9.0), taken)]
+        dx, dy = free[0] if free else offsets[0]
+        taken.append((x + dx, y + dy, width, 9.0))
+        axes.annotate(
+            text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
+            color=COLOURS[known[name].family], va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 10.0 else None,
+        )  # fmt: skip
+
+
+def _covers(box: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]) -> bool:
+    x, y, width, height = box
+    return any(x < u + w and u < x + width and abs(y - v) < 0.5 * (height + h) for u, v, w, h in taken)

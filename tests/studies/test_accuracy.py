@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros.studies.accuracy import main
+from smartmesh_ros.studies import accuracy
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import Result, run_scene
 from smartmesh_ros.studies.front import cheapest_as_accurate, pareto_front, unbeaten_by
@@ -49,13 +49,16 @@ def test_a_front_holds_what_nothing_beats() -> None:
     assert unbeaten_by(ours, {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}) == ["better"]
 
 
-def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground() -> None:
+def small_scene() -> Scene:
     bodies = Bodies(count=3, drop=0.0, spread=(2.0, 2.0))
-    scene = Scene(
-        name="x", title="x", ground={"kind": "flat"}, grid=(41, 0.25), bodies=bodies, duration=0.5, settle=0.1,
-        reference="none",
+    return Scene(
+        name="small", title="Small", ground={"kind": "flat"}, grid=(41, 0.25), bodies=bodies, duration=0.5, settle=0.1,
+        reference="none", quick=True,
     )  # fmt: skip
-    results = run_scene(scene, configurations(True), lambda _: None, pieces=3)
+
+
+def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground() -> None:
+    results = run_scene(small_scene(), configurations(True), lambda _: None, pieces=3)
     for name, result in results.items():
         assert result.lost == 0, name
         assert result.most < 2e-3, name
@@ -76,7 +79,10 @@ def test_only_marked_blocks_of_a_document_are_replaced(tmp_path: Path) -> None:
     assert path.read_text() == "words\n<!-- generated: one -->\n| new |\n<!-- end -->\nmore\n"
 
 
-def test_the_study_writes_what_it_says(tmp_path: Path) -> None:
-    assert main(["--quick", "--charts-only", "--scenes", "flat", "--out", str(tmp_path)]) == 0
-    for name in ("accuracy.json", "accuracy_tables.md", "images/accuracy/flat.png", "images/accuracy/all.png"):
+def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
+    monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
+    assert accuracy.main(["--quick", "--out", str(tmp_path)]) == 0
+    pictures = ("small", "all", "stability")
+    for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
