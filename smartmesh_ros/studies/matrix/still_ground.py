@@ -17,6 +17,7 @@ from smartmesh_ros.studies.engines.registry import build
 from smartmesh_ros.studies.matrix.arena import Arena, deepest
 from smartmesh_ros.studies.matrix.row import Row
 from smartmesh_ros.studies.measures import GRAVITY, angles_between, energies
+from smartmesh_ros.studies.scene import lowest
 from smartmesh_ros.terrain.grid import FloatArray
 
 SPEED = 3.0
@@ -73,7 +74,7 @@ def ripples_against_whole(method: PatchConfig) -> float:
         surface = arena.surface()
         bodies = []
         for index, (x, y) in enumerate(starts.tolist()):
-            z = float(surface.below(np.array([[x, y, 0.0]]))[0]) + 0.21
+            z = float(lowest(surface, Sphere(0.2), np.array([[x, y]]))[0])
             arena.spawn(f"ball_{index}", Sphere(0.2), (x, y, z), linear=(1.0, 0.0, 0.0), angular=(0.0, 5.0, 0.0))
             state = arena.world.state(f"ball_{index}")
             shifted = (state.position[0] + 5.0, state.position[1] + 5.0, state.position[2])
