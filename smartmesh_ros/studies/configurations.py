@@ -72,7 +72,7 @@ def rivals() -> list[Configuration]:
             Configuration(
                 name=f"MuJoCo tuned, {rate:.0f} Hz", family="MuJoCo", engine="mujoco", rate=rate, quick=rate == RATE
             )
-            for rate in (120.0, 240.0, 480.0, 960.0)
+            for rate in (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0)
         ]
     if not missing("physx"):
         found += [

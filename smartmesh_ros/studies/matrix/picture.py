@@ -22,7 +22,7 @@ def figure_text(outcome: Outcome) -> str:
         return "-"
     if not math.isfinite(value):
         return "fails"
-    return f"{value:.0f}" if value == round(value) or abs(value) >= 100.0 else f"{value:.2g}"
+    return f"{value:.0f}" if value == round(value) or abs(value) >= 99.5 else f"{value:.2g}"
 
 
 def matrix_table(outcomes: Sequence[Outcome]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import resource
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -108,13 +109,18 @@ def bad_input(method: PatchConfig) -> float:
 
 
 def leaks(method: PatchConfig) -> float:
-    """Memory that stays for every collider changed [bytes], over 4,000 changes after 2,000."""
+    """Memory that stays for every collider changed [bytes], over 4,000 changes once all colliders are made."""
     with Arena(method, {"kind": "waves"}, size=21, map_rate=240.0) as arena:
         arena.scatter(16, Sphere(0.2), 1.5, 0.3)
-        arena.settle(125 / 240.0)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        arena.settle(300 / 240.0)
+        before = _resident()
         arena.settle(250 / 240.0)
-        return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024.0 / 4000.0
+        return (_resident() - before) / 4000.0
+
+
+def _resident() -> float:
+    """Memory of this process [bytes]."""
+    return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def replays(method: PatchConfig) -> float:
