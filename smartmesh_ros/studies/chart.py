@@ -106,7 +106,7 @@ def _label(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configu
         text = f"{name} ({result.lost} lost)" if result.lost else name
         x, y = spots[name]
         width = 5.0 * len(text)
-        offsets = [(6.0, 10.0 * shift) for shift in (0, 1, -1, 2, -2, 3, -3, 4, -4)]
+        offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]
         free = [(dx, dy) for dx, dy in offsets if not _covers((x + dx, y + dy, width, 9.0), taken)]
         dx, dy = free[0] if free else offsets[0]
@@ -114,7 +114,7 @@ def _label(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configu
         axes.annotate(
             text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
             color=COLOURS[known[name].family], va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 10.0 else None,
+            arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 12.0 else None,
         )  # fmt: skip
 
 
