@@ -72,6 +72,7 @@ class HeightfieldPool:
 
     def __init__(self, client: Any, pairs: Pairs) -> None:
         self._client = client
+        self._client_id: int = getattr(client, "_client", 0)
         self._pairs = pairs
         self._visual: int = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
         self._free: dict[tuple[int, float], list[Heightfield]] = defaultdict(list)
@@ -91,8 +92,8 @@ class HeightfieldPool:
 
     def forget_contacts(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Has PyBullet look for the contacts of a heightfield and its body anew."""
-        self._pairs.part(heightfield.body, body, link)
-        self._pairs.join(heightfield.body, body, link)
+        for touch in (0, 1):
+            pb.setCollisionFilterPair(heightfield.body, body, -1, link, touch, self._client_id)
 
     def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""
