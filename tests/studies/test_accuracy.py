@@ -14,18 +14,10 @@ from smartmesh_ros.studies.matrix.run import ROWS, run_cell
 from smartmesh_ros.studies.scene import Bodies, Scene
 from smartmesh_ros.studies.tables import fill
 
-# Rows that the defaults are known to fail, and why: each is a shortfall named in docs/accuracy.md.
-KNOWN = {
-    "T6 20 mm balls at 2-40 m/s": "no continuous collision detection yet",
-    "T7 centre below the ground": "nothing lifts buried bodies yet",
-}
-
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
 def test_the_defaults_pass(row) -> None:  # type: ignore[no-untyped-def]
     outcome = run_cell(row, "defaults")
-    if row.name in KNOWN and not outcome.passed:
-        pytest.xfail(KNOWN[row.name])
     assert outcome.passed, outcome
 
 
