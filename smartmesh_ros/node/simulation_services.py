@@ -210,7 +210,7 @@ class SimulationServices:
         session = self._session
         state = session.world.base_state(request.entity)
         header = response.state.header
-        header.stamp, header.frame_id = session.node.get_clock().now().to_msg(), session.frame_id
+        header.stamp, header.frame_id = session.stamp_now(), session.frame_id
         response.state.pose, response.state.twist = pose_message(state), twist_message(state)
 
     def _set_entity_state(self, request: Any, _: Any) -> None:

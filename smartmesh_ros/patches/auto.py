@@ -23,11 +23,12 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m]; the smaller
-# one where it is made again at every step.
-SLACK = 0.001
-STEP_SLACK = 0.0001
-# It holds for so many steps where the ground moves, and for as much travel in any case.
+# one where the ground moves under few cells, and it is made again at every step.
+SLACK, STEP_SLACK = 0.0005, 0.0001
+# It holds for so many steps where the ground moves, and for half as much travel in any case.
 HORIZON = 8
+# A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
+EARLY = 0.4
 # What a body gains in a step by falling, at most [m/s^2].
 FALL = 10.0
 
@@ -38,6 +39,7 @@ _FILLS = {
     "_rings": 0,
     "_stride": 0,
     "_deviation": np.nan,
+    "_facet": 0,
     "_plane": 0.0,
     "_rate": 0.0,
     "_normal": (0.0, 0.0, 1.0),
@@ -72,8 +74,8 @@ class AutoPatches:
 
     A choice is made for a ball: the body's bounding sphere, larger by how near it may come to the ground until the next
     look (`SLACK` and some steps of its motion relative to the ground), and for how far it may slide. It is made again
-    when the body moved further than that, when a new map came, and after `HORIZON` steps on moving ground (every step
-    where few cells are touched, whose facets are looked at one by one).
+    when the body moved further than that, after `HORIZON` steps on moving ground, and when a new map came, unless maps
+    come so steadily that the ground is known ahead for that long.
     """
 
     def __init__(self, config: PatchConfig, search: GridSearch, stopwatch: Stopwatch) -> None:
@@ -85,7 +87,9 @@ class AutoPatches:
         self._rows, self._columns = np.empty(0, np.int64), np.empty(0, np.int64)
         self._rings, self._stride = np.empty(0, np.int64), np.empty(0, np.int64)
         self._deviation = np.empty(0)
-        # A facet's plane around the middle sample and the velocity of its coefficients.
+        # The facet (upper or lower, row and column of its cell by the middle sample); the plane along the ground with
+        # the velocity of its coefficients.
+        self._facet = np.empty((0, 3), np.int64)
         self._plane, self._rate = np.empty((0, 3)), np.empty((0, 3))
         # The ground under the body: normal in the world, offset of the body from its foot in the grid's frame [m], and
         # vertical velocity [m/s].
@@ -131,26 +135,27 @@ class AutoPatches:
     def _due(self, heightmap: HeightMap, moving: Moving, time: float, dt: float) -> BoolArray:
         """Which bodies to look at (n,): those whose choice may not hold until the end of the step."""
         bodies = moving.bodies
-        rise = self._rise[bodies]
+        rise, until = self._rise[bodies], self._until[bodies]
         shift = moving.positions_w + moving.moved_w - self._where[bodies]
         shift[:, 2] -= rise * (time + dt - self._since[bodies])
         drop = np.einsum("ij,ij->i", shift, self._normal[bodies])
         slide = np.einsum("ij,ij->i", shift, shift) - drop * drop
-        return np.asarray(
-            (self._state[bodies] == UNDECIDED)
-            | (self._version[bodies] != heightmap.version)
-            | (time >= self._until[bodies])
-            | (np.abs(drop) > self._drop[bodies])
-            | (slide > self._slide[bodies] ** 2)
-        )
+        most_drop, most_slide = self._drop[bodies], self._slide[bodies] ** 2
+        np.abs(drop, out=drop)
+        due = (self._state[bodies] == UNDECIDED) | (time >= until) | (drop > most_drop) | (slide > most_slide)
+        steady = heightmap.moving(time) and heightmap.lifetime <= HORIZON * dt
+        if not steady:
+            due |= self._version[bodies] != heightmap.version
+        if due.any():
+            due |= (drop > EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
+            due |= time + (1.0 - EARLY) * HORIZON * dt >= until
+        return np.asarray(due)
 
     def _decide(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> None:
         geometry, bodies = heightmap.geometry, moving.bodies
         with self._stopwatch.stage("search"):
             foot = moving.grid - self._lean[bodies][:, ::-1] / geometry.resolution
             cells = self._search.nearest(self.config.search, geometry, bodies, foot, moving.positions_w, before)
-        on_the_move = heightmap.moving(time)
-        steps = HORIZON if on_the_move and heightmap.lifetime > 1.5 * dt else 1
         # Motion relative to the ground, across and along it, in one step.
         shift = moving.moved_w.copy()
         shift[:, 2] -= self._rise[bodies] * dt
@@ -170,10 +175,7 @@ class AutoPatches:
         with self._stopwatch.stage("collect"):
             for size in np.unique(rings[inside]).tolist():
                 rows = np.flatnonzero(inside & (rings == size))
-                # Windows of few cells are looked at again at every step; the margin for that is small.
-                few = size <= 2
-                ahead = 1 if few else steps
-                self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], few, time, dt, ahead)
+                self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], time, dt)
         self._version[bodies] = heightmap.version
 
     def _decide_size(
@@ -183,13 +185,11 @@ class AutoPatches:
         moving: Moving,
         across: FloatArray,
         along: FloatArray,
-        few: bool,
         time: float,
         dt: float,
-        steps: int,
     ) -> None:
-        """Decides for bodies with windows of ``size`` rings, which come ``across`` and go ``along`` (n,) [m] in a step,
-        until ``steps`` are over."""
+        """Decides for bodies with windows of ``size`` rings, which come ``across`` and go ``along`` (n,) [m] in a
+        step."""
         geometry, bodies = heightmap.geometry, moving.bodies
         cells = Cells(self._rows[bodies], self._columns[bodies])
         ones = np.ones_like(bodies)
@@ -197,13 +197,15 @@ class AutoPatches:
         shape = (len(bodies), 2 * size + 1, 2 * size + 1)
         heights = ground.heights.reshape(shape)
         rates = None if ground.velocities is None else ground.velocities.reshape(shape)
-        ahead = heights + rates * (steps * dt) if rates is not None and steps > 1 else None
+        ahead = None if rates is None or size <= 2 else heights + rates * (HORIZON * dt)
         window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution, holes=ground.holes)
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
-        looks, slack = (1.0, STEP_SLACK) if few else (0.5 * HORIZON, SLACK)
+        # Steep cells meet within a few millimetres of any body on a few of them: there margins have to be small.
+        every_step = size <= 2 and rates is not None
+        looks, slack = (1.0, STEP_SLACK) if every_step else (0.5 * HORIZON, SLACK)
         drop, slide = slack + looks * across, slack + looks * along
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
@@ -214,6 +216,7 @@ class AutoPatches:
         self._rings[bodies], self._stride[bodies] = choice.rings, choice.stride
         self._deviation[bodies] = choice.deviation
         self._plane[bodies] = np.stack(choice.planes, axis=1)
+        self._facet[bodies] = choice.facets
         self._rise[bodies] = 0.0 if rates is None else rates[:, size, size]
         self._rate[bodies] = 0.0
         if rates is not None:
@@ -225,9 +228,7 @@ class AutoPatches:
         half = np.where(choice.state == FACET, 1.0, 0.5)[:, None]
         self._lean[bodies] += np.where(known[:, None], half * (offsets - self._lean[bodies]), -self._lean[bodies])
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        every = (choice.state == FACET) | (steps == 1)
-        self._until[bodies] = np.where(every, time, time + (steps - 0.5) * dt) if rates is not None else np.inf
-        # One step is taken before the next look.
+        self._until[bodies] = np.inf if rates is None else time if every_step else time + (HORIZON - 0.5) * dt
         self._drop[bodies], self._slide[bodies] = drop, slide
         clear = choice.state == NONE
         if clear.any():
@@ -235,7 +236,6 @@ class AutoPatches:
             top = np.nan_to_num(heights[clear], nan=np.inf).max(axis=(1, 2))
             room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
             self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
-            self._slide[bodies[clear]] = SLACK + 0.5 * HORIZON * along[clear]
 
     def _planes(self, name: str, heightmap: HeightMap, moving: Moving, time: float) -> PlaneBatch:
         """Patches whose collider is a plane: 3 x 3 samples for the outputs, and the plane itself."""
@@ -244,18 +244,15 @@ class AutoPatches:
         with self._stopwatch.stage("collect"):
             ground = collect_inside(heightmap, template, cells, stride, time, self.config.collect)
         spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
-        fitted = self._state[bodies] == FITTED
-        coefficients, rates = self._plane[bodies], self._rate[bodies]
-        if fitted.any():
-            coefficients[fitted] = np.stack(fitted_planes(ground.heights[fitted], spacing[fitted]), axis=1)
-            if ground.velocities is not None:
-                rates[fitted] = np.stack(fitted_planes(ground.velocities[fitted], spacing[fitted]), axis=1)
+        fitted, facets = self._state[bodies] == FITTED, self._facet[bodies]
+        coefficients = _planes_of(ground.heights, fitted, facets, spacing, geometry.resolution)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2] = geometry.to_world(cells.rows, cells.columns)
         centres_w[:, 2] = coefficients[:, 0]
         twist = np.zeros((2, len(bodies), 3))
         if ground.velocities is not None:
-            grid_twist(np.stack([rates[:, 0], rates[:, 2], rates[:, 1]], axis=1), np.ones(1), geometry.yaw, twist)
+            rates = _planes_of(ground.velocities, fitted, facets, spacing, geometry.resolution)
+            grid_twist(rates[:, [0, 2, 1]], np.ones(1), geometry.yaw, twist)
         points_w, normals_w = self._feet(heightmap, moving, coefficients)
         return PlaneBatch(
             tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=cells.rows,
@@ -297,6 +294,20 @@ def _rate_under(window: Window, rates: FloatArray, planes: Planes, centres: Floa
     facets = facets_of(moving.inner(rows, FACET_RINGS))
     found = np.stack(facet_planes(facets, *facet_index(facets, *np.nan_to_num(foot).T)), axis=1)
     return np.nan_to_num(found) if window.holes else found
+
+
+def _planes_of(
+    samples: FloatArray, fitted: BoolArray, facets: IntArray, spacing: FloatArray, resolution: float
+) -> FloatArray:
+    """Planes (n, 3) through 3 x 3 ``samples`` (n, 9), fitted to all of them or those of ``facets`` (n, 3)."""
+    planes = np.empty((len(samples), 3))
+    if fitted.any():
+        planes[fitted] = np.stack(fitted_planes(samples[fitted], spacing[fitted]), axis=1)
+    single = ~fitted
+    if single.any():
+        window = Window(heights=samples[single].reshape(-1, 3, 3), rings=1, resolution=resolution)
+        planes[single] = np.stack(facet_planes(facets_of(window), *facets[single].T), axis=1)
+    return planes
 
 
 def _turned(vectors: FloatArray, yaw: float) -> FloatArray:

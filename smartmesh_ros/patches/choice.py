@@ -29,13 +29,15 @@ FACET_RINGS = 1
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """What n bodies get, shapes (n,): what to stand on (see above), rings and stride of the patch, how far it lies from
-    the mesh where the body can touch it, at most [m], and a plane along the ground under the body."""
+    the mesh where the body can touch it, at most [m], and a plane along the ground under the body; of FACET, which one
+    it is (n, 3), as by `facet_index` in a window of one ring."""
 
     state: IntArray
     rings: IntArray
     stride: IntArray
     deviation: FloatArray
     planes: Planes
+    facets: IntArray
 
 
 def choose(
@@ -62,6 +64,7 @@ def choose(
         stride=np.ones(count, np.int64),
         deviation=np.zeros(count),
         planes=planes,
+        facets=np.zeros((count, 3), np.int64),
     )
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
@@ -124,6 +127,7 @@ def _stand_on_facets(
     inner, near = window.inner(rows, FACET_RINGS), balls.of(rows)
     facets = facets_of(inner)
     facet = _facet_below(facets, near.centres, lean[rows])
+    choice.facets[rows] = np.stack(facet, axis=1)
     planes = facet_planes(facets, *facet)
     deviation = facet_deviation(facets, planes, near)
     if inner.ahead is not None:

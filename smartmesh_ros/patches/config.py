@@ -31,7 +31,7 @@ class PatchConfig:
     collect: CollectMethod = "cached"
     kind: PatchKind = "auto"
     rings: int = 0
-    tolerance: float = 0.002
+    tolerance: float = 0.0005
     edge_filter: bool = True
     carry_velocity: bool = True
 

@@ -145,7 +145,7 @@ def test_coarser_terrain_gets_a_coarser_patch() -> None:
     rows, columns = np.indices((SIZE, SIZE)) * 0.1
     samples = []
     for height in (0.02 * np.sin(rows + columns), np.random.default_rng(0).normal(scale=0.01, size=(SIZE, SIZE))):
-        tracker = PatchTracker(Terrain(HeightMap(height, resolution=0.1)), PatchConfig())
+        tracker = PatchTracker(Terrain(HeightMap(height, resolution=0.1)), PatchConfig(tolerance=0.002))
         tracker.set_bodies(np.array([1.0]), np.array([-1]))
         [batch] = tracker.update(np.array([[3.0, 3.0, 0.8]]), np.zeros((1, 3)), 0.0, DT)
         assert batch.kind == "heightfield"
@@ -164,7 +164,7 @@ def test_a_resting_body_does_not_change_back_and_forth(amplitude: float) -> None
     height = heightmap.at(centres[:, :2], 0.0).heights
     slopes = [(heightmap.at(centres[:, :2] + step, 0.0).heights - height) / 1e-3 for step in (step_x, step_y)]
     centres[:, 2] = height + radii * np.sqrt(1.0 + np.square(slopes).sum(axis=0))
-    tracker = PatchTracker(Terrain(heightmap), PatchConfig())
+    tracker = PatchTracker(Terrain(heightmap), PatchConfig(tolerance=0.002))
     tracker.set_bodies(radii, np.full(40, -1))
     changes, before = 0, {}
     for step in range(60):
