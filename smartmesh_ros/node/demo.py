@@ -128,8 +128,8 @@ class Demo(Node):
     def lost(self) -> int:
         """Bodies and links whose centre is below the ground, by the node's own diagnostics, or off the terrain."""
         [bodies] = [status for status in self.latest("diagnostics").status if status.name.endswith(": bodies")]
-        values = {pair.key: int(pair.value) for pair in bodies.values}
-        return values["below ground"] + values["without ground"]
+        values = {pair.key: pair.value for pair in bodies.values}
+        return int(values["below ground"]) + int(values["without ground"])
 
     def line(self) -> str:
         """How things are, in one line."""
