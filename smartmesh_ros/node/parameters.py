@@ -84,6 +84,8 @@ SPECS = (
          -1000.0, 1000.0),
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
+    Spec("physics.guard", _PHYSICS.guard, "Bodies found below the ground are put back onto it."),
+    Spec("physics.landing", _PHYSICS.landing, "Bodies that would run into the ground in a step arrive at its surface."),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
     Spec(
         "physics.deadline", _D.deadline, "What becomes of steps that are late: they are skipped, run as soon as "
@@ -168,6 +170,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         friction=v["physics.friction"],
         restitution=v["physics.restitution"],
         contact_erp=v["physics.contact_erp"],
+        guard=v["physics.guard"],
+        landing=v["physics.landing"],
     )
     patch = PatchConfig(
         search=v["search.method"],
