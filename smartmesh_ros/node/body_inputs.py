@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -12,10 +11,10 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
 from smartmesh_ros.node.conversions import BodyInput
 from smartmesh_ros.node.frame_bodies import FrameBodies
+from smartmesh_ros.node.joint_commands import joint_commands_from
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.transform_input import TransformInput
@@ -83,18 +82,6 @@ class BodyInputs:
         clock.accept(stamp, time)
 
     def _on_joint_commands(self, message: JointState) -> None:
-        """Velocity commands: names are ``<robot>/<joint>``; efforts, where given, bound the force."""
-        count = len(message.name)
-        if len(message.velocity) != count or len(message.effort) not in (0, count):
-            raise InputError("length", "joint commands need one velocity for each name, and as many efforts or none")
-        if not all(math.isfinite(value) for value in (*message.velocity, *message.effort)):
-            raise InputError("non_finite", "velocities and efforts of joint commands must be finite")
         world = self._session.world
-        joints = [name.partition("/")[::2] for name in message.name]
-        for robot, joint in joints:
-            world.require_joint(robot, joint)
-        for index, (robot, joint) in enumerate(joints):
-            if message.effort:
-                world.drive(robot, joint, message.velocity[index], message.effort[index])
-            else:
-                world.drive(robot, joint, message.velocity[index])
+        for robot, joint, command in joint_commands_from(message, world):
+            world.command(robot, joint, command)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from types import ModuleType
+from typing import Any, Literal
 
 from smartmesh_ros.errors import InputError
 
 
 def find_message(package: str, name: str) -> Any | None:
     """The class of a message; None where its package is not installed."""
+    module = find_interfaces(package, "msg")
+    return None if module is None else getattr(module, name)
+
+
+def find_interfaces(package: str, kind: Literal["msg", "srv"]) -> ModuleType | None:
+    """The messages or services of a package; None where it is not installed."""
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
+        return importlib.import_module(f"{package}.{kind}")
     except ModuleNotFoundError:
         return None
 

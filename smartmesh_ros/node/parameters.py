@@ -44,6 +44,28 @@ class PublishRates:
     contacts: float = 30.0
     timing: float = 1.0
     clock: float = 0.0
+    joint_states: float = 60.0
+    odometry: float = 60.0
+    contact_wrenches: float = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """The robot that a description describes. ``description``: its URDF, or a file of it; empty = what comes on
+    ``~/robot_description``. ``xy``, ``above`` [m], ``yaw`` [rad]: where the centre of its base starts, over the ground.
+    """
+
+    description: str = ""
+    name: str = "robot"
+    xy: tuple[float, float] = (0.0, 0.0)
+    above: float = 0.5
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.xy) != 2:
+            raise InputError("parameter", f"robot.xy is {list(self.xy)}; it must be two numbers [m]")
+        if not self.name or "/" in self.name:
+            raise InputError("parameter", f"robot.name is {self.name!r}; it must not be empty and have no '/'")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +82,8 @@ class Settings:
     input: TerrainInput = "heightmap"
     file: str = ""
     raster: RasterConfig = field(default_factory=RasterConfig)
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    simulation_interfaces: bool = False
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
@@ -141,6 +165,13 @@ SPECS = (
     Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
          "alone.", read_only=True),
     Spec("bodies.frames", [], "TF frames that are tracked bodies: 'name=frame', or a frame alone.", read_only=True),
+    Spec("robot.description", _D.robot.description, "URDF of a robot, or the path of a URDF file; empty = the robot "
+         "that ~/robot_description brings, if any.", read_only=True),
+    Spec("robot.name", _D.robot.name, "What that robot is called.", read_only=True),
+    Spec("robot.xy", list(_D.robot.xy), "Where the centre of its base starts [m], two numbers.", -1e9, 1e9,
+         read_only=True),
+    Spec("robot.above", _D.robot.above, "How far above the ground it starts [m].", -1e4, 1e4, read_only=True),
+    Spec("robot.yaw", _D.robot.yaw, "Turn about z that it starts with [rad].", -math.pi, math.pi, read_only=True),
     Spec("publish.patches", _D.publish.patches, "Rate of ~/patches [Hz]; 0 = never.", 0.0, 1000.0),
     Spec("publish.collider_patches", _D.publish.collider_patches, "Rate of ~/collider_patches [Hz].", 0.0, 1000.0),
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
@@ -154,6 +185,11 @@ SPECS = (
         "publish.depth messages for late joiners.", choices=get_args(Durability), read_only=True,
     ),
     Spec("publish.depth", _D.output_depth, "Messages of an output that are kept until they are delivered.", 1, 10_000,
+         read_only=True),
+    Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
+    Spec("publish.odometry", _D.publish.odometry, "Rate of ~/odometry, of each robot [Hz].", 0.0, 1000.0),
+    Spec("publish.contact_wrenches", _D.publish.contact_wrenches, "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
+    Spec("simulation_interfaces", _D.simulation_interfaces, "Serve the standard services of simulation_interfaces.",
          read_only=True),
     Spec("frame_id", _D.frame_id, "Frame of the terrain; empty = that of the first map.", read_only=True),
     Spec("executor", _D.executor, "How rclpy waits for messages.", choices=get_args(ExecutorKind), read_only=True),
@@ -214,6 +250,14 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
         deadline=v["physics.deadline"],
+        robot=RobotConfig(
+            description=v["robot.description"],
+            name=v["robot.name"],
+            xy=tuple(v["robot.xy"]),
+            above=v["robot.above"],
+            yaw=v["robot.yaw"],
+        ),
+        simulation_interfaces=v["simulation_interfaces"],
         executor=v["executor"],
     )
 

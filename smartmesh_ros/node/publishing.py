@@ -7,12 +7,21 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, StageTiming, Timing, TrackedBodyArray
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import (
+    ColliderPatchArray,
+    ContactArray,
+    ContactWrenchArray,
+    StageTiming,
+    Timing,
+    TrackedBodyArray,
+)
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node import diagnostics, outputs
+from smartmesh_ros.node import diagnostics, outputs, robot_outputs
 from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peers import incompatible_peers
 from smartmesh_ros.node.session import Session
@@ -42,7 +51,7 @@ class _Window:
 
 class _Output(NamedTuple):
     publisher: Any
-    make: Callable[[], Any]
+    make: Callable[[], Any]  # the message, or a list of messages
 
 
 class Publishing:
@@ -65,6 +74,9 @@ class Publishing:
             "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
             "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
             "timing": self._output(Timing, "~/timing", self._make_timing),
+            "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
+            "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
+            "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
         }
         self._diagnostics = _Output(
             self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
@@ -93,7 +105,9 @@ class Publishing:
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
                     with self._world.stopwatch.stage("publish"):
-                        output.publisher.publish(output.make())
+                        made = output.make()
+                        for message in made if isinstance(made, list) else [made]:
+                            output.publisher.publish(message)
         self._clock.publish(time)
         if time >= self._diagnostics_due:
             self._diagnostics_due = time + 1.0
@@ -129,6 +143,17 @@ class Publishing:
 
     def _make_contacts(self) -> bytes:
         return self._contacts.write(self._header(), self._world.contacts())
+
+    def _make_joint_states(self) -> list[JointState]:
+        """None while there is no robot."""
+        return [robot_outputs.joint_states(self._header(), self._world)] if robot_outputs.robots(self._world) else []
+
+    def _make_odometry(self) -> list[Odometry]:
+        header, world = self._header(), self._world
+        return [robot_outputs.odometry(header, world, robot) for robot in robot_outputs.robots(world)]
+
+    def _make_contact_wrenches(self) -> ContactWrenchArray:
+        return robot_outputs.contact_wrenches(self._header(), self._world)
 
     def _make_timing(self) -> Timing:
         length, factor, misses = self._timing_window.read(self._session)

@@ -92,6 +92,17 @@ class Session:
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
         self.pacer.restart()
 
+    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
+        """Serves ``~/service`` with responses of other forms, which ``handle`` fills in."""
+
+        def callback(request: Any, response: Any) -> Any:
+            self.handled += 1
+            with self.lock:
+                handle(request, response)
+            return response
+
+        self.node.create_service(kind, f"~/{service}", callback)
+
     def clock_now(self) -> float:
         """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""
         return self.time_now() if self.settings.publish.clock else self.clock.stamp_now()

@@ -9,13 +9,14 @@ places it in the terrain's frame; ``xy`` and ``above`` place its centre above th
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.state import BodyState, Vector
 from smartmesh_ros.physics.world import World
 
 _SHAPES: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
@@ -24,39 +25,73 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "yaw"}
 
 
-def spawn_from_text(world: World, text: str) -> bool:
-    """Spawns the body of a YAML mapping; False if it waits for ground. Raises `InputError` if it cannot be."""
+@dataclass(frozen=True)
+class Entry:
+    """A body to spawn: a shape of ``mass`` [kg] or a URDF, at ``xyz`` [m], or ``above`` the ground at ``xy`` [m],
+    turned by ``yaw`` [rad]."""
+
+    name: str
+    shape: Shape | None = None
+    mass: float = 1.0
+    urdf: str = ""
+    xyz: Vector | None = None
+    xy: tuple[float, float] = (0.0, 0.0)
+    above: float = 0.0
+    yaw: float = 0.0
+
+
+def entry_from_text(text: str) -> Entry:
+    """The entry of a YAML mapping. Raises `InputError` if it is none."""
     try:
         entry = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
         raise InputError("spawn", f"bodies.spawn entry {text!r} is not YAML: {error}") from None
     if not isinstance(entry, dict) or not {"id"} <= entry.keys() <= _KEYS:
         raise InputError("spawn", f"bodies.spawn entry {text!r} must be a mapping with id and any of {sorted(_KEYS)}")
-    position = _position(world, entry, text)
+    urdf = str(entry.get("urdf", ""))
+    try:
+        return Entry(
+            str(entry["id"]),
+            shape=None if urdf else _shape(entry, text),
+            mass=float(entry.get("mass", 1.0)),
+            urdf=urdf,
+            yaw=float(entry.get("yaw", 0.0)),
+            **_place(entry, text),
+        )
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError("spawn", f"bodies.spawn entry {text!r} has a mass or yaw that is no number") from None
+
+
+def spawn(world: World, entry: Entry) -> bool:
+    """Spawns the body of an entry; False if it waits for ground. Raises `InputError` if it cannot be."""
+    position = entry.xyz
     if position is None:
-        return False
-    half = 0.5 * float(entry.get("yaw", 0.0))
-    state = BodyState(position, (0.0, 0.0, math.sin(half), math.cos(half)))
-    if "urdf" in entry:
-        world.spawn_robot(str(entry["id"]), str(entry["urdf"]), state)
+        x, y = entry.xy
+        height = float(world.terrain.at([[x, y]], world.time).heights[0])
+        if math.isnan(height):
+            return False
+        position = (x, y, height + entry.above)
+    state = BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
+    if entry.shape is None:
+        world.spawn_robot(entry.name, entry.urdf, state)
     else:
-        world.spawn(str(entry["id"]), _shape(entry, text), float(entry.get("mass", 1.0)), state)
+        world.spawn(entry.name, entry.shape, entry.mass, state)
     return True
 
 
-def _position(world: World, entry: dict[str, Any], text: str) -> tuple[float, float, float] | None:
+def _place(entry: dict[str, Any], text: str) -> dict[str, Any]:
     try:
         if "xyz" in entry:
             x, y, z = (float(value) for value in entry["xyz"])
-            return x, y, z
+            return {"xyz": (x, y, z)}
         x, y = (float(value) for value in entry["xy"])
-        above = float(entry["above"])
+        return {"xy": (x, y), "above": float(entry["above"])}
     except (KeyError, TypeError, ValueError):
         raise InputError(
             "spawn", f"bodies.spawn entry {text!r} needs xyz: [x, y, z], or xy: [x, y] and above"
         ) from None
-    height = float(world.terrain.at([[x, y]], world.time).heights[0])
-    return None if math.isnan(height) else (x, y, height + above)
 
 
 def _shape(entry: dict[str, Any], text: str) -> Shape:

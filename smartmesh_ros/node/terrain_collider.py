@@ -19,11 +19,14 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
 from smartmesh_ros.node.helping import answer
+from smartmesh_ros.node.initial_bodies import InitialBodies
 from smartmesh_ros.node.publishing import Publishing
+from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.spawning import spawn_from_text
+from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
+from smartmesh_ros.node.urdf import with_package_paths
 from smartmesh_ros.physics.ground import require_usable
 
 NAME = "terrain_collider"
@@ -38,16 +41,18 @@ class TerrainCollider(Node):
         self.settings = parameters.declare(self)
         self.session = session = Session(self, self.settings)
         self.pacer = session.pacer
-        self._waiting_spawns = list(self.settings.spawn)
-        self._spawn_waiting()
+        self._initial = InitialBodies(session)
+        self._robot = RobotDescription(session, self._initial)
         self._outputs = Publishing(session)
-        self._terrain = TerrainInputs(session, self._on_terrain)
+        self._terrain = TerrainInputs(session, self._initial.on_terrain)
         self._bodies = BodyInputs(session)
         session.answer(SpawnBody, "spawn_body", self._on_spawn)
         session.answer(RemoveBody, "remove_body", self._on_remove)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(SetBool, "pause", self._on_pause)
+        if self.settings.simulation_interfaces:
+            serve_simulation_interfaces(session, self)
         self.add_on_set_parameters_callback(
             lambda changes: parameters.check_change(self, changes, self._check_settings)
         )
@@ -86,59 +91,67 @@ class TerrainCollider(Node):
         self.session.world.close()
         super().destroy_node()
 
-    def _on_terrain(self) -> None:
-        """Spawns what waited for ground."""
-        if self._waiting_spawns:
-            try:
-                self._spawn_waiting()
-            except InputError as error:
-                self.session.refusals.add("bodies.spawn", error)
+    def pause(self, paused: bool) -> None:
+        """Stops the physics, or lets it go on."""
+        self.session.paused = paused
+        self.pacer.restart()
 
-    def _spawn_waiting(self) -> None:
-        """Spawns the bodies named by parameter, those that stand on the ground as soon as there is ground."""
-        waiting, self._waiting_spawns = self._waiting_spawns, []
-        for index, text in enumerate(waiting):
-            try:
-                if not spawn_from_text(self.session.world, text):
-                    self._waiting_spawns.append(text)
-            except InputError:
-                self._waiting_spawns += waiting[index + 1 :]
-                raise
+    def step(self, count: int) -> None:
+        """Runs steps while the physics is paused; raises `InputError` if it is not."""
+        if not self.session.paused:
+            raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
+        if not 1 <= count <= MOST_STEPS:
+            raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
+        self.session.world.step(count)
+        self._outputs.publish(now=True)
+
+    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
+        """Sets the time to zero, puts bodies back where they were spawned, and makes the simulated ones those that the
+        parameters name."""
+        world = self.session.world
+        if spawned:
+            for body in list(world.bodies.values()):
+                if not body.tracked and body.name not in self._initial.names:
+                    world.remove(body.name)
+        if time:
+            world.reset_time()
+            self._forget_stamps()
+        if bodies:
+            world.reset_bodies()
+        if time and bodies and spawned:
+            self._initial.restore()
+        self.pacer.restart()
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the world, simulated or tracked."""
+        if name in self.session.tracking.names:
+            self.session.tracking.forget(name)
+        else:
+            self.session.world.remove(name)
 
     def _on_spawn(self, request: SpawnBody.Request) -> str:
         state = conversions.state_from(request.pose, request.twist)
         world = self.session.world
         if request.urdf:
-            world.spawn_robot(request.id, request.urdf, state)
+            world.spawn_robot(request.id, with_package_paths(request.urdf), state)
         else:
             world.spawn(request.id, conversions.shape_from(request.shape), request.mass, state)
         return ""
 
     def _on_remove(self, request: RemoveBody.Request) -> str:
-        session = self.session
-        if request.id in session.tracking.names:
-            session.tracking.forget(request.id)
-        else:
-            session.world.remove(request.id)
+        self.remove(request.id)
         return ""
 
     def _on_step(self, request: StepPhysics.Request) -> str:
-        if not self.session.paused:
-            raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
-        if not 1 <= request.steps <= MOST_STEPS:
-            raise InputError("steps", f"{request.steps} steps; ask for 1 to {MOST_STEPS} at a time")
-        self.session.world.step(request.steps)
-        self._outputs.publish(now=True)
+        self.step(request.steps)
         return ""
 
     def _on_reset(self, _: Trigger.Request) -> str:
-        self.session.world.reset()
-        self._forget_stamps()
+        self.reset()
         return "bodies are back where they were spawned"
 
     def _on_pause(self, request: SetBool.Request) -> str:
-        self.session.paused = request.data
-        self.pacer.restart()
+        self.pause(request.data)
         return "paused" if request.data else "running"
 
     def _forget_stamps(self) -> None:

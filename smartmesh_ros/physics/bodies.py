@@ -11,10 +11,15 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.base_frames import InertialFrame
 from smartmesh_ros.physics.bounds import bounding_radius
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
+
+# Otherwise PyBullet makes inertias up from collision shapes.
+URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE
 
 
 class Surface(NamedTuple):
@@ -40,7 +45,8 @@ class Body:
     urdf: str | None = None  # file or text of a robot
     friction: float = 0.0
     restitution: float = 0.0
-    drives: dict[str, tuple[float, float]] = field(default_factory=dict)  # target velocity and force by joint
+    commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
+    inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
 
     @property
     def is_robot(self) -> bool:
@@ -96,15 +102,16 @@ class BodyFactory:
                 with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
                     file.write(urdf)
                     file.flush()
-                    uid = client.loadURDF(file.name, state.position, state.orientation)
+                    uid = client.loadURDF(file.name, state.position, state.orientation, flags=URDF_FLAGS)
             else:
                 if not Path(urdf).is_file():
                     raise InputError("urdf", f"there is no URDF file {urdf!r}")
-                uid = client.loadURDF(urdf, state.position, state.orientation)
+                uid = client.loadURDF(urdf, state.position, state.orientation, flags=URDF_FLAGS)
         except pb.error as error:
             raise InputError(
                 "urdf", f"the URDF of {name!r} does not load ({error}); check it with check_urdf"
             ) from None
+        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # no drag that the URDF does not ask for
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
             if client.getCollisionShapeData(uid, index):
@@ -113,18 +120,23 @@ class BodyFactory:
                 info = client.getJointInfo(uid, index)
                 if info[2] in (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC):
                     joints[info[1].decode()] = index
-                    client.setJointMotorControl2(uid, index, pb.VELOCITY_CONTROL, force=0.0)
+                    command_joint(client, uid, index, JointCommand())
         if not links:
             client.removeBody(uid)
             raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
         body = Body(name, uid, bounding_radius(client, uid, next(iter(links))), False, state, links, joints, urdf=urdf)
+        body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         self.place(body, state)
         return body
 
-    def place(self, body: Body, state: BodyState) -> None:
-        """Puts a body into a state."""
+    def move(self, body: Body, state: BodyState) -> None:
+        """Puts a body into a state; a robot's joints stay as they are."""
         self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
         self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
+
+    def place(self, body: Body, state: BodyState) -> None:
+        """Puts a body into a state, and a robot's joints to zero."""
+        self.move(body, state)
         for joint in body.joints.values():
             self._client.resetJointState(body.uid, joint, 0.0, 0.0)
 

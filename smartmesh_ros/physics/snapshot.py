@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 
@@ -23,8 +24,8 @@ _SHAPES = {shape.__name__: shape for shape in (Box, Capsule, Cylinder, Sphere)}
 @dataclass(frozen=True, kw_only=True)
 class BodySnapshot:
     """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
-    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``drives``: target velocity and
-    largest force by joint."""
+    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: what drives
+    them."""
 
     name: str
     state: BodyState
@@ -36,7 +37,7 @@ class BodySnapshot:
     friction: float = 0.0
     restitution: float = 0.0
     joints: dict[str, tuple[float, float]]
-    drives: dict[str, tuple[float, float]]
+    commands: dict[str, JointCommand]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,5 +76,6 @@ class Snapshot:
 def _body(fields: dict[str, Any]) -> BodySnapshot:
     shape = fields["shape"] and _SHAPES[fields["shape"][0]](**fields["shape"][1])
     states = {key: BodyState(**{k: tuple(v) for k, v in fields[key].items()}) for key in ("state", "initial")}
-    pairs = {key: {name: tuple(pair) for name, pair in fields[key].items()} for key in ("joints", "drives")}
-    return BodySnapshot(**{**fields, "shape": shape, **states, **pairs})
+    joints = {name: tuple(pair) for name, pair in fields["joints"].items()}
+    commands = {name: JointCommand(**command) for name, command in fields["commands"].items()}
+    return BodySnapshot(**{**fields, "shape": shape, **states, "joints": joints, "commands": commands})

@@ -12,14 +12,17 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics import landing
+from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, contacts_of_spheres, contacts_of_step
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import below_ground, put_back
+from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.snapshot import BodySnapshot, Snapshot
 from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -63,6 +66,7 @@ class World:
         self._apply_physics(self.config.physics)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
         self._factory = BodyFactory(self.client, self.config.physics)
+        self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
         self._follower_names: list[str] = []
         self._of_followers: list[Body | None] = []  # simulated bodies by the followers' indices
         self._inner_radii = np.empty(0)
@@ -95,6 +99,15 @@ class World:
         self._require_free(name)
         self._add(self._factory.robot(name, urdf, state or BodyState()))
 
+    def replace_robot(self, name: str, urdf: str) -> None:
+        """Puts another robot in place of one, where its base is now; raises `InputError` and changes nothing if its
+        URDF does not load."""
+        old = self._body(name)
+        new = self._factory.robot(name, urdf, self.state(name))
+        new.initial = old.initial
+        self.remove(name)
+        self._add(new)
+
     def track(self, name: str, radius: float, state: BodyState) -> None:
         """Adds a body whose pose is dictated, or dictates its next pose.
 
@@ -118,17 +131,24 @@ class World:
         body = self._body(name)
         self.ground.detach(body.uid)
         self.client.removeBody(body.uid)
+        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.uid}
         del self.bodies[name]
         self._rename_followers()
 
-    def drive(self, name: str, joint: str, velocity: float, force: float = 100.0) -> None:
-        """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N]."""
+    def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
+        """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = its limit."""
+        self.command(name, joint, JointCommand(velocity=velocity, effort=force))
+
+    def command(self, name: str, joint: str, command: JointCommand) -> None:
+        """Has a robot's joint driven so from now on."""
         self.require_joint(name, joint)
         body = self.bodies[name]
-        body.drives[joint] = (velocity, force)
-        self.client.setJointMotorControl2(
-            body.uid, body.joints[joint], pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force
-        )
+        index = body.joints[joint]
+        body.commands[joint] = command
+        command_joint(self.client, body.uid, index, command)
+        self._efforts.pop((body.uid, index), None)
+        if command.is_effort and command.effort is not None:
+            self._efforts[body.uid, index] = command.effort
 
     def require_joint(self, name: str, joint: str) -> None:
         """Raises `InputError` if there is no robot of that name with such a joint."""
@@ -153,16 +173,40 @@ class World:
 
     def reset(self) -> None:
         """Puts every simulated body back where it was spawned and the time to zero; the terrain stays."""
+        self.reset_time()
+        self.reset_bodies()
+
+    def reset_time(self) -> None:
+        """Sets the time to zero; bodies and terrain stay as they are."""
         self.terrain.shift_time(-self.time)
         self.time = 0.0
+
+    def reset_bodies(self) -> None:
+        """Puts every simulated body back where it was spawned. What drives its joints goes on."""
         for body in self.bodies.values():
             if not body.tracked:
                 self._factory.place(body, body.initial)
+
+    def move(self, name: str, state: BodyState) -> None:
+        """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
+        body = self._body(name)
+        if body.tracked:
+            raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
+        self._factory.move(body, state)
 
     def state(self, name: str) -> BodyState:
         """Where a body is and how it moves."""
         body = self._body(name)
         return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
+
+    def base_state(self, name: str) -> BodyState:
+        """Where the frame of a robot's base link is and how it moves; of another body, its centre of mass."""
+        return frame_state(self.state(name), self._body(name).inertial)
+
+    def joints(self, name: str) -> list[JointReading]:
+        """The joints of a robot as they are now."""
+        body = self._body(name)
+        return read_joints(self.client, body.uid, body.joints, body.commands)
 
     def snapshot(self) -> Snapshot:
         """The bodies as they are now."""
@@ -191,15 +235,15 @@ class World:
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():
                 self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
-            for joint, drive in body.drives.items():
-                self.drive(body.name, joint, *drive)
+            for joint, command in body.commands.items():
+                self.command(body.name, joint, command)
 
     def _snapshot_of(self, body: Body) -> BodySnapshot:
         joints = {name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
         return BodySnapshot(
             name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
             shape=body.shape, urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
-            drives=dict(body.drives),
+            commands=dict(body.commands),
         )  # fmt: skip
 
     def follower_names(self) -> list[str]:
@@ -228,6 +272,10 @@ class World:
                 )
         return contacts
 
+    def wrenches(self) -> list[GroundWrench]:
+        """What the ground exerted in the last step on each simulated body and link that can touch it."""
+        return wrenches_of_step(self.client, self.ground.followers, self._follower_names)
+
     def below_ground(self) -> list[str]:
         """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
         positions = self.ground.positions_w
@@ -237,6 +285,8 @@ class World:
 
     def _step(self) -> None:
         with self.stopwatch.stage("step"):
+            for (uid, index), effort in self._efforts.items():
+                apply_effort(self.client, uid, index, effort)
             self.client.stepSimulation()
 
     def _step_softly(self) -> None:

@@ -1,0 +1,56 @@
+"""Which bodies an EntityFilters of simulation_interfaces means."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.world import World
+from smartmesh_ros.terrain.grid import FloatArray
+
+
+def select(world: World, filters: Any, bounds: Any) -> list[str]:
+    """Names of the bodies that pass all filters. ``bounds``: the class of the bounds, for its constants.
+
+    Names are searched with Python's regular expressions, which read those of POSIX but for bracketed classes. Bounds
+    are compared with the axis-aligned bounds of bodies. Raises `InputError` for filters of what bodies do not have.
+    """
+    if filters.categories or filters.tags.tags:
+        raise InputError("unsupported", "entities have no categories and no tags here; leave those filters empty")
+    try:
+        pattern = re.compile(filters.filter)
+    except re.error as error:
+        raise InputError("filter", f"{filters.filter!r} is not a regular expression: {error}") from None
+    names = [name for name in world.bodies if pattern.search(name)]
+    if filters.bounds.type == bounds.TYPE_EMPTY:
+        return names
+    points = np.array([(point.x, point.y, point.z) for point in filters.bounds.points])
+    if filters.bounds.type not in (bounds.TYPE_BOX, bounds.TYPE_SPHERE):
+        raise InputError("unsupported", f"bounds of type {filters.bounds.type} are not supported; use a box or sphere")
+    if len(points) != 2 or not np.isfinite(points).all():
+        raise InputError("geometry", "bounds must have two finite points: corners, or a centre and a radius")
+    if filters.bounds.type == bounds.TYPE_BOX:
+        low, high = points.min(axis=0), points.max(axis=0)
+        return [name for name in names if _box_overlaps(world, name, low, high)]
+    return [name for name in names if _distance(world, name, points[0]) <= points[1, 0]]
+
+
+def _box_overlaps(world: World, name: str, low: FloatArray, high: FloatArray) -> bool:
+    body_low, body_high = _bounds(world, name)
+    return bool((body_low <= high).all() and (low <= body_high).all())
+
+
+def _distance(world: World, name: str, point: FloatArray) -> float:
+    low, high = _bounds(world, name)
+    return float(np.linalg.norm(np.maximum(np.maximum(low - point, point - high), 0.0)))
+
+
+def _bounds(world: World, name: str) -> tuple[FloatArray, FloatArray]:
+    """Corners of the axis-aligned bounds of a body, all its links together (3,) [m]."""
+    body, client = world.bodies[name], world.client
+    links = body.links or {-1: ""}
+    corners = np.array([client.getAABB(body.uid, link) for link in links])
+    return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)

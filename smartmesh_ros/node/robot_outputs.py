@@ -1,0 +1,73 @@
+"""What the node publishes about robots. Nothing is built for topics without subscribers."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, Wrench
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import ContactWrench, ContactWrenchArray
+from std_msgs.msg import Header
+
+from smartmesh_ros.physics.quaternions import conjugate, rotate
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World
+
+
+def robots(world: World) -> list[str]:
+    """Names of the robots, in the order they were spawned."""
+    return [body.name for body in world.bodies.values() if body.is_robot]
+
+
+def joint_states(header: Header, world: World) -> JointState:
+    """All joints: ``<joint>`` where there is one robot, for robot_state_publisher, else ``<robot>/<joint>``."""
+    names = robots(world)
+    found = []
+    for robot in names:
+        prefix = f"{robot}/" if len(names) > 1 else ""
+        found += [(prefix + joint.name, joint) for joint in world.joints(robot)]
+    return JointState(
+        header=Header(stamp=header.stamp),  # joints are in no frame
+        name=[name for name, _ in found],
+        position=[joint.position for _, joint in found],
+        velocity=[joint.velocity for _, joint in found],
+        effort=[joint.effort for _, joint in found],
+    )
+
+
+def odometry(header: Header, world: World, robot: str) -> Odometry:
+    """True pose of a robot's base link in the terrain's frame, and its twist in its own frame, ``robot``."""
+    state = world.base_state(robot)
+    back = conjugate(state.orientation)
+    message = Odometry(header=header, child_frame_id=robot)
+    message.pose.pose = pose_message(state)
+    message.twist.twist = Twist(
+        linear=_vector(rotate(back, state.linear)), angular=_vector(rotate(back, state.angular))
+    )
+    return message
+
+
+def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
+    """What the ground exerts on every simulated body and link."""
+    wrenches = []
+    for found in world.wrenches():
+        x, y, z = found.centre.tolist()
+        wrench = Wrench(force=_vector(found.force.tolist()), torque=_vector(found.torque.tolist()))
+        wrenches.append(ContactWrench(body_id=found.body, centre=Point(x=x, y=y, z=z), wrench=wrench))
+    return ContactWrenchArray(header=header, wrenches=wrenches)
+
+
+def pose_message(state: BodyState) -> Pose:
+    """The pose of a state."""
+    x, y, z = state.position
+    qx, qy, qz, qw = state.orientation
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+
+
+def twist_message(state: BodyState) -> Twist:
+    """The twist of a state, in the terrain's frame."""
+    return Twist(linear=_vector(state.linear), angular=_vector(state.angular))
+
+
+def _vector(values: tuple[float, float, float] | list[float]) -> Vector3:
+    x, y, z = values
+    return Vector3(x=float(x), y=float(y), z=float(z))

@@ -1,0 +1,91 @@
+"""What drives the joints of robots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+
+# The largest effort of a joint whose URDF gives no limit [Nm or N].
+DEFAULT_EFFORT = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCommand:
+    """How one joint is driven until the next command; units are rad, rad/s and Nm, or m, m/s and N.
+
+    - ``position`` given: towards it, ``velocity`` (default 0) being that of the target.
+    - ``velocity`` alone: at that velocity.
+    - ``effort`` with either: the most that is used; without it the limit of the URDF, or `DEFAULT_EFFORT`.
+    - ``effort`` alone: exactly that effort, whatever the joint does.
+    - nothing: the joint turns freely.
+    """
+
+    position: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity", "effort"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite")
+        if self.has_target and self.effort is not None and self.effort < 0.0:
+            raise InputError("joint_command", f"effort {self.effort} bounds a target's; it must be zero or more")
+
+    @property
+    def has_target(self) -> bool:
+        """Whether it is a position or velocity to reach."""
+        return self.position is not None or self.velocity is not None
+
+    @property
+    def is_effort(self) -> bool:
+        """Whether it is an effort to apply in every step."""
+        return self.effort is not None and not self.has_target
+
+
+@dataclass(frozen=True)
+class JointReading:
+    """Position [rad or m], velocity [rad/s or m/s], and the effort [Nm or N] its drive used in the last step."""
+
+    name: str
+    position: float
+    velocity: float
+    effort: float
+
+
+def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
+    """Hands a command to PyBullet. An effort must be applied again before each step, by `apply_effort`."""
+    if command.has_target:
+        limit = client.getJointInfo(uid, joint)[10]
+        limit = limit if limit > 0.0 else DEFAULT_EFFORT  # PyBullet has zero where the URDF says nothing
+        force = limit if command.effort is None else command.effort
+        velocity = command.velocity or 0.0
+        if command.position is None:
+            client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force)
+        else:
+            client.setJointMotorControl2(
+                uid, joint, pb.POSITION_CONTROL, targetPosition=command.position, targetVelocity=velocity, force=force
+            )
+    else:  # without the motor that PyBullet puts into every joint
+        client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, force=0.0)
+
+
+def apply_effort(client: Any, uid: int, joint: int, effort: float) -> None:
+    """Applies an effort [Nm or N] during the next step, and only then."""
+    client.setJointMotorControl2(uid, joint, pb.TORQUE_CONTROL, force=effort)
+
+
+def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[str, JointCommand]) -> list[JointReading]:
+    """The joints of a robot, by name and PyBullet's index, as they are now."""
+    readings = []
+    for (name, _), state in zip(joints.items(), client.getJointStates(uid, list(joints.values())), strict=True):
+        command = commands.get(name) or JointCommand()
+        # PyBullet tells the efforts of its motors only, and that of a motor that is off stays as it was.
+        effort = state[3] if command.has_target else command.effort or 0.0
+        readings.append(JointReading(name, state[0], state[1], effort))
+    return readings

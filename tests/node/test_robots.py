@@ -1,0 +1,235 @@
+"""Robots over real DDS: described, driven, and reported, against mechanics."""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Pose, Quaternion, Twist, Vector3
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import ContactWrenchArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.urdf import robot_name, with_package_paths
+from smartmesh_ros.testing import Probe, pose_message
+
+ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
+RADIUS = 0.15  # of the wheels [m]
+WEIGHT = 14.0 * 9.81  # of the rover [N]
+WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+YAW = 2.1
+
+
+def start(probe: Probe, height: float = 0.25, **more: Any) -> dict[str, Any]:
+    """Parameters of a node with the rover standing on its map; subscribes to what it says of robots."""
+    for kind, topic in (
+        (JointState, "joint_states"),
+        (Odometry, "odometry"),
+        (ContactWrenchArray, "contact_wrenches"),
+    ):
+        name = f"/terrain_collider/{topic}"
+        probe.node.create_subscription(kind, name, probe.received[name].append, 100)
+    return {
+        "robot.description": str(ROVER),
+        "robot.name": "rover",
+        "robot.xy": [4.0, 4.0],
+        "robot.above": height,
+        "robot.yaw": YAW,
+        **more,
+    }
+
+
+def settle(probe: Probe) -> None:
+    """A flat map, the physics paused, and the rover at rest on it."""
+    assert probe.call("pause", SetBool, data=True).success
+    probe.publish_map(np.zeros((101, 101)))
+    probe.wait_for(lambda: probe.latest("odometry").child_frame_id == "rover")
+    step(probe, 480)
+
+
+def step(probe: Probe, count: int) -> None:
+    answer = probe.call("step", StepPhysics, steps=count)
+    assert answer.success, answer.message
+
+
+def command(probe: Probe, publisher: Any, taken: Callable[[JointState], bool], **fields: Any) -> None:
+    """Publishes a command, and steps until it shows."""
+    publisher.publish(JointState(**{"name": WHEELS, **fields}))
+
+    def shows() -> bool:
+        step(probe, 1)
+        return taken(probe.latest("joint_states"))
+
+    probe.wait_for(shows)
+
+
+def turning(message: JointState) -> bool:
+    return min(message.velocity) > 0.01
+
+
+def joints(probe: Probe) -> tuple[np.ndarray, np.ndarray]:
+    message = probe.latest("joint_states")
+    assert message.name == WHEELS, "one robot: names as in its URDF"
+    return np.array(message.position), np.array(message.velocity)
+
+
+def test_a_rover_rolls_as_far_as_its_wheels_turn(probe: Probe) -> None:
+    """Paused and stepped, so that positions belong together whatever the machine's load."""
+    with probe.running(parameters=start(probe)):
+        settle(probe)
+        publisher = probe.publisher(JointState, "joint_commands")
+        command(probe, publisher, turning, velocity=[4.0] * 4)
+        step(probe, 240)
+        first, (angles, _) = probe.latest("odometry"), joints(probe)
+        step(probe, 480)
+        last, (turned, speeds) = probe.latest("odometry"), joints(probe)
+        assert last.header.frame_id == "map"
+        assert speeds == pytest.approx([4.0] * 4, rel=0.01)
+        p, q = first.pose.pose.position, last.pose.pose.position
+        way = np.array([q.x - p.x, q.y - p.y])
+        distance = RADIUS * (turned - angles).mean()
+        assert distance == pytest.approx(RADIUS * 4.0 * 2.0, rel=0.01)
+        assert np.hypot(*way) == pytest.approx(distance, rel=0.02)
+        assert way / np.hypot(*way) == pytest.approx([math.cos(YAW), math.sin(YAW)], abs=0.02)
+        twist = last.twist.twist
+        assert twist.linear.x == pytest.approx(RADIUS * 4.0, rel=0.02), "ahead, in the rover's own frame"
+        assert (twist.linear.y, twist.linear.z) == pytest.approx((0.0, 0.0), abs=0.01)
+        # Left wheels back, right wheels ahead: it turns on the spot to the left.
+        command(probe, publisher, lambda m: m.velocity[0] < 0.0, velocity=[-3.0, 3.0, -3.0, 3.0])
+        step(probe, 240)
+        twist = probe.latest("odometry").twist.twist
+        assert twist.angular.z > 0.2
+        assert abs(twist.linear.x) < 0.5 * RADIUS * 3.0, "about a point below the rover, if not its frame's origin"
+
+
+def test_the_ground_carries_the_weight_where_the_centre_of_mass_is(probe: Probe) -> None:
+    with probe.running(parameters=start(probe)):
+        settle(probe)
+        message = probe.latest("contact_wrenches")
+        assert message.header.frame_id == "map"
+        wrenches = {found.body_id: found for found in message.wrenches}
+        assert set(wrenches) == {"rover/base_link", *(f"rover/{wheel}_wheel" for wheel in WHEELS)}
+        force = sum(np.array([f.wrench.force.x, f.wrench.force.y, f.wrench.force.z]) for f in wrenches.values())
+        assert force == pytest.approx([0.0, 0.0, WEIGHT], abs=0.02 * WEIGHT)
+        assert wrenches["rover/base_link"].wrench.force == Vector3(), "the body itself does not touch the ground"
+        # Lever rule: the centre of mass lies 10 x 0.1 / 14 m ahead of the middle of axles 0.6 m apart.
+        front = sum(wrenches[f"rover/front_{side}_wheel"].wrench.force.z for side in ("left", "right"))
+        assert front / WEIGHT == pytest.approx(0.5 + (10.0 * 0.1 / 14.0) / 0.6, rel=0.03)
+        # Driven wheels, held back: the ground's torque on a wheel is minus its friction times the radius.
+        publisher = probe.publisher(JointState, "joint_commands")
+        command(probe, publisher, lambda m: list(m.effort) == [1.0] * 4, effort=[1.0] * 4)
+        step(probe, 6)
+        for found in probe.latest("contact_wrenches").wrenches:
+            if found.body_id != "rover/base_link":
+                f, t = found.wrench.force, found.wrench.torque
+                ahead = f.x * math.cos(YAW) + f.y * math.sin(YAW)
+                about_axle = -t.x * math.sin(YAW) + t.y * math.cos(YAW)
+                assert ahead > 0.5
+                assert about_axle == pytest.approx(-RADIUS * ahead, rel=0.05)
+
+
+def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(probe: Probe) -> None:
+    """Its linear part is that of the base's frame, which is not where the centre of mass is."""
+    with probe.running(parameters={"frame_id": "map", "physics.gravity": [0.0, 0.0, 0.0]}):
+        start(probe)
+        assert probe.call("pause", SetBool, data=True).success
+        pose = Pose(position=pose_message((1.0, 2.0, 3.0)).position)
+        pose.orientation = Quaternion(z=math.sin(math.pi / 4), w=math.cos(math.pi / 4))  # faces +y
+        twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
+        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose, twist=twist).success
+        found = probe.latest("odometry")
+        assert (found.header.frame_id, found.child_frame_id) == ("map", "rover")
+        linear, angular = found.twist.twist.linear, found.twist.twist.angular
+        # In the base's frame v = (0, -1, 0), w = (0, 0, 0.5), and its origin lies at (-0.1, 0, 0.05) from the centre.
+        assert (linear.x, linear.y, linear.z) == pytest.approx((0.0, -1.0 - 0.5 * 0.1, 0.0), abs=1e-6)
+        assert (angular.x, angular.y, angular.z) == pytest.approx((0.0, 0.0, 0.5), abs=1e-6)
+        p = found.pose.pose.position
+        assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
+        # With two robots, joints carry their robot's name, and each has its odometry.
+        assert probe.call("spawn_body", SpawnBody, id="other", urdf=str(ROVER), pose=pose_message((9, 9, 9))).success
+        probe.wait_for(lambda: len(probe.latest("joint_states").name) == 8)
+        assert probe.latest("joint_states").name == [f"{robot}/{j}" for robot in ("rover", "other") for j in WHEELS]
+        probe.wait_for(lambda: probe.latest("odometry").child_frame_id == "other")
+        assert probe.call("remove_body", RemoveBody, id="other").success
+        probe.wait_for(lambda: probe.latest("joint_states").name == WHEELS)
+
+
+def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(probe: Probe) -> None:
+    with probe.running(parameters=start(probe)) as process:
+        settle(probe)
+        publisher = probe.publisher(JointState, "joint_commands")
+        command(probe, publisher, turning, velocity=[4.0] * 4)
+        bad: list[tuple[str, dict[str, Any]]] = [
+            ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
+            ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
+            ("duplicate_id", {"name": ["rear_left", "rover/rear_left"], "velocity": [0.0] * 2}),
+            ("length", {"velocity": [0.0] * 3}),
+            ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
+            ("length", {"name": [], "velocity": []}),
+            ("non_finite", {"velocity": [0.0, 0.0, 0.0, math.nan]}),
+            ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
+            ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
+        ]
+        for _, fields in bad:
+            publisher.publish(JointState(**{"name": WHEELS, **fields}))
+        counts = Counter(f"refused, joint_commands: {reason}" for reason, _ in bad)
+        probe.wait_for(lambda: counts.items() <= {k: int(v) for k, v in inputs(probe).items()}.items())
+        assert "1 of 4 joints are unknown: 'flux'" in process.output
+        assert "rover/front_left, rover/front_right" in process.output
+        step(probe, 240)
+        assert joints(probe)[1] == pytest.approx([4.0] * 4, rel=0.01)
+        names = [f"rover/{wheel}" for wheel in WHEELS]  # nothing but names: free
+        command(probe, publisher, lambda m: list(m.effort) == [0.0] * 4, name=names)
+
+
+def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) -> None:
+    text = ROVER.read_text()
+    publisher = probe.node.create_publisher(String, "/terrain_collider/robot_description", LATCHED)
+    publisher.publish(String(data=text))  # before there is a node
+    with probe.running(parameters={**start(probe), "robot.description": ""}):
+        settle(probe)
+        mine, heavy = probe.latest("odometry").pose.pose.position, text.replace('"10.0"', '"20.0"')
+        elsewhere = text.replace("<geometry>", '<geometry><mesh filename="package://no_such_pkg/m.stl"/>', 1)
+        ghost = '<robot name="r"><link name="ghost"/></robot>'
+        for bad in (str(ROVER), "<sdf/>", ghost, elsewhere):
+            seen = refused(probe)
+            publisher.publish(String(data=bad))
+            probe.wait_for(lambda seen=seen: refused(probe) > seen)
+        assert probe.latest("joint_states").name == WHEELS
+        assert probe.latest("odometry").pose.pose.position == mine
+        publisher.publish(String(data=heavy))
+
+        def heavier() -> bool:
+            step(probe, 120)
+            total = sum(found.wrench.force.z for found in probe.latest("contact_wrenches").wrenches)
+            return bool(total == pytest.approx(24.0 * 9.81, rel=0.02))
+
+        probe.wait_for(heavier)
+        there = probe.latest("odometry").pose.pose.position
+        assert (there.x, there.y) == pytest.approx((mine.x, mine.y), abs=0.02), "where the first one was"
+
+
+def inputs(probe: Probe) -> dict[str, str]:
+    return {key: value for key, value in probe.diagnostics("inputs").items() if key.startswith("refused, ")}
+
+
+def refused(probe: Probe) -> int:
+    return sum(int(value) for key, value in inputs(probe).items() if key.startswith("refused, robot_description: "))
+
+
+def test_packages_of_a_description_are_found_or_named() -> None:
+    found = with_package_paths('<mesh filename="package://smartmesh_ros/config/fast.yaml"/>')
+    assert Path(found.split('"')[1]).is_file()
+    assert with_package_paths("file:///a/b.urdf") == "/a/b.urdf"
+    with pytest.raises(InputError, match="'no_such_pkg' is not installed"):
+        with_package_paths("package://no_such_pkg/x.urdf")
+    assert robot_name(ROVER.read_text()) == "rover"

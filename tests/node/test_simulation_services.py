@@ -1,0 +1,240 @@
+"""The standard services of simulation_interfaces, over real DDS."""
+
+import math
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, Twist, Vector3
+from simulation_interfaces.msg import (
+    Bounds,
+    EntityCategory,
+    EntityFilters,
+    EntityState,
+    Result,
+    SimulationState,
+    SimulatorFeatures,
+)
+from simulation_interfaces.srv import (
+    DeleteEntity,
+    GetEntities,
+    GetEntityState,
+    GetSimulationState,
+    GetSimulatorFeatures,
+    ResetSimulation,
+    SetEntityState,
+    SetSimulationState,
+    SpawnEntity,
+    StepSimulation,
+)
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.simulation_services import _urdf_of
+from smartmesh_ros.testing import Probe, Process, pose_message
+
+ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
+OK = Result.RESULT_OK
+PARAMETERS = {
+    "simulation_interfaces": True,
+    "frame_id": "map",
+    "bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}"],
+}
+
+
+def state(probe: Probe) -> int:
+    return int(probe.call("get_simulation_state", GetSimulationState).state.state)
+
+
+def set_state(probe: Probe, wanted: int) -> int:
+    result = probe.call("set_simulation_state", SetSimulationState, state=SimulationState(state=wanted)).result
+    return int(result.result)
+
+
+def spawn(probe: Probe, **fields: Any) -> Any:
+    return probe.call("spawn_entity", SpawnEntity, **fields)
+
+
+def entities(probe: Probe, **filters: Any) -> list[str]:
+    answer = probe.call("get_entities", GetEntities, filters=EntityFilters(**filters))
+    assert answer.result.result == OK, answer.result.error_message
+    return list(answer.entities)
+
+
+def pose_of(probe: Probe, name: str) -> tuple[float, float, float]:
+    answer = probe.call("get_entity_state", GetEntityState, entity=name)
+    assert answer.result.result == OK, answer.result.error_message
+    assert answer.state.header.frame_id == "map"
+    p = answer.state.pose.position
+    return p.x, p.y, p.z
+
+
+def placed(x: float, y: float, z: float, frame: str = "") -> PoseStamped:
+    message = PoseStamped(pose=pose_message((x, y, z)))
+    message.header.frame_id = frame
+    return message
+
+
+def test_the_simulation_plays_pauses_steps_and_stops(probe: Probe) -> None:
+    s = SimulationState
+    with probe.running(parameters=PARAMETERS) as process:
+        features = probe.call("get_simulator_features", GetSimulatorFeatures).features
+        assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features.features
+        assert SimulatorFeatures.ENTITY_TAGS not in features.features
+        assert features.spawn_formats == ["urdf"]
+        assert state(probe) == s.STATE_PLAYING
+        assert probe.call("step_simulation", StepSimulation, steps=1).result.result == Result.RESULT_OPERATION_FAILED
+        assert set_state(probe, s.STATE_PLAYING) == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+        assert set_state(probe, s.STATE_STOPPED) == OK
+        assert state(probe) == s.STATE_STOPPED
+        assert pose_of(probe, "ball") == (2.0, 2.0, 9.0), "reset"
+        assert set_state(probe, s.STATE_PAUSED) == OK
+        assert probe.call("step_simulation", StepSimulation, steps=24).result.result == OK
+        fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
+        assert pose_of(probe, "ball")[2] == pytest.approx(fallen, abs=1e-6)
+        assert state(probe) == s.STATE_PAUSED
+        assert set_state(probe, s.STATE_NO_WORLD) == SetSimulationState.Response.STATE_TRANSITION_ERROR
+        assert set_state(probe, s.STATE_PLAYING) == OK
+        probe.wait_for(lambda: pose_of(probe, "ball")[2] < fallen - 0.1)
+        assert set_state(probe, s.STATE_QUITTING) == OK
+        assert process.process.wait(30) == 0
+        assert "Traceback" not in process.output
+
+
+def test_entities_come_move_and_go(probe: Probe) -> None:
+    r = SpawnEntity.Response
+    with probe.running(parameters=PARAMETERS):
+        assert set_state(probe, SimulationState.STATE_PAUSED) == OK
+        answer = spawn(probe, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
+        assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
+        assert pose_of(probe, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
+        text = ROVER.read_text()
+        assert spawn(probe, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
+        again = spawn(probe, resource_string=text, allow_renaming=True, initial_pose=placed(9.0, 2.0, 3.0))
+        assert (again.result.result, again.entity_name) == (OK, "rover_1")
+        invalid = placed(0.0, 0.0, 0.0)
+        invalid.pose.orientation.w = 0.0
+        for code, fields in (
+            (r.NAME_NOT_UNIQUE, {"resource_string": text}),
+            (r.NAME_INVALID, {"resource_string": text, "name": "a/b"}),
+            (r.NAME_NOT_UNIQUE, {"uri": str(ROVER)}),
+            (r.NO_RESOURCE, {"name": "x"}),
+            (r.UNSUPPORTED_FORMAT, {"name": "x", "uri": "world.sdf"}),
+            (r.UNSUPPORTED_FORMAT, {"name": "x", "resource_string": "<sdf/>"}),
+            (r.RESOURCE_PARSE_ERROR, {"name": "x", "resource_string": "<robot"}),
+            (r.RESOURCE_PARSE_ERROR, {"name": "x", "uri": "/no/such.urdf"}),
+            (r.MISSING_ASSETS, {"name": "x", "uri": "package://no_such_pkg/a.urdf"}),
+            (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": invalid}),
+            (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": placed(0, 0, 0, "moon")}),
+            (Result.RESULT_FEATURE_UNSUPPORTED, {"name": "x", "uri": str(ROVER), "entity_namespace": "/a"}),
+        ):
+            answer = spawn(probe, **fields)
+            assert (answer.result.result, bool(answer.result.error_message)) == (code, True), fields
+        everything = ["ball", "truck", "rover", "rover_1"]
+        assert entities(probe) == everything
+
+        moved = EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
+        moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
+        assert probe.call("set_entity_state", SetEntityState, entity="rover", state=moved).result.result == OK
+        assert pose_of(probe, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
+        twist = probe.call("get_entity_state", GetEntityState, entity="rover").state.twist
+        assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
+        moved.pose.position.x = math.nan
+        refused = probe.call("set_entity_state", SetEntityState, entity="rover", state=moved).result
+        assert refused.result == SetEntityState.Response.INVALID_POSE
+        assert pose_of(probe, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
+
+        assert probe.call("delete_entity", DeleteEntity, entity="truck").result.result == OK
+        assert probe.call("delete_entity", DeleteEntity, entity="truck").result.result == Result.RESULT_NOT_FOUND
+        gone = probe.call("get_entity_state", GetEntityState, entity="truck").result
+        assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
+        assert entities(probe) == ["ball", "rover", "rover_1"]
+
+
+def test_entities_are_filtered_by_name_and_place(probe: Probe) -> None:
+    with probe.running(parameters={**PARAMETERS, "physics.gravity": [0.0, 0.0, 0.0]}):
+        spawn(probe, uri=str(ROVER), name="rover_a", initial_pose=placed(5.0, 2.0, 9.0))
+        spawn(probe, uri=str(ROVER), name="rover_b", initial_pose=placed(8.0, 2.0, 9.0))
+        assert entities(probe, filter="^rover_[ab]$") == ["rover_a", "rover_b"]
+        assert entities(probe, filter="all") == ["ball"]
+
+        def sphere(x: float, radius: float) -> Bounds:
+            return Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=x, y=2.0, z=9.0), Vector3(x=radius)])
+
+        probe.publish_map(np.zeros((50, 50)))
+        assert entities(probe, bounds=sphere(2.0, 1.0)) == ["ball"]
+        assert entities(probe, bounds=sphere(3.0, 0.7)) == [], "the ball ends at 2.2 m"
+        assert entities(probe, bounds=sphere(6.5, 1.2)) == ["rover_a", "rover_b"]
+        box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=9.0, y=3.0, z=10.0), Vector3(x=7.0, y=1.0, z=8.0)])
+        assert entities(probe, bounds=box) == ["rover_b"]
+        for code, filters in (
+            (Result.RESULT_FEATURE_UNSUPPORTED, {"categories": [EntityCategory()]}),
+            (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
+            (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
+            (Result.RESULT_OPERATION_FAILED, {"filter": "("}),
+        ):
+            answer = probe.call("get_entities", GetEntities, filters=EntityFilters(**filters))
+            assert answer.result.result == code
+
+
+def test_a_reset_has_the_scope_that_is_asked_for(probe: Probe) -> None:
+    def reset(scope: int) -> None:
+        assert probe.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
+
+    with probe.running(parameters=PARAMETERS):
+        set_state(probe, SimulationState.STATE_PAUSED)
+        spawn(probe, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
+        probe.publish_bodies({"guest": (1.0, 1.0, 1.0)})
+        probe.wait_for(lambda: "guest" in entities(probe))
+        probe.call("step_simulation", StepSimulation, steps=48)
+        low = pose_of(probe, "ball")[2]
+        assert low < 8.9
+        reset(ResetSimulation.Request.SCOPE_TIME)
+        assert pose_of(probe, "ball")[2] == low
+        reset(ResetSimulation.Request.SCOPE_STATE)
+        assert pose_of(probe, "ball")[2] == 9.0
+        assert pose_of(probe, "rover") == pytest.approx((5.0, 2.0, 9.0), abs=1e-6)
+        reset(ResetSimulation.Request.SCOPE_SPAWNED)
+        assert "rover" not in entities(probe)
+        assert "ball" in entities(probe)
+        probe.call("delete_entity", DeleteEntity, entity="ball")
+        reset(ResetSimulation.Request.SCOPE_DEFAULT)
+        assert pose_of(probe, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
+
+
+def test_the_state_of_a_tracked_body_is_not_to_be_set(probe: Probe) -> None:
+    with probe.running(parameters=PARAMETERS):
+
+        def tracked() -> bool:
+            probe.publish_bodies({"guest": (1.0, 1.0, 1.0)})
+            return "guest" in entities(probe)
+
+        probe.wait_for(tracked)
+        probe.publish_bodies({"guest": (1.0, 1.0, 1.0)})
+        result = probe.call("set_entity_state", SetEntityState, entity="guest", state=EntityState()).result
+        assert result.result in (Result.RESULT_OPERATION_FAILED, Result.RESULT_NOT_FOUND)  # the latter if it timed out
+
+
+def test_resources_of_both_versions_are_read() -> None:
+    """From 2.0 on, `uri` and `resource_string` are fields of a message of their own; the same names."""
+    assert _urdf_of(SimpleNamespace(uri="file:///a/b.urdf", resource_string="")) == "/a/b.urdf"
+    with pytest.raises(InputError):
+        _urdf_of(SimpleNamespace(uri="", resource_string=""))
+
+
+def test_the_missing_package_is_named(domain: int) -> None:
+    environment = {
+        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
+        for name, value in os.environ.items()
+        if "test_interfaces" in value
+    }
+    process = Process("terrain_collider", {"simulation_interfaces": True}, environment=environment)
+    probe = Probe()
+    try:
+        probe.wait_for(lambda: "apt install ros-jazzy-simulation-interfaces" in process.output)
+        assert process.stop() == 0
+    finally:
+        probe.close()
+        process.close()

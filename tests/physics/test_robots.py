@@ -1,0 +1,164 @@
+"""Joints, frames and ground wrenches of robots, against mechanics."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, World
+from smartmesh_ros.physics.base_frames import InertialFrame, centre_state, frame_state
+from smartmesh_ros.physics.joints import JointCommand
+
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
+PENDULUM = """
+<robot name="pendulum">
+  <link name="base"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="arm">
+    <inertial><mass value="2"/><inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-5" upper="5" effort="7" velocity="10"/></joint>
+  <link name="cart">
+    <inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+</robot>
+"""
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
+        yield made
+
+
+def reading(world: World, joint: str) -> tuple[float, float, float]:
+    [found] = [found for found in world.joints("arm") if found.name == joint]
+    return found.position, found.velocity, found.effort
+
+
+def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "hinge", JointCommand(effort=0.25))
+    world.command("arm", "slide", JointCommand(effort=-1.5))
+    world.step(120)
+    assert reading(world, "hinge")[1:] == pytest.approx((0.25 / 0.5 * 0.5, 0.25), rel=0.01)
+    assert reading(world, "slide")[1:] == pytest.approx((-1.5 / 3.0 * 0.5, -1.5), rel=0.01)
+    world.command("arm", "hinge", JointCommand())
+    before = reading(world, "hinge")[1]
+    world.step(60)
+    assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
+
+
+def test_targets_are_reached_and_held(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "hinge", JointCommand(position=0.8))
+    world.command("arm", "slide", JointCommand(velocity=0.6))
+    world.step(240)
+    assert reading(world, "hinge")[:2] == pytest.approx((0.8, 0.0), abs=1e-3)
+    assert reading(world, "slide")[1] == pytest.approx(0.6, rel=1e-3)
+
+
+@pytest.mark.parametrize(("effort", "most"), [(2.0, 2.0), (None, 7.0)], ids=["of the command", "of the URDF"])
+def test_the_effort_of_a_target_is_bounded(world: World, effort: float | None, most: float) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "slide", JointCommand(velocity=100.0, effort=effort))
+    world.step(24)
+    assert reading(world, "slide")[1:] == pytest.approx((most / 3.0 * 0.1, most), rel=0.03)
+
+
+@pytest.mark.parametrize("fields", [{"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}])
+def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
+    with pytest.raises(InputError):
+        JointCommand(**fields)
+
+
+def test_commands_outlive_a_restart_from_a_snapshot(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "slide", JointCommand(effort=1.5))
+    world.step(10)
+    saved = world.save()
+    world.step(110)
+    first = world.snapshot().hash
+    world.restore(type(saved).from_json(saved.to_json()))
+    world.step(110)
+    assert world.snapshot().hash == first
+    world.remove("arm")
+    world.step(2)
+
+
+UNIT = st.floats(-1.0, 1.0)
+VECTOR = st.tuples(UNIT, UNIT, UNIT)
+TURN = (
+    st.tuples(UNIT, UNIT, UNIT, UNIT)
+    .filter(lambda q: math.hypot(*q) > 0.1)
+    .map(lambda q: tuple(value / math.hypot(*q) for value in q))
+)
+
+
+@given(VECTOR, TURN, VECTOR, VECTOR, VECTOR, TURN)
+def test_base_frame_and_centre_of_mass_are_one_rigid_body(p, q, v, w, offset, turn) -> None:  # type: ignore[no-untyped-def]
+    frame, inertial = BodyState(p, q, v, w), InertialFrame(offset, turn)
+    centre = centre_state(frame, inertial)
+    back = frame_state(centre, inertial)
+    for name in ("position", "orientation", "linear", "angular"):
+        assert getattr(back, name) == pytest.approx(getattr(frame, name), abs=1e-9)
+    assert math.dist(centre.position, p) == pytest.approx(math.hypot(*offset), abs=1e-9)
+    arm = np.subtract(centre.position, p)
+    assert np.subtract(centre.linear, v) @ arm == pytest.approx(0.0, abs=1e-9), "rigid: no speed along the arm"
+    assert np.subtract(centre.linear, v) @ w == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
+    """PyBullet's own word for where links are: an arm fixed to the base at its origin lies at the base's frame."""
+    world.spawn_robot("rover", ROVER, BodyState((1.0, 2.0, 3.0), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
+    body = world.bodies["rover"]
+    frame = world.base_state("rover")
+    wheel = world.client.getLinkState(body.uid, body.joints["front_left"])[4]
+    x, y = 0.3, 0.25  # of the joint, in the URDF
+    cos, sin = math.cos(0.8), math.sin(0.8)
+    expected = (wheel[0] - (x * cos - y * sin), wheel[1] - (x * sin + y * cos), wheel[2])
+    assert frame.position == pytest.approx(expected, abs=1e-6)
+
+
+def test_ground_that_accelerates_carries_more_than_the_weight() -> None:
+    """The sum of the forces on a rover is its mass times what it is accelerated with, gravity included: 2nd law."""
+    terrain = HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
+    with World(terrain) as world:
+        world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.11)))
+        world.step(240)
+        forces, speeds = [], []
+        for tick in range(240):
+            t = tick / 240.0
+            terrain.replace(np.full((101, 101), 0.5 * 2.0 * t * t), time=world.time)
+            world.step()
+            forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
+            speeds.append(world.state("rover").linear[2])
+        gained = 14.0 * (speeds[-1] - speeds[119])
+        impulse = (np.mean(forces[120:]) - 14.0 * 9.81) * 0.5
+        assert impulse == pytest.approx(gained, rel=0.05), "momentum"
+        assert np.mean(forces[120:]) == pytest.approx(14.0 * (9.81 + 2.0), rel=0.02)
+
+
+def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
+    """At rest all contact forces, friction among them, sum up to the weight straight up, without torque."""
+    slope = np.tile(np.linspace(-5, 5, 101) * 0.2, (101, 1))
+    with World(HeightMap(slope, resolution=0.1, origin=(-5.0, -5.0))) as world:
+        world.spawn("box", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 0.0, 0.15)))
+        world.spawn("far", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 2.0, 9.0)))
+        world.step(480)
+        sums = []
+        for _ in range(60):
+            world.step()
+            wrenches = {wrench.body: wrench for wrench in world.wrenches()}
+            sums.append(np.concatenate([wrenches["box"].force, wrenches["box"].torque]))
+        mean = np.mean(sums, axis=0)
+        weight = 3.0 * 9.81
+        assert mean[:3] == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
+        assert mean[3:] == pytest.approx([0.0, 0.0, 0.0], abs=0.02 * weight * 0.2)
+        assert wrenches["box"].centre == pytest.approx(world.state("box").position)
