@@ -48,6 +48,20 @@ class CdrReader:
         except UnicodeDecodeError:
             raise InputError("malformed", f"a string of {len(data)} bytes is not UTF-8") from None
 
+    def count(self, size: int) -> int:
+        """Number of elements of a sequence, each of ``size`` bytes at the least; as many must be left."""
+        count = int(self.number("I"))
+        if count * size > len(self._data) - self._at:
+            raise InputError(
+                "malformed", f"a sequence of {count} elements starts at byte {self._at} of {len(self._data)}"
+            )
+        return count
+
+    def skip(self, size: int, count: int = 1) -> None:
+        """Moves on past ``count`` numbers of ``size`` bytes each."""
+        if count:
+            self._take(size, count * size)
+
     def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:
         """A sequence of numbers, or of ``width`` numbers each, as an array (n,) or (n, width) over the bytes."""
         count = self.number("I")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 import sys
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Literal
 
 import rclpy
@@ -27,7 +29,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     """Makes a node and calls its ``tick()`` at each of its ``pacer``'s deadlines, handling messages in between.
 
     The events executor is driven by ``spin_once``: at 240 Hz it costs a tenth of what the others do, and a loop of our
-    own keeps the deadlines. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
+    own keeps the deadlines. What rclpy itself cannot take (a request that is no such request, a parameter of no type) is
+    noted in the node's ``refusals``. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
     """
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
@@ -43,9 +46,9 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
         executor.add_node(node)
         try:
             while not stop:
-                executor.spin_once(timeout_sec=0.0)
+                _handle(executor, node, 0.0)
                 while not stop and (left := node.pacer.remaining()) > 0.0:
-                    executor.spin_once(timeout_sec=left)
+                    _handle(executor, node, left)
                 if not stop:
                     node.pacer.advance()
                     node.tick()
@@ -54,3 +57,13 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             node.destroy_node()
     finally:
         try_shutdown()
+
+
+def _handle(executor: Executor, node: Any, seconds: float) -> None:
+    """Waits for a message and handles it. rclpy raises malformed requests here, before any callback of ours."""
+    try:
+        executor.spin_once(timeout_sec=seconds)
+    except Exception as error:  # noqa: BLE001  # no peer may end the node, and rclpy's errors have no common base
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+        node.refusals.add("rclpy", InputError("malformed", reason))

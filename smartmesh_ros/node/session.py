@@ -9,9 +9,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.pacing import Pacer
 from smartmesh_ros.node.parameters import Settings
-from smartmesh_ros.node.refusals import Refusals
+from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World
 
@@ -43,16 +44,20 @@ class Session:
         *,
         raw: bool = False,
         private: bool = True,
+        most: Callable[[], int] = lambda: MOST_ITEMS,
     ) -> None:
-        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged."""
+        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged.
 
-        def callback(message: Any) -> None:
+        ``raw``: whether ``take`` reads the message's bytes itself. ``most``: elements allowed in each of its sequences.
+        """
+
+        def callback(data: bytes) -> None:
             try:
-                take(message)
+                take(data if raw else message_from(data, kind, most()))
             except InputError as error:
                 self.refusals.add(topic, error)
 
-        self.node.create_subscription(kind, f"~/{topic}" if private else topic, callback, qos, raw=raw)
+        self.node.create_subscription(kind, f"~/{topic}" if private else topic, callback, qos, raw=True)
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
@@ -63,7 +68,7 @@ class Session:
                 response.success = True
             except InputError as error:
                 self.refusals.add(service, error)
-                response.message = str(error)
+                response.message = shortened(str(error))
                 response.success = False
             return response
 

@@ -38,7 +38,7 @@ class TerrainCollider(Node):
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
         self.session = session = Session(self, self.settings)
-        self.pacer = session.pacer
+        self.pacer, self.refusals = session.pacer, session.refusals
         self._waiting_spawns = list(self.settings.spawn)
         self._spawn_waiting()
         self._outputs = Publishing(session)
