@@ -3,7 +3,7 @@ PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
 
-.PHONY: help demo test lint prepare bench clean
+.PHONY: help demo test lint prepare bench studies load soak clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -22,6 +22,15 @@ prepare:  ## environment and install/ only
 
 bench:  ## running times against the report's tables
 	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/bench
+
+studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
+	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/studies $(ARGS)
+
+load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
+	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/load $(LOAD)
+
+soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours
+	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/soak $(SOAK)
 
 clean:  ## remove what the commands made
 	rm -rf .venv build install log

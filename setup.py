@@ -16,7 +16,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "studies/scenes/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -27,7 +27,7 @@ setup(
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
-        "studies": ["coal", "matplotlib", "mujoco", "sapien"],
+        "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
     },
     zip_safe=False,
@@ -41,6 +41,9 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",
+            f"load = {NAME}.studies.load.study:main",
+            f"soak = {NAME}.studies.load.soak:main",
+            f"studies = {NAME}.studies.accuracy:main",
         ],
     },
 )

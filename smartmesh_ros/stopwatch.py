@@ -43,29 +43,33 @@ class Stopwatch:
     A stage may be entered several times in one run (once per batch of bodies); `lap` ends the run.
     """
 
-    def __init__(self) -> None:
-        self._stages = {stage: _Stage() for stage in STAGES}
-        self._times = {stage: np.zeros(WINDOW) for stage in STAGES}
-        self._counts = dict.fromkeys(STAGES, 0)
+    def __init__(self, stages: tuple[str, ...] = STAGES) -> None:
+        self._stages = {stage: _Stage() for stage in stages}
+        self._times = {stage: np.zeros(WINDOW) for stage in stages}
+        self._counts = dict.fromkeys(stages, 0)
 
     def stage(self, name: str) -> _Stage:
         """``with stopwatch.stage("search"):`` times the block."""
         return self._stages[name]
 
+    def note(self, name: str, seconds: float) -> None:
+        """Adds a run of a stage that was timed elsewhere [s]."""
+        count = self._counts[name]
+        self._times[name][count % WINDOW] = seconds
+        self._counts[name] = count + 1
+
     def lap(self) -> None:
         """Ends the run of every stage that was entered since the last lap."""
         for name, stage in self._stages.items():
             if stage.ran:
-                count = self._counts[name]
-                self._times[name][count % WINDOW] = stage.pending
-                self._counts[name] = count + 1
+                self.note(name, stage.pending)
                 stage.pending = 0.0
                 stage.ran = False
 
     def read(self, *, clear: bool = True) -> list[StageTimes]:
-        """Times since the last clearing, one entry per stage in the order of the pipeline."""
+        """Times since the last clearing, one entry per stage, in their order."""
         result = []
-        for stage in STAGES:
+        for stage in self._stages:
             count = self._counts[stage]
             times = self._times[stage][: min(count, WINDOW)] * 1e6
             median, high, most = np.percentile(times, (50, 99, 100)) if count else (0.0, 0.0, 0.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from time import monotonic
 
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Odometry
@@ -74,7 +73,7 @@ class BodyInputs:
         stamp = conversions.stamp_seconds(header.stamp)
         transform = self._transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
-        time = clock.place(stamp, session.clock_now(), monotonic())
+        time = clock.place(stamp, session.clock_now(), session.clock.pace())
         for body in bodies:
             session.require_not_simulated(body.name)
         for body in bodies:

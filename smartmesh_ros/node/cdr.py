@@ -10,6 +10,7 @@ every number lies at a multiple of its own size from the end of the 4-byte heade
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,24 +94,42 @@ class _Walk:
             self.numbers(path, np.dtype(_FORMATS[kind.typename]), array.shape, array)
             return
         # Equal numbers all through (points, triangles) become one array; anything else is walked item by item.
-        probe = _Walk(self.offset)
+        dtype = _dtype_throughout(values[0], kind)
+        if dtype is not None:
+            known: dict[int, NDArray[Any]] = {}
+            for value in values:
+                if id(value) not in known:  # templates repeat one object
+                    known[id(value)] = _flat(value, kind)
+            flat = np.stack([known[id(value)] for value in values])
+            self.numbers(path, dtype, flat.shape, flat)
+            return
         for index, value in enumerate(values):
-            probe.field(value, kind, f"{path}[{index}]")
-        kinds = {leaf.dtype for leaf in probe.leaves}
-        count = sum(int(np.prod(leaf.shape)) for leaf in probe.leaves)
-        if len(kinds) == 1 and probe.leaves[-1].path.find(".size") < 0:
-            dtype = kinds.pop()
-            if probe.offset == _aligned(self.offset, dtype.itemsize) + count * dtype.itemsize:
-                flat = np.concatenate([np.ravel(leaf.value) for leaf in probe.leaves])
-                self.numbers(path, dtype, (len(values), count // len(values)), flat.reshape(len(values), -1))
-                return
-        self.offset = probe.offset
-        self.leaves += probe.leaves
+            self.field(value, kind, f"{path}[{index}]")
 
     def numbers(self, path: str, dtype: np.dtype[Any], shape: tuple[int, ...], value: Any) -> None:
         self.offset = _aligned(self.offset, dtype.itemsize)
         self.leaves.append(Leaf(path, self.offset, dtype, shape, value))
-        self.offset += dtype.itemsize * int(np.prod(shape))
+        self.offset += dtype.itemsize * math.prod(shape)
+
+
+def _dtype_throughout(value: Any, kind: Any) -> np.dtype[Any] | None:
+    """The one type of all numbers in a value of fixed size; None where there are several, or text or a sequence."""
+    if isinstance(kind, BasicType):
+        return np.dtype(_FORMATS[kind.typename])
+    if isinstance(kind, Array):
+        return _dtype_throughout(value[0], kind.value_type)
+    if not isinstance(kind, NamespacedType):
+        return None
+    fields = zip(value.get_fields_and_field_types(), value.SLOT_TYPES, strict=True)
+    dtypes = {_dtype_throughout(getattr(value, name), inner) for name, inner in fields}
+    return dtypes.pop() if len(dtypes) == 1 else None
+
+
+def _flat(value: Any, kind: Any) -> NDArray[Any]:
+    """The numbers of a value that `_dtype_throughout` has found to be of one type."""
+    walk = _Walk(0)
+    walk.field(value, kind, "")
+    return np.concatenate([np.ravel(leaf.value) for leaf in walk.leaves])
 
 
 class _Row(NamedTuple):
@@ -149,11 +168,15 @@ class Elements:
             self._rows[phase] = _Row(data, record, walk.offset)
         return self._rows[phase]
 
-    def put(self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any]) -> int:
+    def put(
+        self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any], *, same: bool = False
+    ) -> int:
         """Writes ``count`` elements at ``offset`` of ``buffer`` and returns where the next byte goes.
 
         ``fields``: values of the fields that differ from the template, by path, one row per element; a single number is
         taken for all. Strings are (count, bytes) arrays without their closing zero, as `text_rows` makes them.
+        ``same``: that as many elements with the same fields were the last thing written there, so that only the values
+        of the fields need writing.
         """
         if count == 0:
             return offset
@@ -169,18 +192,19 @@ class Elements:
         end = offset
         for index, first in enumerate(starts[:count]):
             step = cycle if index >= lead else count
-            end = max(end, self._put_rows(buffer, first, period, fields, slice(index, count, step)))
+            end = max(end, self._put_rows(buffer, first, period, fields, slice(index, count, step), same))
         return end
 
     def _put_rows(
-        self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice
+        self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice, same: bool
     ) -> int:
         """Writes the ``chosen`` elements, whose layout is the same, from ``first`` on, one every ``period`` bytes."""
         row = self._row(first % LONGEST)
         count = len(range(chosen.start, chosen.stop, chosen.step))
         size = len(row.template)
-        block = np.ndarray((count, size), np.uint8, buffer, first, (period, 1))
-        block[...] = row.template
+        if not same:
+            block = np.ndarray((count, size), np.uint8, buffer, first, (period, 1))
+            block[...] = row.template
         view: Any = np.ndarray((count,), row.record, buffer, first, (period,))
         for path, value in fields.items():
             part = value[chosen] if np.ndim(value) else value

@@ -20,10 +20,20 @@ from smartmesh_ros.terrain.grid import GridGeometry
 FloatGrid = NDArray[np.float32]
 
 
-class MapInput(NamedTuple):
-    """A whole map: where it lies, heights (rows, columns) [m], and velocities [m/s] or None."""
+class Quaternion(NamedTuple):
+    """A rotation."""
 
-    geometry: GridGeometry
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class MapInput(NamedTuple):
+    """A whole map: where it lies (None = its tile goes), heights (rows, columns) [m], and velocities [m/s] or None."""
+
+    start: Stamped
+    geometry: GridGeometry | None
     heights: FloatGrid
     velocities: FloatGrid | None
 
@@ -31,6 +41,7 @@ class MapInput(NamedTuple):
 class RegionInput(NamedTuple):
     """A rectangle of new heights (rows, columns) [m] from a first row and column, and velocities [m/s] or None."""
 
+    start: Stamped
     row: int
     column: int
     heights: FloatGrid
@@ -72,33 +83,31 @@ def stamp_seconds(stamp: Any) -> float | None:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def map_from(message: Any, max_samples: int) -> MapInput:
-    """A Heightmap message, sizes checked before anything is touched."""
-    info = message.info
-    _require_count(info.width, info.height, len(message.heights), len(message.velocities), max_samples)
-    geometry = GridGeometry(
-        rows=info.height,
-        columns=info.width,
-        resolution=info.resolution,
-        origin=(info.origin.position.x, info.origin.position.y, info.origin.position.z),
-        yaw=yaw_from(info.origin.orientation),
-    )
-    shape = (info.height, info.width)
-    velocities = _grid(message.velocities, shape) if message.velocities else None
-    return MapInput(geometry, _grid(message.heights, shape), velocities)
+def map_from(data: bytes, max_samples: int) -> MapInput:
+    """A Heightmap message from its bytes, sizes checked before anything is touched; the arrays lie over the bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    reader.number("i"), reader.number("I")  # map_load_time
+    resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
+    x, y, z = (reader.number("d") for _ in range(3))
+    orientation = Quaternion(*(reader.number("d") for _ in range(4)))
+    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    if not rows and not columns and not len(heights):
+        return MapInput(start, None, heights, None)
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
+                            yaw=yaw_from(orientation))  # fmt: skip
+    return MapInput(start, geometry, *_grids(heights, velocities, (rows, columns)))
 
 
-def region_from(message: Any, max_samples: int) -> RegionInput:
-    """A HeightmapUpdate message."""
-    _require_count(message.width, message.height, len(message.heights), len(message.velocities), max_samples)
-    shape = (message.height, message.width)
-    velocities = _grid(message.velocities, shape) if message.velocities else None
-    return RegionInput(message.y, message.x, _grid(message.heights, shape), velocities)
-
-
-def is_removal(message: Any) -> bool:
-    """Whether a Heightmap message takes its tile away."""
-    return message.info.width == 0 and message.info.height == 0 and not message.heights
+def region_from(data: bytes, max_samples: int) -> RegionInput:
+    """A HeightmapUpdate message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    column, row, columns, rows = (reader.number("I") for _ in range(4))
+    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    return RegionInput(start, row, column, *_grids(heights, velocities, (rows, columns)))
 
 
 def mesh_from(data: bytes, max_samples: int) -> MeshInput:
@@ -188,9 +197,9 @@ def shape_from(primitive: Any) -> Shape:
     return Cylinder(radius, height)
 
 
-def _grid(values: Any, shape: tuple[int, int]) -> FloatGrid:
-    """A message's float32 array as (rows, columns), without a copy."""
-    return np.frombuffer(values, np.float32).reshape(shape)
+def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
+    """Flat arrays as (rows, columns), without a copy."""
+    return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
 
 
 def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:

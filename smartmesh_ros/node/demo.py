@@ -24,7 +24,7 @@ import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, Heightmap, Timing, TrackedBodyArray
@@ -33,6 +33,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import demo_pictures
 from smartmesh_ros.node.conversions import map_from
+from smartmesh_ros.node.dds import use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 SOURCE = {
@@ -104,7 +105,7 @@ class Demo(Node):
 
     def terrain(self) -> HeightMap:
         """The newest map."""
-        new = map_from(self.latest("heightmap"), 2**31)
+        new = map_from(serialize_message(self.latest("heightmap")), 2**31)
         return HeightMap(new.heights, geometry=new.geometry)
 
     def spawn_all(self) -> None:
@@ -192,6 +193,7 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
     options = parser.parse_args(args)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    use_large_message_profile()
     rclpy.init()
     demo = Demo()
     try:

@@ -17,7 +17,10 @@ STALE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Health:
-    """What the diagnostics say beyond the world itself."""
+    """What the diagnostics say beyond the world itself.
+
+    ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers whose QoS does not fit, by topic.
+    """
 
     map_age: float | None
     real_time_factor: float
@@ -25,15 +28,18 @@ class Health:
     paused: bool
     refusals: Counter[str]
     new_refusals: int
+    rival_clocks: list[str]
+    incompatible: dict[str, str]
 
 
 def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
-    """One status per task: terrain, bodies, physics, inputs."""
+    """One status per task: terrain, bodies, physics, inputs, connections."""
     return [
         _status(node_name, "terrain", *_terrain(world, health)),
         _status(node_name, "bodies", *_bodies(world)),
         _status(node_name, "physics", *_physics(health)),
         _status(node_name, "inputs", *_inputs(health)),
+        _status(node_name, "connections", *_connections(health)),
     ]
 
 
@@ -96,6 +102,16 @@ def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     if health.new_refusals:
         return DiagnosticStatus.WARN, f"{health.new_refusals} refused in the last second", values
     return DiagnosticStatus.OK, f"{health.refusals.total()} refused so far", values
+
+
+def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
+    values: dict[str, Any] = {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}
+    if health.rival_clocks:
+        values["/clock is also published by"] = ", ".join(health.rival_clocks)
+        return DiagnosticStatus.ERROR, f"silent on /clock, which {health.rival_clocks[0]} publishes", values
+    if values:
+        return DiagnosticStatus.WARN, f"incompatible QoS on {', '.join(health.incompatible)}", values
+    return DiagnosticStatus.OK, "no incompatible QoS", values
 
 
 def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:

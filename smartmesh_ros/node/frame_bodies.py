@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from time import monotonic
-
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
@@ -38,7 +36,7 @@ class FrameBodies:
         session, buffer = self._session, self._transforms.buffer
         if not session.settings.frames or not session.frame_id:
             return
-        now = monotonic()
+        now = session.clock.pace()
         overdue = now >= self._due
         if buffer.version == self._version and not overdue:
             return
@@ -58,7 +56,7 @@ class FrameBodies:
         if stamp is not None and stamp == self._stamps.get(name):
             return
         clock = self._clocks.setdefault(name, StampClock())
-        time = clock.place(stamp, session.clock_now(), monotonic())
+        time = clock.place(stamp, session.clock_now(), session.clock.pace())
         session.tracking.update(name, session.settings.default_radius, BodyState(*pose), time)
         clock.accept(stamp, time)
         if stamp is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Hashable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -15,9 +15,9 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.node.cdr import HEADER, Elements, text_rows
+from smartmesh_ros.node.states import StateTable
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.state import BodyState
 
 KINDS = {
     "heightfield": ColliderPatch.HEIGHTFIELD,
@@ -40,6 +40,9 @@ class ArrayMessage:
         self._end = 0
         self._count = 0
         self._count_at = 0
+        # What was added where in this message and in the one before: where nothing differs, the constant bytes stand.
+        self._added: list[Hashable] = []
+        self._before: list[Hashable] = []
 
     def start(self, header: Header | None) -> None:
         """Begins a message, with its header if its type has one."""
@@ -51,6 +54,7 @@ class ArrayMessage:
                 self._layouts[key] = Elements(header)
             stamp = {"stamp.sec": header.stamp.sec, "stamp.nanosec": header.stamp.nanosec}
             self._end = self._layouts[key].put(self._buffer[4:], 0, 1, stamp)
+        self._before, self._added = self._added, [self._end]
         self._count_at = -(-self._end // 4) * 4
         self._end = self._count_at + 4
         self._count = 0
@@ -65,7 +69,10 @@ class ArrayMessage:
             grown = np.zeros(2 * need, np.uint8)
             grown[: 4 + self._end] = self._buffer[: 4 + self._end]
             self._buffer = grown
-        self._end = layout.put(self._buffer[4:], self._end, count, fields)
+            self._before = []
+        self._added.append((key, count, *fields))
+        same = self._added == self._before[: len(self._added)]
+        self._end = layout.put(self._buffer[4:], self._end, count, fields, same=same)
         self._count += count
 
     def finish(self) -> bytes:
@@ -84,9 +91,12 @@ class PatchMarkers:
         self._next_id = 0
         self._names: list[str] = []
         self._shown: set[int] = set()
+        self._sent = SentPatches()
 
-    def write(self, header: Header, batches: list[PatchBatch], names: list[str]) -> bytes:
-        """The MarkerArray of all patches, and of those that went since the last one.
+    def write(
+        self, header: Header, batches: list[PatchBatch], names: list[str], *, only_changed: bool = False
+    ) -> bytes:
+        """The MarkerArray of all patches (or of those that differ from what was last sent), and of those that went.
 
         ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
         """
@@ -94,19 +104,24 @@ class PatchMarkers:
             self._names = names
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
             self._next_id += len(names)
+            self._sent = SentPatches(len(names))
         message = self._message
         message.start(None)
         stamp = {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}
         shown: set[int] = set()
-        for batch, members, triangles in _by_triangles(batches):
-            ids = [self._ids[names[index]] for index in batch.bodies[members].tolist()]
-            shown.update(ids)
-            corners = triangles.ravel()
+        for group in _by_triangles(batches):
+            ids = np.array([self._ids[names[index]] for index in group.bodies.tolist()], np.int64)
+            shown.update(ids.tolist())
+            vertices = group.vertices_w
+            if only_changed:
+                changed = self._sent.changed(group)
+                ids, vertices = ids[changed], vertices[changed]
+            corners = group.triangles.ravel()
             message.add(
                 (header.frame_id, corners.size),
                 lambda: _marker(header.frame_id, Marker.ADD, corners.size),  # noqa: B023  # called at once
                 len(ids),
-                {**stamp, "id": np.array(ids), "points": batch.vertices_w()[members][:, corners]},
+                {**stamp, "id": ids, "points": vertices[:, corners]},
             )
         gone = sorted(self._shown - shown)
         message.add(
@@ -116,7 +131,47 @@ class PatchMarkers:
             {**stamp, "id": np.array(gone)},
         )
         self._shown = shown
+        if only_changed:
+            self._sent.end()
+        else:
+            self._sent.forget()
         return message.finish()
+
+
+class SentPatches:
+    """The patches as they were last sent, to tell which have changed."""
+
+    def __init__(self, count: int = 0) -> None:
+        self._count = count
+        self._kinds: dict[tuple[int, bytes], tuple[int, NDArray[np.float64]]] = {}
+        # Which of them each body's was, -1 = none; and whether it was there this time.
+        self._kind = np.full(count, -1)
+        self._there = np.zeros(count, bool)
+
+    def end(self) -> None:
+        """Ends a message: a body that was not in it comes back as new."""
+        self._kind[~self._there] = -1
+        self._there[:] = False
+
+    def forget(self) -> None:
+        """Takes every patch as changed the next time."""
+        self._kind[:] = -1
+
+    def changed(self, group: PatchGroup) -> NDArray[np.bool_]:
+        """Which of a group are not as they were sent last (n,); takes them as sent."""
+        self._there[group.bodies] = True
+        if not group.whole:  # at a hole: rare, and of any shape
+            self._kind[group.bodies] = -1
+            return np.ones(len(group.bodies), bool)
+        key = (group.vertices_w.shape[1], group.triangles.tobytes())
+        if key not in self._kinds:
+            self._kinds[key] = len(self._kinds), np.full((self._count, key[0], 3), np.nan)
+        kind, sent = self._kinds[key]
+        differs = (self._kind[group.bodies] != kind) | (sent[group.bodies] != group.vertices_w).any(axis=(1, 2))
+        bodies = group.bodies[differs]
+        self._kind[bodies] = kind
+        sent[bodies] = group.vertices_w[differs]
+        return np.asarray(differs)
 
 
 class ColliderPatches:
@@ -129,9 +184,9 @@ class ColliderPatches:
         """The ColliderPatchArray of all patches."""
         message = self._message
         message.start(header)
-        for batch, members, triangles in _by_triangles(batches):
-            vertices = batch.vertices_w()[members]
-            for part, texts in _by_length([names[index] for index in batch.bodies[members].tolist()]):
+        for group in _by_triangles(batches):
+            batch, members, triangles = group.batch, group.members, group.triangles
+            for part, texts in _by_length([names[index] for index in group.bodies.tolist()]):
                 chosen = members[part]
                 fields = {
                     "body_id": text_rows(texts),
@@ -139,16 +194,17 @@ class ColliderPatches:
                     "column": batch.columns[chosen],
                     "stride": batch.stride[chosen],
                     "deviation": batch.deviation[chosen],
-                    "mesh.vertices": vertices[part],
+                    "mesh.vertices": group.vertices_w[part],
                     "mesh.triangles": np.broadcast_to(triangles, (len(texts), *triangles.shape)),
                 }
                 if carry_velocity:
                     for axis, name in enumerate("xyz"):
                         fields[f"surface_twist.linear.{name}"] = batch.linear_w[chosen, axis]
                         fields[f"surface_twist.angular.{name}"] = batch.angular_w[chosen, axis]
+                vertices = group.vertices_w.shape[1]
                 message.add(
-                    (batch.tile, batch.kind, len(texts[0].encode()), vertices.shape[1], len(triangles)),
-                    lambda: _collider_patch(batch.tile, batch.kind, texts[0], vertices.shape[1], len(triangles)),  # noqa: B023
+                    (batch.tile, batch.kind, len(texts[0].encode()), vertices, len(triangles)),
+                    lambda: _collider_patch(batch.tile, batch.kind, texts[0], vertices, len(triangles)),  # noqa: B023
                     len(texts),
                     fields,
                 )
@@ -161,27 +217,20 @@ class BodyStates:
     def __init__(self) -> None:
         self._message = ArrayMessage()
 
-    def write(self, header: Header, bodies: list[tuple[str, float, BodyState]]) -> bytes:
-        """The TrackedBodyArray of bodies given as name, radius and state."""
+    def write(self, header: Header, states: StateTable) -> bytes:
+        """The TrackedBodyArray."""
         message = self._message
         message.start(header)
         # Order of spawning: neighbours with names of equal length go together.
-        start = 0
-        while start < len(bodies):
-            length = len(bodies[start][0].encode())
-            end = start
-            while end < len(bodies) and len(bodies[end][0].encode()) == length:
-                end += 1
-            group = bodies[start:end]
-            numbers = np.array([(*s.position, *s.orientation, *s.linear, *s.angular) for _, _, s in group])
-            fields: dict[str, Any] = {
-                "id": text_rows([name for name, _, _ in group]),
-                "radius": np.array([radius for _, radius, _ in group]),
-            }
+        lengths = np.array([len(name.encode()) for name in states.names], np.int64)
+        starts = np.flatnonzero(np.diff(lengths, prepend=-1))
+        ends = np.append(starts[1:], len(lengths))[: len(starts)]
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            length = int(lengths[start])
+            fields: dict[str, Any] = {"id": text_rows(states.names[start:end]), "radius": states.radii[start:end]}
             for column, path in enumerate(_STATE_FIELDS):
-                fields[path] = numbers[:, column]
-            message.add(length, lambda: TrackedBody(id="x" * length), len(group), fields)  # noqa: B023  # called at once
-            start = end
+                fields[path] = states.numbers[start:end, column]
+            message.add(length, lambda: TrackedBody(id="x" * length), end - start, fields)  # noqa: B023  # called at once
         return message.finish()
 
 
@@ -197,19 +246,20 @@ class Contacts:
         message.start(header)
         for part, texts in _by_length([contact.body for contact in contacts]):
             group = [contacts[index] for index in part.tolist()]
-            fields: dict[str, Any] = {
-                "body_id": text_rows(texts),
-                "depth": np.array([contact.depth for contact in group]),
-                "normal_force": np.array([contact.normal_force for contact in group]),
-            }
-            for axis, name in enumerate("xyz"):
-                fields[f"position.{name}"] = np.array([contact.position[axis] for contact in group])
-                fields[f"normal.{name}"] = np.array([contact.normal[axis] for contact in group])
+            numbers = np.array([(*c.position, *c.normal, c.depth, c.normal_force) for c in group])
+            fields: dict[str, Any] = {path: numbers[:, column] for column, path in enumerate(_CONTACT_FIELDS)}
+            fields["body_id"] = text_rows(texts)
             length = len(texts[0].encode())
             message.add(length, lambda: Contact(body_id="x" * length), len(group), fields)  # noqa: B023
         return message.finish()
 
 
+_CONTACT_FIELDS = (
+    *(f"position.{axis}" for axis in "xyz"),
+    *(f"normal.{axis}" for axis in "xyz"),
+    "depth",
+    "normal_force",
+)
 _STATE_FIELDS = (
     *(f"pose.position.{axis}" for axis in "xyz"),
     *(f"pose.orientation.{axis}" for axis in "xyzw"),
@@ -218,19 +268,34 @@ _STATE_FIELDS = (
 )
 
 
-def _by_triangles(batches: list[PatchBatch]) -> Iterator[tuple[PatchBatch, NDArray[np.int64], NDArray[np.int32]]]:
+class PatchGroup(NamedTuple):
+    """Patches of a batch that show the same triangles (T, 3): rows ``members`` (n,) of the batch, their bodies (n,) and
+    vertices (n, K, 3) [m]. ``whole``: whether these are all triangles of the batch."""
+
+    batch: PatchBatch
+    members: NDArray[np.int64]
+    bodies: NDArray[np.int64]
+    vertices_w: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    whole: bool
+
+
+def _by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
     """Patches grouped by the triangles they show: those that touch a hole are left out."""
     for batch in batches:
-        members = np.arange(len(batch.bodies))
-        if batch.may_have_holes:
-            ground = ~np.isnan(batch.vertices_w()[..., 2])
-            for index in np.flatnonzero(~ground.all(axis=1)):
-                solid = ground[index][batch.triangles].all(axis=1)
-                if solid.any():
-                    yield batch, np.array([index]), batch.triangles[solid]
-            members = np.flatnonzero(ground.all(axis=1))
+        vertices = batch.vertices_w()
+        if not batch.may_have_holes:
+            yield PatchGroup(batch, np.arange(len(vertices)), batch.bodies, vertices, batch.triangles, True)
+            continue
+        ground = ~np.isnan(vertices[..., 2])
+        for index in np.flatnonzero(~ground.all(axis=1)):
+            solid = ground[index][batch.triangles].all(axis=1)
+            if solid.any():
+                one = np.array([index])
+                yield PatchGroup(batch, one, batch.bodies[one], vertices[one], batch.triangles[solid], False)
+        members = np.flatnonzero(ground.all(axis=1))
         if members.size:
-            yield batch, members, batch.triangles
+            yield PatchGroup(batch, members, batch.bodies[members], vertices[members], batch.triangles, True)
 
 
 def _by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:

@@ -2,40 +2,81 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import monotonic
+from typing import Literal
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.stopwatch import Stopwatch
+
+DeadlinePolicy = Literal["skip", "catch_up", "slow_down"]
 
 # A loop that is later than this gives the lost time up instead of catching up: simulated time then falls behind [s].
 MOST_CATCH_UP = 0.1
+# The same on the clock of another simulator, whose messages may be that far apart [s].
+MOST_JUMP = 1.0
 # A stamp between these ages on arrival [s] is on our clock; any other comes from a clock of its own.
 OLDEST, NEWEST = 1.0, -0.05
 
 
 class Pacer:
-    """Deadlines of a loop of fixed period on the steady clock."""
+    """Deadlines of a loop of fixed period, on the steady clock unless ``now`` gives another [s].
 
-    def __init__(self, period: float) -> None:
+    A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
+
+    ``lateness`` collects how late the steps started.
+
+    - *skip*: the missed steps are left out and the beat is kept. `advance` returns how many there were, so that
+      simulated time can go on without them.
+    - *catch_up*: the missed steps run one right after the other until the loop is on its beat again. What is more than
+      `MOST_CATCH_UP` late is given up.
+    - *slow_down*: the next deadline is one period after the late step, so that no step is left out and none follows
+      the one before sooner than a period; simulated time runs slower than the clock.
+    """
+
+    def __init__(
+        self, period: float, policy: DeadlinePolicy = "catch_up", now: Callable[[], float] = monotonic
+    ) -> None:
         self.period = period
+        self.policy = policy
         self.misses = 0
-        self.deadline = monotonic() + period
+        self.most_catch_up = MOST_CATCH_UP
+        self.lateness = Stopwatch(("lateness",))
+        self._now = now
+        self.deadline = now() + period
 
     def restart(self) -> None:
-        """Starts anew, after a pause."""
-        self.deadline = monotonic() + self.period
+        """Starts anew, after a pause or when the clock was set."""
+        self.deadline = self._now() + self.period
 
     def remaining(self) -> float:
         """Time to the next deadline [s]; negative when it is over."""
-        return self.deadline - monotonic()
+        left = self.deadline - self._now()
+        if left > self.period:  # the clock was set back, or the period became shorter
+            self.deadline -= left - self.period
+            return self.period
+        return left
 
-    def advance(self) -> None:
-        """Notes that the work of this deadline is starting, and sets the next one."""
+    def advance(self) -> int:
+        """Notes that the work of this deadline is starting, and sets the next one; returns the steps to leave out."""
         late = -self.remaining()
-        if late > self.period:
-            self.misses += 1
-        if late > MOST_CATCH_UP:
+        self.lateness.note("lateness", max(late, 0.0))
+        missed = int(late / self.period) if late > self.period else 0
+        skipped = 0
+        if missed and self.policy == "catch_up":
+            # The others that are late by now are counted when their turn comes, unless they are given up.
+            given_up = late > self.most_catch_up
+            self.misses += missed if given_up else 1
+            self.deadline += late if given_up else 0.0
+        elif missed and self.policy == "slow_down":
+            self.misses += missed
             self.deadline += late
+        elif missed:
+            self.misses += missed
+            self.deadline += missed * self.period
+            skipped = missed
         self.deadline += self.period
+        return skipped
 
 
 class StampClock:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
 from rcl_interfaces.msg import SetParametersResult
@@ -17,7 +17,9 @@ from rclpy.parameter import Parameter
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import declaring
 from smartmesh_ros.node.body_sources import BodySource, body_sources
+from smartmesh_ros.node.clock import require_one_clock
 from smartmesh_ros.node.declaring import Spec
+from smartmesh_ros.node.pacing import DeadlinePolicy
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
@@ -41,6 +43,7 @@ class PublishRates:
     body_states: float = 60.0
     contacts: float = 30.0
     timing: float = 1.0
+    clock: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,18 +54,24 @@ class Settings:
     motion: MotionConfig = field(default_factory=MotionConfig)
     publish: PublishRates = field(default_factory=PublishRates)
     frame_id: str = ""
-    max_samples: int = 64_000_000
+    max_samples: int = 16_384**2
     durability: Durability = "volatile"
     reliability: Reliability = "reliable"
     input: TerrainInput = "heightmap"
     file: str = ""
     raster: RasterConfig = field(default_factory=RasterConfig)
-    body_timeout: float = 1.0
-    default_radius: float = 0.25
-    spawn: tuple[str, ...] = ()
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
+    map_depth: int = 2
+    update_depth: int = 100
+    output_durability: Durability = "volatile"
+    output_depth: int = 10
+    incremental: bool = False
+    body_timeout: float = 1.0
+    default_radius: float = 0.25
+    spawn: tuple[str, ...] = ()
+    deadline: DeadlinePolicy = "catch_up"
     executor: ExecutorKind = "events"
 
 
@@ -76,6 +85,10 @@ SPECS = (
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
+    Spec(
+        "physics.deadline", _D.deadline, "What becomes of steps that are late: they are skipped, run as soon as "
+        "possible, or slow simulated time down.", choices=get_args(DeadlinePolicy),
+    ),
     Spec("search.method", _PATCH.search, "How the nearest vertex is found.", choices=get_args(SearchMethod)),
     Spec("collect.method", _PATCH.collect, "How the vertices of a patch are found.", choices=get_args(CollectMethod)),
     Spec(
@@ -116,6 +129,8 @@ SPECS = (
     Spec("raster.first_row", _RASTER.first_row, "Whether the first row of images and plain files is at the top, where "
          "y is largest, or at the bottom.", choices=get_args(FirstRow)),
     Spec("raster.zero_is_hole", _RASTER.zero_is_hole, "In images and plain files zero means no ground."),
+    Spec("terrain.map_depth", _D.map_depth, "Whole maps that may wait to be taken.", 1, 1000, read_only=True),
+    Spec("terrain.update_depth", _D.update_depth, "Updates that may wait.", 1, 100_000, read_only=True),
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
@@ -129,6 +144,15 @@ SPECS = (
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     Spec("publish.contacts", _D.publish.contacts, "Rate of ~/contacts [Hz].", 0.0, 1000.0),
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
+    Spec("publish.incremental", _D.incremental, "~/patches holds only the patches that changed, and all of them when a "
+         "subscriber joins and every 5 s."),
+    Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
+    Spec(
+        "publish.durability", _D.output_durability, "QoS durability of the outputs; transient_local keeps the last "
+        "publish.depth messages for late joiners.", choices=get_args(Durability), read_only=True,
+    ),
+    Spec("publish.depth", _D.output_depth, "Messages of an output that are kept until they are delivered.", 1, 10_000,
+         read_only=True),
     Spec("frame_id", _D.frame_id, "Frame of the terrain; empty = that of the first map.", read_only=True),
     Spec("executor", _D.executor, "How rclpy waits for messages.", choices=get_args(ExecutorKind), read_only=True),
 )  # fmt: skip
@@ -159,9 +183,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         motion=MotionConfig(
             mode=v["terrain.motion"], max_interval=v["terrain.max_interval"], max_velocity=v["terrain.max_velocity"]
         ),
-        publish=PublishRates(
-            **{name.partition(".")[2]: value for name, value in v.items() if name.startswith("publish.")}
-        ),
+        publish=PublishRates(**{rate.name: v[f"publish.{rate.name}"] for rate in fields(PublishRates)}),
         frame_id=v["frame_id"],
         max_samples=v["terrain.max_samples"],
         durability=v["terrain.durability"],
@@ -178,17 +200,25 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             first_row=v["raster.first_row"],
             zero_is_hole=v["raster.zero_is_hole"],
         ),
+        **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
+        map_depth=v["terrain.map_depth"],
+        update_depth=v["terrain.update_depth"],
+        output_durability=v["publish.durability"],
+        output_depth=v["publish.depth"],
+        incremental=v["publish.incremental"],
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
-        **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
+        deadline=v["physics.deadline"],
         executor=v["executor"],
     )
 
 
 def declare(node: Node) -> Settings:
     """Declares the node's parameters and returns its settings; raises `InputError` if they are impossible."""
-    return settings_from(declaring.declare(node, SPECS))
+    settings = settings_from(declaring.declare(node, SPECS))
+    require_one_clock(settings.publish.clock, node.get_parameter("use_sim_time").value)
+    return settings
 
 
 def current_settings(node: Node) -> Settings:
@@ -203,7 +233,10 @@ def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings
     """
     try:
         known = {change.name: declaring.plain_value(change) for change in changes if change.name in NAMES}
-        check(settings_from({**declaring.current_values(node, SPECS), **known}))
+        settings = settings_from({**declaring.current_values(node, SPECS), **known})
+        sim_time = [change.value for change in changes if change.name == "use_sim_time"]
+        require_one_clock(settings.publish.clock, (sim_time or [node.get_parameter("use_sim_time").value])[-1])
+        check(settings)
     except InputError as error:
         return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)

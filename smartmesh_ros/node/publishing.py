@@ -7,14 +7,19 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, StageTiming, Timing, TrackedBodyArray
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node import diagnostics, outputs
+from smartmesh_ros.node.clock_publishing import ClockPublishing
+from smartmesh_ros.node.peers import incompatible_peers
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.states import simulated_states
 
+# In incremental mode all patches are published at least so often [s].
+ALL_PATCHES_PERIOD = 5.0
 RELIABLE = QoSProfile(depth=10)
 
 
@@ -50,6 +55,10 @@ class Publishing:
         self._collider_patches = outputs.ColliderPatches()
         self._body_states = outputs.BodyStates()
         self._contacts = outputs.Contacts()
+        self._clock = ClockPublishing(session)
+        self._qos = QoSProfile(
+            depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
+        )
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),
             "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
@@ -57,7 +66,9 @@ class Publishing:
             "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
             "timing": self._output(Timing, "~/timing", self._make_timing),
         }
-        self._diagnostics = self._output(DiagnosticArray, "/diagnostics", self._make_diagnostics)
+        self._diagnostics = _Output(
+            self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
+        )
         # Staggered, so that no step has to write all of them.
         start = monotonic()
         self._due = {
@@ -68,6 +79,8 @@ class Publishing:
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
         self._refused_before = 0
+        self._listeners = 0
+        self._all_patches_due = 0.0
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
@@ -81,18 +94,30 @@ class Publishing:
                 if output.publisher.get_subscription_count():
                     with self._world.stopwatch.stage("publish"):
                         output.publisher.publish(output.make())
+        self._clock.publish(time)
         if time >= self._diagnostics_due:
             self._diagnostics_due = time + 1.0
             self._diagnostics.publisher.publish(self._diagnostics.make())
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
-        return _Output(self._node.create_publisher(kind, topic, RELIABLE), make)
+        return _Output(self._node.create_publisher(kind, topic, self._qos), make)
 
     def _header(self) -> Header:
-        return Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._session.frame_id)
+        return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
     def _make_patches(self) -> bytes:
-        return self._markers.write(self._header(), self._world.ground.batches, self._world.follower_names())
+        # Everything for whoever came since, and now and then for whoever missed something.
+        listeners, now = self._outputs["patches"].publisher.get_subscription_count(), monotonic()
+        only_changed = (
+            self._session.settings.incremental and listeners == self._listeners and now < self._all_patches_due
+        )
+        self._listeners = listeners
+        if not only_changed:
+            self._all_patches_due = now + ALL_PATCHES_PERIOD
+        world = self._world
+        return self._markers.write(
+            self._header(), world.ground.batches, world.follower_names(), only_changed=only_changed
+        )
 
     def _make_collider_patches(self) -> bytes:
         world = self._world
@@ -100,11 +125,7 @@ class Publishing:
         return self._collider_patches.write(self._header(), world.ground.batches, world.follower_names(), carried)
 
     def _make_body_states(self) -> bytes:
-        world = self._world
-        simulated = [body for body in world.bodies.values() if not body.tracked]
-        return self._body_states.write(
-            self._header(), [(body.name, body.radius, world.state(body.name)) for body in simulated]
-        )
+        return self._body_states.write(self._header(), simulated_states(self._world))
 
     def _make_contacts(self) -> bytes:
         return self._contacts.write(self._header(), self._world.contacts())
@@ -115,10 +136,10 @@ class Publishing:
             StageTiming(
                 stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
             )
-            for times in self._world.stopwatch.read()
+            for times in (*self._world.stopwatch.read(), *self._session.pacer.lateness.read())
         ]
         message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = self._session.stamp_now()
         return message
 
     def _make_diagnostics(self) -> DiagnosticArray:
@@ -131,9 +152,13 @@ class Publishing:
             deadline_misses=session.pacer.misses,
             paused=session.paused,
             refusals=session.refusals.counts,
+            rival_clocks=self._clock.rivals,
+            incompatible=incompatible_peers(
+                self._node, session.subscriptions, [output.publisher for output in self._outputs.values()]
+            ),
             new_refusals=refused - self._refused_before,
         )
         self._refused_before = refused
         message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = self._session.stamp_now()
         return message

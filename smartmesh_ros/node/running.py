@@ -6,27 +6,40 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import Any, Literal
 
 import rclpy
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 
-ExecutorKind = Literal["events", "single_threaded"]
+# Time may stand still; signals are obeyed nevertheless, and ``idle()`` is called so often [s].
+LONGEST_WAIT = 0.1
+
+# Messages and calls handled between two steps by a loop that is late.
+MOST_WHEN_LATE = 8
+
+ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
 
 
 def executor_of(kind: ExecutorKind) -> Executor:
     """An executor by the name that the parameter ``executor`` uses."""
-    return EventsExecutor() if kind == "events" else SingleThreadedExecutor()
+    makers: dict[ExecutorKind, Callable[[], Executor]] = {
+        "events": EventsExecutor,
+        "single_threaded": SingleThreadedExecutor,
+        "multi_threaded": partial(MultiThreadedExecutor, num_threads=2),
+    }
+    return makers[kind]()
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
-    """Makes a node and calls its ``tick()`` at each of its ``pacer``'s deadlines, handling messages in between.
+    """Makes a node and calls its ``tick(skipped)`` at each deadline of its ``pacer``, handling messages in between.
 
     The events executor is driven by ``spin_once``: at 240 Hz it costs a tenth of what the others do, and a loop of our
     own keeps the deadlines. What rclpy itself cannot take (a request that is no such request, a parameter of no type) is
@@ -44,19 +57,34 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             sys.exit(2)
         executor = executor_of(node.settings.executor)
         executor.add_node(node)
+        worked = monotonic()
         try:
             while not stop:
-                _handle(executor, node, 0.0)
+                if node.pacer.remaining() <= 0.0:
+                    _handle_some(executor, node)
                 while not stop and (left := node.pacer.remaining()) > 0.0:
-                    _handle(executor, node, left)
+                    _handle(executor, node, min(left, LONGEST_WAIT))
+                    if monotonic() - worked > LONGEST_WAIT:
+                        node.idle()
+                        worked = monotonic()
                 if not stop:
-                    node.pacer.advance()
-                    node.tick()
+                    node.tick(node.pacer.advance())
+                    worked = monotonic()
         finally:
             executor.remove_node(node)
             node.destroy_node()
     finally:
         try_shutdown()
+
+
+def _handle_some(executor: Executor, node: Any) -> None:
+    """Handles some of the messages that wait while the loop is late; a call of the executor costs too much to ask
+    again when there was none."""
+    for _ in range(MOST_WHEN_LATE):
+        handled = node.handled
+        _handle(executor, node, 0.0)
+        if node.handled == handled:
+            return
 
 
 def _handle(executor: Executor, node: Any, seconds: float) -> None:

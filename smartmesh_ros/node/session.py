@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import RLock
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.clock import NodeClock, stamp_of
 from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
-from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.node.parameters import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.physics.tracking import Tracking
@@ -21,7 +24,8 @@ class Session:
     """One running node.
 
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
-    taken [s], None before the first. ``paused``: whether the physics stands still.
+    taken [s], None before the first. ``paused``: whether the physics stands still. ``lock``: held by whatever touches
+    the world, for executors with several threads. ``handled``: messages and calls so far.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -29,8 +33,13 @@ class Session:
         self.settings = settings
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
+        self.subscriptions: list[Any] = []
+        self.handled = 0
         self.refusals = Refusals(node.get_logger())
-        self.pacer = Pacer(settings.world.physics.dt)
+        self.lock = RLock()
+        self.clock = NodeClock(node)
+        self.pacer = Pacer(settings.world.physics.dt, now=self.clock.pace)
+        self.take_pace()
         self.frame_id = settings.frame_id
         self.map_taken: float | None = None
         self.paused = False
@@ -53,18 +62,23 @@ class Session:
 
         def callback(data: bytes) -> None:
             try:
-                take(data if raw else message_from(data, kind, most()))
+                with self.lock:
+                    self.handled += 1
+                    take(data if raw else message_from(data, kind, most()))
             except InputError as error:
                 self.refusals.add(topic, error)
 
-        self.node.create_subscription(kind, f"~/{topic}" if private else topic, callback, qos, raw=True)
+        name = f"~/{topic}" if private else topic
+        self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
 
         def callback(request: Any, response: Any) -> Any:
             try:
-                response.message = act(request)
+                with self.lock:
+                    self.handled += 1
+                    response.message = act(request)
                 response.success = True
             except InputError as error:
                 self.refusals.add(service, error)
@@ -74,9 +88,22 @@ class Session:
 
         self.node.create_service(kind, f"~/{service}", callback)
 
+    def take_pace(self) -> None:
+        """Paces the loop as the settings and the clock want it."""
+        simulated = self.clock.simulated
+        self.pacer.period = self.settings.world.physics.dt
+        # The steps that are due come in bursts, with the messages of /clock: none of them is late.
+        self.pacer.policy = "catch_up" if simulated else self.settings.deadline
+        self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
+        self.pacer.restart()
+
     def clock_now(self) -> float:
-        """The node's clock [s]."""
-        return float(self.node.get_clock().now().nanoseconds) * 1e-9
+        """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""
+        return self.time_now() if self.settings.publish.clock else self.clock.stamp_now()
+
+    def stamp_now(self) -> Time:
+        """The stamp of what is published now."""
+        return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
 
     def time_now(self) -> float:
         """Simulated time at this instant [s]: that of the next step, less what is left until it is due."""

@@ -8,7 +8,6 @@ private (~/heightmap, ~/patches, ...) and listed in the README; `ros2 node info 
 
 from __future__ import annotations
 
-from time import monotonic
 from typing import Any
 
 from rclpy.node import Node
@@ -53,17 +52,34 @@ class TerrainCollider(Node):
             lambda changes: parameters.check_change(self, changes, self._check_settings)
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
+        session.clock.on_set_back(self._forget_stamps)
 
-    def tick(self) -> None:
-        """One physics step (none while paused), and whatever is due to be published."""
+    @property
+    def handled(self) -> int:
+        """Messages and calls handled so far."""
+        return self.session.handled
+
+    def tick(self, skipped: int = 0) -> None:
+        """One physics step (none while paused), and whatever is due to be published.
+
+        Simulated time goes on by the ``skipped`` steps before it; the bodies do not.
+        """
         session = self.session
-        self._bodies.refresh()
-        session.tracking.expire(monotonic())
-        if session.paused:
-            session.world.refresh()
-        else:
-            session.world.step()
-        self._outputs.publish()
+        with session.lock:
+            self._bodies.refresh()
+            session.tracking.expire(session.clock.pace())
+            if session.paused:
+                session.world.refresh()
+            else:
+                session.world.time += skipped * session.world.config.physics.dt
+                session.world.step()
+            self._outputs.publish()
+
+    def idle(self) -> None:
+        """Publishes what is due, and no step, while ``/clock`` stands still."""
+        with self.session.lock:
+            self.session.world.refresh()
+            self._outputs.publish()
 
     def destroy_node(self) -> None:
         """Ends the world with the node."""
@@ -117,9 +133,7 @@ class TerrainCollider(Node):
 
     def _on_reset(self, _: Trigger.Request) -> str:
         self.session.world.reset()
-        self._terrain.forget_stamps()
-        self._bodies.forget_stamps()
-        self.pacer.restart()
+        self._forget_stamps()
         return "bodies are back where they were spawned"
 
     def _on_pause(self, request: SetBool.Request) -> str:
@@ -127,21 +141,30 @@ class TerrainCollider(Node):
         self.pacer.restart()
         return "paused" if request.data else "running"
 
+    def _forget_stamps(self) -> None:
+        """Accepts whatever stamps come next, and starts the loop's beat anew."""
+        self._terrain.forget_stamps()
+        self._bodies.forget_stamps()
+        self.pacer.restart()
+
     def _check_settings(self, settings: parameters.Settings) -> None:
         """Objects to settings that the terrain there is does not allow."""
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)
 
     def _on_parameters_set(self, changes: list[Parameter]) -> None:
-        if not any(change.name in parameters.NAMES for change in changes):
+        names = {change.name for change in changes}
+        if not names & {*parameters.NAMES, "use_sim_time"}:
             return
         session = self.session
-        self.settings = session.settings = parameters.current_settings(self)
-        session.world.configure(self.settings.world)
-        for mesh in session.world.terrain.tiles.values():
-            mesh.motion = self.settings.motion
-        session.tracking.timeout = self.settings.body_timeout
-        self.pacer.period = self.settings.world.physics.dt
+        with session.lock:
+            self.settings = session.settings = parameters.current_settings(self)
+            session.world.configure(self.settings.world)
+            for mesh in session.world.terrain.tiles.values():
+                mesh.motion = self.settings.motion
+            session.tracking.timeout = self.settings.body_timeout
+            if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
+                session.take_pace()
 
 
 def main(args: list[str] | None = None) -> None:

@@ -14,13 +14,14 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainM
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
 from smartmesh_ros.node.adapters import ADAPTERS, occupancy_grid
-from smartmesh_ros.node.conversions import MapInput, RegionInput
+from smartmesh_ros.node.conversions import FloatGrid
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.ground import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.terrain import files
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.scrolling import velocities_across
 from smartmesh_ros.terrain.terrain import MainMesh
@@ -41,10 +42,10 @@ class TerrainInputs:
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
-        maps = QoSProfile(depth=2, durability=durability, reliability=reliability)
-        updates = QoSProfile(depth=100, durability=durability, reliability=reliability)
-        session.listen(Heightmap, "heightmap", self._on_map, maps)
-        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates)
+        maps = QoSProfile(depth=settings.map_depth, durability=durability, reliability=reliability)
+        updates = QoSProfile(depth=settings.update_depth, durability=durability, reliability=reliability)
+        session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
+        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
         if settings.input != "heightmap":
@@ -60,51 +61,56 @@ class TerrainInputs:
         """Accepts whatever stamps come next, after a reset."""
         self._clocks.clear()
 
-    def _on_map(self, message: Heightmap) -> None:
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting(message.tile, stamp, message.header.frame_id) as time:
-            if conversions.is_removal(message):
-                self._terrain.remove(message.tile)
+    def _on_map(self, data: bytes) -> None:
+        new = conversions.map_from(data, self._session.settings.max_samples)
+        start = new.start
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as time:
+            if new.geometry is None:
+                self._terrain.remove(start.tile)
             else:
-                self._take_map(message.tile, conversions.map_from(message, self._session.settings.max_samples), time)
+                self._take_map(start.tile, new.geometry, new.heights, new.velocities, time)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
         with self._ingesting("", stamp, message.header.frame_id) as time:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", MapInput(raster.geometry, raster.heights, None), time)
+            self._take_map("", raster.geometry, raster.heights, None, time)
 
-    def _take_map(self, tile: str, new: MapInput, time: float) -> None:
+    def _take_map(
+        self, tile: str, geometry: GridGeometry, heights: FloatGrid, velocities: FloatGrid | None, time: float
+    ) -> None:
         """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
         known = self._terrain.tiles.get(tile)
-        velocities = new.velocities
         if isinstance(known, HeightMap):
-            if known.geometry == new.geometry:
-                known.replace(new.heights, time=time, velocities=velocities)
+            if known.geometry == geometry:
+                known.replace(heights, time=time, velocities=velocities)
                 return
             if velocities is None:
-                velocities = velocities_across(known, new.geometry, new.heights, time)
+                velocities = velocities_across(known, geometry, heights, time)
         motion = self._session.settings.motion
-        self._put(tile, HeightMap(new.heights, geometry=new.geometry, time=time, velocities=velocities, motion=motion))
+        self._put(tile, HeightMap(heights, geometry=geometry, time=time, velocities=velocities, motion=motion))
 
-    def _on_region(self, message: HeightmapUpdate) -> None:
-        stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting(message.tile, stamp, message.header.frame_id, update=True) as time:
-            new = conversions.region_from(message, self._session.settings.max_samples)
-            self._take_region(message.tile, new, time)
+    def _on_region(self, data: bytes) -> None:
+        new = conversions.region_from(data, self._session.settings.max_samples)
+        start = new.start
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id, update=True) as time:
+            self._take_region(start.tile, new.row, new.column, new.heights, new.velocities, time)
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
         with self._ingesting("", stamp, message.header.frame_id, update=True) as time:
-            self._take_region("", occupancy_grid.region_from(message, settings.raster, settings.max_samples), time)
+            row, column, heights = occupancy_grid.region_from(message, settings.raster, settings.max_samples)
+            self._take_region("", row, column, heights, None, time)
 
-    def _take_region(self, name: str, new: RegionInput, time: float) -> None:
+    def _take_region(
+        self, name: str, row: int, column: int, heights: FloatGrid, velocities: FloatGrid | None, time: float
+    ) -> None:
         tile = self._terrain.tile(name)
         if not isinstance(tile, HeightMap):
             raise InputError("unknown_tile", f"tile {name!r} is a general mesh; use ~/terrain_mesh_update")
-        tile.update_region(new.row, new.column, new.heights, time=time, velocities=new.velocities)
+        tile.update_region(row, column, heights, time=time, velocities=velocities)
 
     def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
         kind = find_message("map_msgs", "OccupancyGridUpdate")
@@ -120,7 +126,7 @@ class TerrainInputs:
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
         with self._ingesting("", None, settings.frame_id) as time:
-            self._take_map("", MapInput(raster.geometry, raster.heights, None), time)
+            self._take_map("", raster.geometry, raster.heights, None, time)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings

@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.clock import NodeClock
 from smartmesh_ros.node.declaring import Spec, declare
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.pacing import Pacer
@@ -59,7 +60,7 @@ class TerrainSource(Node):
         super().__init__(NAME, **node_options)
         values = declare(self, SPECS)
         self.settings = SourceSettings()
-        self.pacer = Pacer(1.0 / values["rate"])
+        self.pacer = Pacer(1.0 / values["rate"], "skip", NodeClock(self).pace)
         self.refusals = Refusals(self.get_logger())
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
@@ -72,7 +73,7 @@ class TerrainSource(Node):
         self._listeners = 0
         self._full_due = 0.0
 
-    def tick(self) -> None:
+    def tick(self, _: int = 0) -> None:
         """Publishes the terrain as it is now."""
         now = self.get_clock().now()
         time = (now - self._start).nanoseconds * 1e-9
@@ -83,6 +84,11 @@ class TerrainSource(Node):
         else:
             self._publish_region(self._scene.changed(time), now.to_msg())
         self._listeners = listeners
+
+    handled = 0  # it takes no messages
+
+    def idle(self) -> None:
+        """Publishes nothing while time stands still."""
 
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry

@@ -31,7 +31,7 @@ class Heightfield:
     two together (row r, column c of the patch is PyBullet's row size - 1 - c, column r).
     """
 
-    def __init__(self, client: Any, size: int, spacing: float, park_x: float) -> None:
+    def __init__(self, client: Any, size: int, spacing: float, park_x: float, visual: int) -> None:
         bounds = [0.0] * (size * size)
         bounds[0], bounds[-1] = -BOUND, BOUND
         self.size = size
@@ -44,7 +44,8 @@ class Heightfield:
             numHeightfieldRows=size,
             numHeightfieldColumns=size,
         )
-        self.body: int = client.createMultiBody(0.0, self.shape, basePosition=self.park_position)
+        # With none given PyBullet makes a picture of the whole field, of some MiB each.
+        self.body: int = client.createMultiBody(0.0, self.shape, visual, basePosition=self.park_position)
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
         client.changeDynamics(self.body, -1, lateralFriction=1.0, restitution=1.0)
 
@@ -72,6 +73,7 @@ class HeightfieldPool:
     def __init__(self, client: Any, pairs: Pairs) -> None:
         self._client = client
         self._pairs = pairs
+        self._visual: int = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
         self._free: dict[tuple[int, float], list[Heightfield]] = defaultdict(list)
         self.created = 0
 
@@ -82,10 +84,15 @@ class HeightfieldPool:
             heightfield = free.pop()
         else:
             self.created += 1
-            heightfield = Heightfield(self._client, size, spacing, self.created * _PARK_STEP)
+            heightfield = Heightfield(self._client, size, spacing, self.created * _PARK_STEP, self._visual)
             self._pairs.claim(heightfield.body)
         self._pairs.join(heightfield.body, body, link)
         return heightfield
+
+    def forget_contacts(self, heightfield: Heightfield, body: int, link: int) -> None:
+        """Has PyBullet look for the contacts of a heightfield and its body anew."""
+        self._pairs.part(heightfield.body, body, link)
+        self._pairs.join(heightfield.body, body, link)
 
     def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""

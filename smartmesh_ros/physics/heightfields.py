@@ -16,6 +16,9 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # Heights that differ by less than this from the collider's are not worth replacing it [m].
 SAME_HEIGHT = 1e-6
+# PyBullet keeps the contacts of a heightfield that is replaced: a body stays up where the ground sank away under it.
+# They are dropped when any sample has sunk by more than this, seen from the collider's base [m].
+STALE = 5e-4
 
 _FILLS = {
     "_sizes": 0,
@@ -23,6 +26,7 @@ _FILLS = {
     "_shapes": -1,
     "_colliders": -1,
     "_heights": np.nan,
+    "_contact_heights": np.nan,
     "_poses": np.nan,
     "_twists": 0.0,
 }
@@ -43,6 +47,8 @@ class Heightfields:
         self._shapes = np.empty(0, np.int64)
         self._colliders = np.empty(0, np.int64)
         # What the colliders were last given: heights [m], base position [m] and yaw [rad], twist [m/s, rad/s].
+        # Heights when PyBullet last forgot their contacts.
+        self._contact_heights = np.empty((0, 81))
         self._heights = np.empty((0, 81))
         self._poses = np.empty((0, 4))
         self._twists = np.empty((0, 6))
@@ -104,6 +110,7 @@ class Heightfields:
         if count > self._heights.shape[1]:
             room = np.full((len(self._heights), count - self._heights.shape[1]), np.nan)
             self._heights = np.concatenate([self._heights, room], axis=1)
+            self._contact_heights = np.concatenate([self._contact_heights, room], axis=1)
         # The largest difference is NaN, and so not small, where the collider is new.
         difference = np.abs(relative - self._heights[bodies, :count]).max(axis=1)
         changed = np.flatnonzero(~(difference <= SAME_HEIGHT))
@@ -111,9 +118,18 @@ class Heightfields:
             self.replacements += len(changed)
             new, bodies = relative[changed], bodies[changed]
             self._heights[bodies, :count] = new
+            fallen = (self._contact_heights[bodies, :count] - new).max(axis=1)
+            self._drop_contacts(bodies[~(fallen <= STALE)], count)
             self._calls.replace_heightfields(
                 self._shapes[bodies].tolist(), size, new[:, collider_order(size)].tolist(), edge_filter
             )
+
+    def _drop_contacts(self, bodies: IntArray, count: int) -> None:
+        """Has PyBullet forget the contacts of colliders whose surface sank away from them."""
+        self._contact_heights[bodies, :count] = self._heights[bodies, :count]
+        for index in bodies.tolist():
+            follower = self._followers[index]
+            self._pool.forget_contacts(self._fields[follower], follower.body, follower.link)
 
     def _move(self, bodies: IntArray, base: FloatArray, yaw: float, twist: FloatArray | None) -> None:
         """Puts colliders where they belong and gives them the ground's twist."""

@@ -23,6 +23,11 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
+# PyBullet keeps a contact point until it has moved by this share of the body's size; at its default of 0.02 the points
+# that a rolling body leaves behind hold it back and make it hop. Far smaller values let boxes creep down slopes. The
+# value holds for all worlds of a process.
+CONTACT_BREAKING = 2e-4
+
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
@@ -267,7 +272,9 @@ class World:
     def _apply_physics(self, physics: PhysicsConfig) -> None:
         self.client.setGravity(*physics.gravity)
         self.client.setTimeStep(physics.dt)
-        self.client.setPhysicsEngineParameter(contactERP=physics.contact_erp, erp=physics.contact_erp)
+        self.client.setPhysicsEngineParameter(
+            contactERP=physics.contact_erp, erp=physics.contact_erp, contactBreakingThreshold=CONTACT_BREAKING
+        )
 
     def _body(self, name: str) -> Body:
         try:

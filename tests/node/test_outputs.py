@@ -1,6 +1,7 @@
 """Messages written as bytes are what rclpy would have serialised."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,11 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import outputs
+from smartmesh_ros.node.states import StateTable
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -130,18 +131,29 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
     assert_same(mine, ColliderPatchArray(header=HEADER, patches=[expected[name] for name in order]))
 
 
+def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
+    """The same names and radii with the states the other way round."""
+    bodies = zip(message.bodies, reversed(message.bodies), strict=True)
+    turned = [TrackedBody(id=a.id, radius=a.radius, pose=b.pose, twist=b.twist) for a, b in bodies]
+    return TrackedBodyArray(header=HEADER, bodies=turned)
+
+
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(names, st.floats(0.125, 100.0, width=32), st.tuples(*[numbers] * 9)), max_size=30))
 def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float, tuple[float, ...]]]) -> None:
     unit = (0.0, 0.6, 0.0, 0.8)
-    bodies = [(name, radius, BodyState(v[0:3], unit, v[3:6], v[6:9])) for name, radius, v in rows]
+    table = np.array([(*v[0:3], *unit, *v[3:9]) for _, _, v in rows]).reshape(-1, 13)
+    states = StateTable([name for name, _, _ in rows], np.array([radius for _, radius, _ in rows]), table)
     expected = TrackedBodyArray(header=HEADER)
-    for name, radius, state in bodies:
-        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(state.position))))
+    for name, radius, v in rows:
+        body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(v[0:3]))))
         body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
-        body.twist = Twist(linear=Vector3(**xyz(state.linear)), angular=Vector3(**xyz(state.angular)))
+        body.twist = Twist(linear=Vector3(**xyz(v[3:6])), angular=Vector3(**xyz(v[6:9])))
         expected.bodies.append(body)
-    assert_same(outputs.BodyStates().write(HEADER, bodies), expected)
+    writer = outputs.BodyStates()
+    assert_same(writer.write(HEADER, states), expected)
+    # Again into the same buffer, where the constant bytes are left as they are.
+    assert_same(writer.write(HEADER, states._replace(numbers=table[::-1])), reversed_states(expected))
 
 
 @settings(deadline=None, max_examples=60)
@@ -162,3 +174,28 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
     ]
     assert sorted(map(str, received.contacts)) == sorted(map(str, messages))
     assert_same(mine, received)
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
+    """A viewer that keeps markers by id sees after each incremental message what a full one would show it."""
+    writer, whole = outputs.PatchMarkers(), outputs.PatchMarkers()
+    names = [f"body_{index}" for index in range(20)]
+    seen: dict[int, Marker] = {}
+    rng = np.random.default_rng(3)
+    sizes = []
+    for turn in range(12):
+        batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
+        if turn % 3 == 0:
+            batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+        message = deserialize_message(writer.write(HEADER, batches, names, only_changed=turn != 5), MarkerArray)
+        sizes.append(len(message.markers))
+        for marker in message.markers:
+            seen.pop(marker.id, None)
+            if marker.action == Marker.ADD:
+                seen[marker.id] = marker
+        full = deserialize_message(whole.write(HEADER, batches, names), MarkerArray).markers
+        assert seen == {marker.id: marker for marker in full if marker.action == Marker.ADD}
+    still = deserialize_message(writer.write(HEADER, batches, names, only_changed=True), MarkerArray).markers
+    assert len(still) <= (20 if holes else 0), "nothing changed, so nothing is sent"
+    assert min(sizes) < max(sizes)

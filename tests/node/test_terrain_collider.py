@@ -120,6 +120,7 @@ def test_bodies_fall_rest_and_report(probe: Probe) -> None:
             "collider",
             "step",
             "publish",
+            "lateness",
         ]
         step = timing.stages[4]
         assert step.count > 0

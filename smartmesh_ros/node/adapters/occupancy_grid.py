@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.adapters.sizes import require_cells, require_length
-from smartmesh_ros.node.conversions import RegionInput, yaw_from
+from smartmesh_ros.node.conversions import FloatGrid, yaw_from
 from smartmesh_ros.terrain.rasters import Raster, RasterConfig, from_cells, occupancy_heights
 
 
@@ -26,12 +26,12 @@ def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
     )
 
 
-def region_from(message: Any, config: RasterConfig, max_samples: int) -> RegionInput:
-    """A map_msgs/OccupancyGridUpdate."""
+def region_from(message: Any, config: RasterConfig, max_samples: int) -> tuple[int, int, FloatGrid]:
+    """First row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
     if message.x < 0 or message.y < 0:
         raise InputError("region", f"the update starts at ({message.x}, {message.y}), outside the map")
     cells = _cells(message.data, message.height, message.width, max_samples)
-    return RegionInput(message.y, message.x, occupancy_heights(cells, config), None)
+    return message.y, message.x, occupancy_heights(cells, config)
 
 
 def _cells(data: Any, rows: int, columns: int, max_samples: int) -> Any:

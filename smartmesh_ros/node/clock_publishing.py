@@ -1,0 +1,70 @@
+"""``/clock``: simulated time for the other nodes, when this node is the one that keeps it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+
+from smartmesh_ros.node.session import Session
+
+TOPIC = "/clock"
+# What the graph calls a node whose name it does not know yet.
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+# Seconds between two log lines about another publisher.
+LOG_PERIOD = 5.0
+
+
+class ClockPublishing:
+    """Publishes simulated time at the rate ``publish.clock``; there is no publisher while that is zero.
+
+    Two clocks on one topic would make time jump back and forth for everybody, so nothing is published while somebody
+    else does; ``rivals`` names them.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._publisher: Any = None
+        self._due = 0.0
+        self.rivals: list[str] = []
+
+    def publish(self, now: float) -> None:
+        """Publishes if it is due at the steady time ``now`` [s]."""
+        node, rate = self._session.node, self._session.settings.publish.clock
+        if not rate:
+            self._close()
+            return
+        if now < self._due:
+            return
+        self._due = max(self._due + 1.0 / rate, now)
+        if self._publisher is None:
+            self._publisher = node.create_publisher(Clock, TOPIC, 10)
+        if node.count_publishers(self._publisher.topic_name) > 1:
+            self._note_rivals()
+            return
+        self.rivals = []
+        self._publisher.publish(Clock(clock=self._session.stamp_now()))
+
+    def _note_rivals(self) -> None:
+        node = self._session.node
+        own = (node.get_name(), node.get_namespace())
+        peers = node.get_publishers_info_by_topic(self._publisher.topic_name)
+        others = {
+            f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
+            for peer in peers
+            if (peer.node_name, peer.node_namespace) != own
+        }
+        self.rivals = sorted(others) or ["another node of this name"]
+        if any(UNKNOWN in name for name in self.rivals):
+            return  # found a moment ago; its name comes
+        node.get_logger().error(
+            f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
+            "publish.clock to 0 and use_sim_time to true to follow that clock",
+            throttle_duration_sec=LOG_PERIOD,
+        )
+
+    def _close(self) -> None:
+        if self._publisher is not None:
+            self._session.node.destroy_publisher(self._publisher)
+            self._publisher = None
+        self.rivals = []

@@ -1,0 +1,99 @@
+"""The study of speed against accuracy, and of stability: ``make studies`` runs it whole."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from smartmesh_ros.studies.bench.machine import describe
+from smartmesh_ros.studies.chart import draw_all, draw_scene
+from smartmesh_ros.studies.configurations import configurations
+from smartmesh_ros.studies.contest import PIECES, run_scene
+from smartmesh_ros.studies.matrix.picture import draw_matrix, matrix_table
+from smartmesh_ros.studies.matrix.row import METHODS
+from smartmesh_ros.studies.matrix.run import run_matrix
+from smartmesh_ros.studies.scene import read_scenes
+from smartmesh_ros.studies.tables import fill, scene_table, summary_table
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
+    options = _parser().parse_args(arguments)
+    out: Path = options.out or Path("out/studies" if options.quick else "docs")
+    images = out / "images" / "accuracy"
+    images.mkdir(parents=True, exist_ok=True)
+    began = perf_counter()
+
+    def say(line: str) -> None:
+        print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+
+    found = describe()
+    versions: Any = found["versions"]
+    words = ", ".join(f"{name} {version}" for name, version in versions.items())
+    blocks: dict[str, str] = {"machine": f"Measured on {found['cores']} cores of {found['cpu']}; {words}."}
+    data: dict[str, Any] = {"machine": found, "quick": options.quick}
+    if not options.matrix_only:
+        _charts(options, images, blocks, data, say)
+    if not options.charts_only:
+        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+        draw_matrix(images / "stability.png", outcomes)
+        blocks["stability"] = matrix_table(outcomes)
+        data["stability"] = [asdict(outcome) for outcome in outcomes]
+    print(file=sys.stderr)
+    path = out / "accuracy.json"
+    _save(path, data)
+    fill(out / "accuracy.md", blocks)
+    print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
+    return 0
+
+
+def _save(path: Path, data: dict[str, Any]) -> None:
+    """Writes what a run found; what another run found of the rest stays."""
+    before = json.loads(path.read_text()) if path.exists() else {}
+    path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
+
+
+def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
+    scenes = [scene for scene in read_scenes() if scene.quick or not options.quick]
+    if options.scenes:
+        scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
+    chosen = configurations(options.quick)
+    known = {configuration.name: configuration for configuration in chosen}
+    results = {}
+    parts = []
+    data["scenes"] = {}
+    for scene in scenes:
+        results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
+        draw_scene(images / f"{scene.name}.png", scene, results[scene.name], known)
+        data["scenes"][scene.name] = {name: asdict(result) for name, result in results[scene.name].items()}
+        _save(images.parent.parent / "accuracy.json", data)
+        parts.append(
+            f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
+        )
+    draw_all(images / "all.png", scenes, results, known)
+    blocks["summary"] = summary_table(scenes, results, known)
+    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
+    head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
+    (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
+    print("\n" + blocks["summary"])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="studies", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
+    parser.add_argument("--out", type=Path, help="folder to write to (docs, or out/studies with --quick)")
+    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only")
+    parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
+    parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
+    parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The node under load: real processes over DDS. The one study that needs ROS."""

@@ -1,0 +1,125 @@
+"""What the load study runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+Mode = Literal["full", "regions"]
+Kind = Literal["terrain_collider", "naive", "apart"]
+
+RESOLUTION = 0.1
+# Distance of the bodies, and their radius [m].
+SPACING, RADIUS = 0.45, 0.15
+# The wave under them: amplitude [m], wave number [rad/m] and angular frequency [rad/s].
+WAVE = (0.05, 1.0, 4.0)
+# The probe is a tracked body over flat ground that jumps between CODES heights, so that each map is told from the
+# one before in the markers: radius, height of its centre, rise from code to code [m].
+PROBE_RADIUS, PROBE_HEIGHT, CODES, RISE = 0.5, 0.375, 4, 0.25
+# Ground faster than this has jumped: above the wave's speed, below that of the jumps [m/s].
+MAX_VELOCITY = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One run: a map of ``side`` x ``side`` samples, ``bodies`` spheres on its moving part, whole maps or regions at
+    ``map_rate`` [Hz], physics at ``physics_rate`` [Hz] for ``seconds`` [s]. ``markers``: whether they are listened to.
+    """
+
+    side: int
+    bodies: int
+    mode: Mode
+    map_rate: float
+    physics_rate: float
+    kind: Kind = "terrain_collider"
+    executor: str = "events"
+    markers: bool = True
+    seconds: float = 6.0
+
+    @property
+    def name(self) -> str:
+        """Short and distinct."""
+        return (
+            f"{self.kind}-{self.executor}-{self.side}-{self.bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
+        )
+
+    @property
+    def row(self) -> int:
+        """Bodies on one side of the square they are spawned in."""
+        return math.ceil(math.sqrt(self.bodies))
+
+    @property
+    def window(self) -> int:
+        """Samples on one side of the part of the map that moves, whose first sample is (0, 0)."""
+        return 64 if self.row <= 10 else 192
+
+    @property
+    def probe(self) -> tuple[float, float]:
+        """Where the probe is [m]: beside the bodies, within the window."""
+        edge = (self.window - 1) * RESOLUTION
+        return edge - 0.75, 0.5 * edge
+
+    @property
+    def marker_rate(self) -> float:
+        """Rate of the markers [Hz]: each step's, where there are few enough to listen to."""
+        return self.physics_rate if self.bodies <= 100 else 60.0
+
+    def parameters(self) -> dict[str, object]:
+        """Parameters of the node."""
+        places = [(0.4 + SPACING * (i % self.row), 0.4 + SPACING * (i // self.row)) for i in range(self.bodies)]
+        spawn = [
+            f"{{id: ball_{i}, shape: sphere, size: [{RADIUS}], mass: 1.0, "
+            f"xy: [{x:.2f}, {y:.2f}], above: {RADIUS + 0.02}}}"
+            for i, (x, y) in enumerate(places)
+        ]
+        return {
+            "physics.rate": float(self.physics_rate),
+            "publish.patches": float(self.marker_rate),
+            "terrain.max_velocity": MAX_VELOCITY,
+            "bodies.spawn": spawn,
+            "executor": self.executor,
+        }
+
+
+def grid(*, quick: bool) -> list[Case]:
+    """The bodies x maps x rates that are run. Not the whole product: each axis is walked with the others in the middle,
+    and the corners that the targets name are there."""
+    middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
+    many = replace(middle, bodies=1000, physics_rate=60.0)
+    if quick:
+        quick_cases = [middle, replace(middle, mode="full", map_rate=30.0), many]
+        return [replace(case, seconds=4.0) for case in quick_cases]
+    cases = [replace(middle, bodies=bodies) for bodies in (1, 10, 100, 1000)]
+    cases += [replace(middle, bodies=bodies, physics_rate=60.0) for bodies in (1, 10, 100, 1000)]
+    for side in (256, 1024, 4096):
+        rates = (10.0, 30.0, 60.0) if side < 4096 else (5.0,)
+        cases += [replace(middle, side=side, mode="full", map_rate=rate) for rate in rates]
+        cases += [replace(middle, side=side, map_rate=rate) for rate in (10.0, 30.0, 60.0)]
+    cases += [replace(many, side=side) for side in (256, 4096)]
+    cases += [replace(many, mode="full", map_rate=rate) for rate in (10.0, 30.0)]
+    return list({case.name: case for case in cases}.values())
+
+
+def naive(*, quick: bool) -> list[Case]:
+    """The naive way beside ours: the same cases in the same run."""
+    base = Case(side=256, bodies=100, mode="full", map_rate=10.0, physics_rate=240.0, seconds=4.0)
+    ours = [base] if quick else [base, replace(base, bodies=1000, physics_rate=60.0), replace(base, side=1024)]
+    return [case for one in ours for case in (one, replace(one, kind="naive", executor="single_threaded"))]
+
+
+def executors(*, quick: bool) -> list[Case]:
+    """Ways to run the loop while maps stream in; nobody listens to markers, so that only the loop differs."""
+    base = Case(side=1024, bodies=100, mode="full", map_rate=30.0, physics_rate=240.0, markers=False)
+    kinds = ["events", "single_threaded"] if quick else ["events", "single_threaded", "multi_threaded"]
+    seconds = 4.0 if quick else 8.0
+    return [replace(base, executor=kind, seconds=seconds) for kind in kinds] + [
+        replace(base, kind="apart", executor="single_threaded", seconds=seconds)
+    ]
+
+
+def memory(*, quick: bool) -> list[Case]:
+    """How memory grows with the map."""
+    base = Case(side=4096, bodies=10, mode="full", map_rate=1.0, physics_rate=60.0, markers=False)
+    cases = [] if quick else [replace(base, side=256), base, replace(base, side=8192, map_rate=0.3, seconds=10.0)]
+    return [*cases, *([] if quick else [replace(base, side=8192, mode="regions", map_rate=30.0)])]

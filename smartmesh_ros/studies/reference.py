@@ -1,0 +1,45 @@
+"""Runs that others are compared with: as true as can be had, whatever it costs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.studies.engines.bullet import BulletTrimeshOptions
+from smartmesh_ros.studies.engines.engine import EngineBody, Setup
+from smartmesh_ros.studies.engines.registry import build
+from smartmesh_ros.studies.engines.smartmesh import SmartMeshOptions
+from smartmesh_ros.studies.scene import Scene
+from smartmesh_ros.terrain.grid import FloatArray
+
+# Steps of the reference [Hz], and when bodies are compared with it [s]: later contacts make their ways chaotic.
+FINE_RATE = 8 * 240.0
+HORIZON = 1.0
+
+
+def reference_positions(scene: Scene) -> FloatArray | None:
+    """Where the bodies (N, 3) [m] are after `HORIZON`; None where the scene has no reference.
+
+    On rigid ground a filtered trimesh of the whole map; on moving ground, where no whole collider can carry the
+    velocity, patches of our finest setting on maps that come with every step.
+    """
+    if scene.reference == "none":
+        return None
+    ground = scene.make_ground()
+    shape: Any = scene.bodies.make_shape()
+    bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in scene.starts()]
+    heights: Any = ground.heights(0.0)
+    setup = Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / FINE_RATE)
+    if scene.reference == "whole":
+        engine = build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True))
+    else:
+        finest = PatchConfig(kind="heightfield", tolerance=1e-4)
+        engine = build("smartmesh", setup, SmartMeshOptions(patch=finest))
+    with engine:
+        for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+            if scene.moves and scene.reference == "finest":
+                moved: Any = ground.heights(step / FINE_RATE)
+                engine.set_ground(moved)
+            engine.step()
+        return engine.positions()

@@ -1,0 +1,145 @@
+"""``/clock`` over DDS: published by the node, followed by the node, and never both."""
+
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rosgraph_msgs.msg import Clock
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import SpawnBody
+
+from smartmesh_ros.testing import COLLIDER, Probe, Process, pose_message
+
+BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])
+HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
+
+
+def seconds(stamp: Time) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def spawn_falling(probe: Probe) -> None:
+    """A ball that falls freely: its height says how much time was simulated."""
+    pose = pose_message((0.0, 0.0, HEIGHT))
+    assert probe.call("spawn_body", SpawnBody, id="ball", shape=BALL, mass=1.0, pose=pose).success
+
+
+def fallen(message: Any) -> float:
+    """Seconds that the ball of a ``body_states`` message has fallen for."""
+    return float((2.0 * (HEIGHT - message.bodies[0].pose.position.z) / GRAVITY) ** 0.5)
+
+
+def test_clock_is_simulated_time_and_so_are_the_stamps(probe: Probe) -> None:
+    clocks: list[Clock] = []
+    probe.node.create_subscription(Clock, "/clock", clocks.append, 100)
+    with probe.running(parameters={"publish.clock": 240.0}):
+        spawn_falling(probe)
+        probe.wait_for(lambda: len(clocks) > 200)
+        times = [seconds(message.clock) for message in clocks]
+        assert times == sorted(times)
+        assert times[-1] < 1e6, "simulated time starts at zero, not at the epoch"
+        first, last = probe.latest("body_states"), probe.latest("body_states")
+        while fallen(last) - fallen(first) < 0.5:
+            last = probe.latest("body_states")
+        simulated = seconds(last.header.stamp) - seconds(first.header.stamp)
+        assert simulated == pytest.approx(fallen(last) - fallen(first), abs=2 * STEP)
+        assert times[0] <= seconds(last.header.stamp) <= seconds(probe.wait_for(lambda: clocks[-1]).clock) + 1.0
+
+
+def test_the_node_is_silent_while_another_publishes_the_clock(probe: Probe) -> None:
+    clocks: list[Clock] = []
+    probe.node.create_subscription(Clock, "/clock", clocks.append, 100)
+    with probe.running(parameters={"publish.clock": 100.0}) as process:
+        probe.wait_for(lambda: clocks)
+        rival = probe.node.create_publisher(Clock, "/clock", 10)
+        probe.wait_for(lambda: "silent on /clock" in probe.diagnostics("connections")["message"])
+        probe.wait_for(lambda: probe.diagnostics("connections")["/clock is also published by"] == "/probe")
+        probe.wait_for(lambda: "published by /probe already" in process.output)
+        clocks.clear()
+        probe.latest("/diagnostics")
+        assert not clocks
+        probe.node.destroy_publisher(rival)
+        probe.wait_for(lambda: clocks)
+        probe.wait_for(lambda: "silent" not in probe.diagnostics("connections")["message"])
+
+
+def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
+    publisher = probe.node.create_publisher(Clock, "/clock", 10)
+    now = [5000.0]
+
+    def pass_time(by: float) -> None:
+        now[0] += by
+        stamp = Time(sec=int(now[0]), nanosec=int(now[0] % 1.0 * 1e9))
+        publisher.publish(Clock(clock=stamp))
+
+    def spun_on(until: Any) -> Any:
+        """Lets time pass, in steps of 20 ms that come as they come, until the condition holds."""
+
+        def condition() -> Any:
+            pass_time(0.02)
+            probe.spin()
+            return until()
+
+        return probe.wait_for(condition)
+
+    with probe.running(parameters={"use_sim_time": True, "publish.body_states": 1000.0}):
+        probe.wait_for(publisher.get_subscription_count)
+        spawn_falling(probe)
+        states = probe.received[f"{COLLIDER}/body_states"]
+        # Time stands still until the clock runs: the ball hangs in the air.
+        probe.wait_for(lambda: len(states) > 3)
+        assert states[-1].bodies[0].pose.position.z == HEIGHT
+        spun_on(lambda: fallen(states[-1]) > 0.2)
+        # It stands still again when the clock does, at the clock's time.
+        probe.latest("/diagnostics")
+        probe.latest("/diagnostics")
+        start = states[-1]
+        assert seconds(start.header.stamp) == pytest.approx(now[0], abs=1e-6)
+        spun_on(lambda: fallen(states[-1]) > fallen(start) + 0.5)
+        probe.latest("/diagnostics")
+        probe.latest("/diagnostics")
+        end = states[-1]
+        assert seconds(end.header.stamp) == pytest.approx(now[0], abs=1e-6)
+        passed = seconds(end.header.stamp) - seconds(start.header.stamp)
+        assert fallen(end) - fallen(start) == pytest.approx(passed, abs=3 * STEP)
+        # A simulator that starts anew sets its clock back; the physics goes on from there.
+        now[0] = 10.0
+        before = fallen(end)
+        spun_on(lambda: fallen(states[-1]) > before + 0.2)
+        probe.latest("/diagnostics")
+        assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
+
+
+def test_a_node_does_not_follow_its_own_clock(probe: Probe) -> None:
+    process = Process("terrain_collider", {"use_sim_time": True, "publish.clock": 10.0})
+    try:
+        assert process.process.wait(30) == 2
+        assert "use_sim_time" in process.output
+        assert "Traceback" not in process.output
+    finally:
+        process.close()
+    with probe.running(parameters={"publish.clock": 10.0}):
+        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True)
+        parameters = [Parameter(name="use_sim_time", value=value)]
+        response = probe.call(f"{COLLIDER}/set_parameters", SetParameters, parameters=parameters)
+        assert not response.results[0].successful
+        assert "publish.clock" in response.results[0].reason
+
+
+@pytest.mark.parametrize("policy", ["skip", "catch_up", "slow_down"])
+def test_an_overloaded_node_goes_on_by_its_policy(probe: Probe, policy: str) -> None:
+    """At 10,000 steps a second no machine keeps up: all simulate slower than real time but *skip*, whose clock does not
+    fall behind although its bodies do."""
+    with probe.running(parameters={"physics.deadline": policy, "physics.rate": 10_000.0, "publish.clock": 100.0}):
+        spawn_falling(probe)
+        first = probe.latest("body_states")
+        last = probe.wait_for(lambda: (m := probe.latest("body_states")) and fallen(m) - fallen(first) > 0.1 and m)
+        clock = seconds(last.header.stamp) - seconds(first.header.stamp)
+        simulated = fallen(last) - fallen(first)
+        if policy == "skip":
+            assert clock >= simulated - 1e-3
+        else:
+            assert clock == pytest.approx(simulated, abs=1e-3)
+        assert int(probe.diagnostics("physics")["deadline misses"]) > 0

@@ -1,0 +1,101 @@
+"""Peers in other processes whose quality of service does not fit are named, with the policy."""
+
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from smartmesh_msgs.msg import Timing
+
+from smartmesh_ros.node.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
+from smartmesh_ros.testing import COLLIDER, Probe, Process
+
+# Size of the shared memory that the profile asks for [bytes].
+SEGMENT = 128 * 1024**2
+
+MISMATCHED = """
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from smartmesh_msgs.msg import ContactArray, Heightmap
+
+rclpy.init()
+node = rclpy.create_node("stubborn")
+maps = node.create_publisher(Heightmap, "/terrain_collider/heightmap",
+                             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+contacts = node.create_subscription(ContactArray, "/terrain_collider/contacts", print,
+                                    QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+rclpy.spin(node)
+"""
+
+
+@contextmanager
+def stubborn_process() -> Iterator[None]:
+    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(MISMATCHED)])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
+    with probe.running():
+        assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
+        with stubborn_process():
+            values = probe.wait_for(lambda: len(v := probe.diagnostics("connections")) == 3 and v)
+            maps = values[f"incompatible QoS on {COLLIDER}/heightmap"]
+            assert "/stubborn" in maps
+            assert "reliable" in maps
+            contacts = values[f"incompatible QoS on {COLLIDER}/contacts"]
+            assert "/stubborn" in contacts
+            assert "transient local" in contacts.lower()
+            assert "/probe" not in str(values)
+
+
+def test_latched_outputs_reach_late_joiners(probe: Probe) -> None:
+    """As many of the last messages as the depth says."""
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with probe.running(parameters={"publish.durability": "transient_local", "publish.depth": 3}):
+        probe.publish_map(np.zeros((20, 20)))
+        probe.publish_poses([(1.0, 1.0, 0.1)])
+        assert probe.wait_for(probe.patches)
+        late: list[Timing] = []
+        probe.latest("timing")
+        probe.latest("timing")
+        probe.latest("timing")
+        newest = probe.latest("timing").header.stamp
+        probe.node.create_subscription(Timing, f"{COLLIDER}/timing", late.append, latched)
+        probe.wait_for(lambda: late and seconds(late[-1].header.stamp) > seconds(newest))
+        before = [message for message in late if seconds(message.header.stamp) <= seconds(newest)]
+        assert 2 <= len(before) <= 3
+
+
+def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Source and collider use it, the probe does not: peers with and without it understand each other."""
+    for name in (VARIABLE, POLICY_VARIABLE):  # set anew below, and as they were after the test
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    use_large_message_profile()
+    with probe.running() as collider:
+        source = Process("terrain_source", {"rows": 2048, "columns": 2048, "rate": 2.0, "resolution": 0.05})
+        try:
+            probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 4)
+            assert probe.diagnostics("terrain")["samples"] == str(2048 * 2048)
+            lines = Path(f"/proc/{collider.process.pid}/maps").read_text().splitlines()
+            segments = [line.split()[0].split("-") for line in lines if "/dev/shm/fastrtps_" in line]
+            # Its own and the source's.
+            assert sum(int(end, 16) - int(start, 16) >= SEGMENT for start, end in segments) >= 2
+            assert "XMLPARSER" not in collider.output
+        finally:
+            source.stop()
+            source.close()
+
+
+def seconds(stamp: Time) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

@@ -1,0 +1,80 @@
+"""Maps read from bytes are what rclpy serialised."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import HeightmapUpdate
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.conversions import map_from, region_from
+from smartmesh_ros.testing import floats, heightmap_message
+
+ROOM = 10_000
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
+floats32 = st.floats(-1e6, 1e6, width=32, allow_subnormal=False)
+grids = npst.arrays(np.float32, st.tuples(st.integers(3, 12), st.integers(3, 12)), elements=floats32 | st.just(np.nan))
+places = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
+
+
+@settings(deadline=None)
+@given(texts, texts, grids, places, st.floats(-3.1, 3.1), st.booleans())
+def test_a_map_is_what_was_sent(
+    frame_id: str, tile: str, heights: np.ndarray, origin: tuple[float, ...], yaw: float, moving: bool
+) -> None:
+    message = heightmap_message(
+        heights, frame_id=frame_id, tile=tile, origin=origin, yaw=yaw, velocities=2 * heights if moving else None
+    )
+    message.header.stamp.sec, message.header.stamp.nanosec = 12, 34
+    new = map_from(serialize_message(message), ROOM)
+    assert new.start == (12, 34, frame_id, tile)
+    assert new.geometry is not None
+    assert new.geometry.origin == origin
+    assert new.geometry.yaw == pytest.approx(yaw)
+    np.testing.assert_array_equal(new.heights, heights)
+    if moving:
+        np.testing.assert_array_equal(new.velocities, 2 * heights)
+    else:
+        assert new.velocities is None
+
+
+@settings(deadline=None)
+@given(texts, texts, grids, st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
+def test_a_region_is_what_was_sent(frame_id: str, tile: str, heights: np.ndarray, x: int, y: int) -> None:
+    message = HeightmapUpdate(tile=tile, x=x, y=y, heights=floats(heights))
+    message.header.frame_id = frame_id
+    message.height, message.width = heights.shape
+    new = region_from(serialize_message(message), ROOM)
+    assert (new.start.frame_id, new.start.tile, new.row, new.column) == (frame_id, tile, y, x)
+    np.testing.assert_array_equal(new.heights, heights)
+    assert new.velocities is None
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_cut_bytes_are_refused_and_nothing_else_goes_wrong(data: st.DataObject) -> None:
+    whole = serialize_message(heightmap_message(np.ones((5, 4)), velocities=np.ones((5, 4))))
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(InputError):
+        map_from(whole[:cut], ROOM)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=300))
+def test_noise_is_refused(noise: bytes) -> None:
+    with pytest.raises(InputError):
+        region_from(b"\0\1\0\0" + noise + b"\xff" * 64, 100)
+
+
+def test_the_arrays_lie_over_the_message() -> None:
+    """No copy is made before the one into the map."""
+    data = serialize_message(heightmap_message(np.ones((50, 40))))
+    new = map_from(data, ROOM)
+    assert np.shares_memory(new.heights, np.frombuffer(data, np.uint8))
+
+
+def test_a_map_without_samples_takes_its_tile_away() -> None:
+    message = heightmap_message(np.zeros((0, 0)), tile="gone")
+    assert map_from(serialize_message(message), ROOM).geometry is None

@@ -1,0 +1,96 @@
+"""The loop's deadlines under load, on a clock of the test's own."""
+
+import itertools
+from typing import NamedTuple
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from smartmesh_ros.node.pacing import MOST_CATCH_UP, DeadlinePolicy, Pacer
+
+PERIOD = 1 / 240
+POLICIES: tuple[DeadlinePolicy, ...] = ("skip", "catch_up", "slow_down")
+costs = st.lists(st.floats(0.0, 5.0 * PERIOD), min_size=1, max_size=200)
+
+
+class Run(NamedTuple):
+    """Starts of the steps [s], simulated time after each [s], the pacer, and the time at the end [s]."""
+
+    starts: list[float]
+    simulated: list[float]
+    pacer: Pacer
+    end: float
+
+
+def run(policy: DeadlinePolicy, costs: list[float]) -> Run:
+    """A loop whose steps take these times [s]."""
+    now = [0.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    starts, simulated, time = [], [], 0.0
+    for cost in costs:
+        now[0] += max(pacer.remaining(), 0.0)
+        starts.append(now[0])
+        time += (1 + pacer.advance()) * PERIOD
+        simulated.append(time)
+        now[0] += cost
+    return Run(starts, simulated, pacer, now[0])
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@given(st.lists(st.floats(0.0, 0.99 * PERIOD), min_size=1, max_size=50))
+def test_a_loop_that_has_time_keeps_the_beat(policy: DeadlinePolicy, costs: list[float]) -> None:
+    result = run(policy, costs)
+    assert result.starts == pytest.approx([(i + 1) * PERIOD for i in range(len(costs))])
+    assert result.simulated == pytest.approx(result.starts)
+    assert result.pacer.misses == 0
+
+
+@given(costs)
+def test_skip_keeps_simulated_time_with_the_clock(costs: list[float]) -> None:
+    result = run("skip", costs)
+    for start, time in zip(result.starts, result.simulated, strict=True):
+        assert -1e-9 <= start - time <= PERIOD + 1e-9
+    # What simulated time went on by without a step is exactly what was missed.
+    assert result.simulated[-1] == pytest.approx((len(costs) + result.pacer.misses) * PERIOD)
+
+
+@given(costs, st.integers(200, 400))
+def test_catch_up_runs_every_step_and_returns_to_the_beat(costs: list[float], rest: int) -> None:
+    assume(sum(costs) < MOST_CATCH_UP)
+    result = run("catch_up", [*costs, *[0.5 * PERIOD] * rest])
+    assert result.simulated == pytest.approx([(i + 1) * PERIOD for i in range(len(result.simulated))])
+    assert result.starts[-1] == pytest.approx(result.simulated[-1])
+
+
+def test_catch_up_gives_up_what_is_too_late() -> None:
+    stall = 2.0 * MOST_CATCH_UP
+    result = run("catch_up", [stall, *[0.0] * 10])
+    assert result.starts[2] - result.starts[1] == pytest.approx(PERIOD)
+    assert result.pacer.misses == int((stall - PERIOD) / PERIOD)
+
+
+@given(costs)
+def test_slow_down_never_hurries_and_leaves_nothing_out(costs: list[float]) -> None:
+    result = run("slow_down", costs)
+    assert result.simulated == pytest.approx([(i + 1) * PERIOD for i in range(len(costs))])
+    gaps = [after - before for before, after in zip(result.starts, result.starts[1:], strict=False)]
+    # Lateness of less than a period is no miss and is made up for; no two steps in a row are both early.
+    assert all(gap >= -1e-9 for gap in gaps)
+    assert all(one + two >= PERIOD - 1e-9 for one, two in itertools.pairwise(gaps))
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_a_stall_is_counted_alike_whatever_follows_from_it(policy: DeadlinePolicy) -> None:
+    result = run(policy, [10.5 * PERIOD, *[0.0] * 20])
+    assert result.pacer.misses == 9
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_a_clock_that_is_set_back_starts_the_beat_anew(policy: DeadlinePolicy) -> None:
+    now = [100.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    now[0] = 3.0
+    assert pacer.remaining() == pytest.approx(PERIOD)
+    now[0] += PERIOD
+    assert pacer.remaining() == pytest.approx(0.0, abs=1e-9)

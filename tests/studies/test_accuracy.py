@@ -1,0 +1,88 @@
+"""The accuracy study: its arithmetic, that scenes run, and that the defaults pass the quick rows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.studies import accuracy
+from smartmesh_ros.studies.configurations import configurations
+from smartmesh_ros.studies.contest import Result, run_scene
+from smartmesh_ros.studies.front import cheapest_as_accurate, pareto_front, unbeaten_by
+from smartmesh_ros.studies.matrix.row import Outcome
+from smartmesh_ros.studies.matrix.run import ROWS, run_cell
+from smartmesh_ros.studies.scene import Bodies, Scene
+from smartmesh_ros.studies.tables import fill
+
+# Rows that the defaults are known to fail, and why: each is a shortfall named in docs/accuracy.md.
+KNOWN = {
+    "T6 20 mm balls at 2-40 m/s": "no continuous collision detection yet",
+    "T7 centre below the ground": "nothing lifts buried bodies yet",
+}
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
+def test_the_defaults_pass(row) -> None:  # type: ignore[no-untyped-def]
+    outcome = run_cell(row, "defaults")
+    if row.name in KNOWN and not outcome.passed:
+        pytest.xfail(KNOWN[row.name])
+    assert outcome.passed, outcome
+
+
+@pytest.mark.parametrize("name", ["T1 sliding box", "T5 ground rising, 3 m/s"])
+def test_the_reports_collider_fails_where_it_must(name: str) -> None:
+    [row] = [row for row in ROWS if row.name == name]
+    assert run_cell(row, "rebuilt trimesh").passed is False
+
+
+def test_a_front_holds_what_nothing_beats() -> None:
+    results = {
+        "slow and true": Result(cost=9.0, p99=0.001),
+        "quick and rough": Result(cost=1.0, p99=0.1),
+        "beaten": Result(cost=9.5, p99=0.01),
+        "loses": Result(cost=0.5, p99=0.0001, lost=1),
+        "stopped": Result(),
+    }
+    assert pareto_front(results) == ["quick and rough", "slow and true"]
+    assert cheapest_as_accurate(results, 0.02) == "slow and true"
+    ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
+    assert unbeaten_by(ours, {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}) == ["better"]
+
+
+def small_scene() -> Scene:
+    bodies = Bodies(count=3, drop=0.0, spread=(2.0, 2.0))
+    return Scene(
+        name="small", title="Small", ground={"kind": "flat"}, grid=(41, 0.25), bodies=bodies, duration=0.5, settle=0.1,
+        reference="none", quick=True,
+    )  # fmt: skip
+
+
+def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground() -> None:
+    results = run_scene(small_scene(), configurations(True), lambda _: None, pieces=3)
+    for name, result in results.items():
+        assert result.lost == 0, name
+        assert result.most < 2e-3, name
+        assert result.cost > 0.0, name
+
+
+def test_figures_within_their_limit_pass() -> None:
+    cell = {"row": "a", "method": "b", "limit": 1.0, "unit": "mm", "source": "theory"}
+    assert Outcome(figure=1.0, **cell).passed is True  # type: ignore[arg-type]
+    assert Outcome(figure=np.inf, **cell).passed is False  # type: ignore[arg-type]
+    assert Outcome(figure=None, **cell).passed is None  # type: ignore[arg-type]
+
+
+def test_only_marked_blocks_of_a_document_are_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.md"
+    path.write_text("words\n<!-- generated: one -->\nold\n<!-- end -->\nmore\n")
+    fill(path, {"one": "| new |", "two": "nowhere"})
+    assert path.read_text() == "words\n<!-- generated: one -->\n| new |\n<!-- end -->\nmore\n"
+
+
+def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
+    monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
+    assert accuracy.main(["--quick", "--out", str(tmp_path)]) == 0
+    pictures = ("small", "all", "stability")
+    for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
+        assert (tmp_path / name).stat().st_size > 500, name

@@ -1,0 +1,131 @@
+"""The yardstick itself: against brute force and closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmesh_ros import Box, Capsule, Cylinder, Sphere
+from smartmesh_ros.studies.clearance import clearances, rotate, skin
+from smartmesh_ros.studies.distance import Surface, nearest
+from smartmesh_ros.terrain.grid import GridGeometry
+
+UPRIGHT = np.array([[0.0, 0.0, 0.0, 1.0]])
+
+
+def surface(heights: np.ndarray, resolution: float, z: float = 0.0) -> Surface:
+    rows, columns = heights.shape
+    return Surface(GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(-1.0, 0.5, z)), heights)
+
+
+def dense_distance(heights: np.ndarray, resolution: float, point: np.ndarray, z: float) -> float:
+    """Least distance to a dense sampling of every triangle."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, 60), np.linspace(0.0, 1.0, 60))
+    least = np.inf
+    for r in range(heights.shape[0] - 1):
+        for c in range(heights.shape[1] - 1):
+            h00, h01, h11, h10 = heights[r, c], heights[r, c + 1], heights[r + 1, c + 1], heights[r + 1, c]
+            lower = h00 + u * (h01 - h00) + v * (h11 - h01)  # u >= v
+            upper = h00 + u * (h11 - h10) + v * (h10 - h00)
+            for keep, h in ((u >= v, lower), (v >= u, upper)):
+                if not np.isfinite(h[keep]).all():
+                    continue
+                x, y = -1.0 + (c + u[keep]) * resolution, 0.5 + (r + v[keep]) * resolution
+                gap = np.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + (h[keep] + z - point[2]) ** 2)
+                least = min(least, float(gap.min()))
+    return least
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0), st.booleans())
+def test_it_is_the_distance_to_every_triangle_of_rough_ground_with_holes(seed: int, rough: float, holes: bool) -> None:
+    rng = np.random.default_rng(seed)
+    heights = rng.normal(0.0, rough, (7, 8))
+    if holes:
+        heights[rng.integers(0, 7, 3), rng.integers(0, 8, 3)] = np.nan
+    resolution = 0.3
+    ground = surface(heights, resolution, 0.2)
+    points = np.column_stack([rng.uniform(-1.0, 1.1, 6), rng.uniform(0.5, 2.3, 6), rng.normal(0.2, 1.0, 6)])
+    found = nearest(ground, points, 1.5)
+    below = ground.below(points)
+    for point, distance, level in zip(points, found.distance, below, strict=True):
+        expected = min(dense_distance(heights, resolution, point, 0.2), 1.5)
+        assert abs(distance) == pytest.approx(expected, abs=0.005 + 0.04 * rough)  # the sampling is coarser where steep
+        assert abs(distance) <= expected + 1e-9
+        assert (distance < 0.0) == bool(point[2] < level)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
+def test_over_a_plane_it_is_the_planes(slope_x: float, slope_y: float, above: float) -> None:
+    r, c = np.mgrid[:60, :60]
+    ground = surface(slope_x * (-1.0 + 0.1 * c) + slope_y * (0.5 + 0.1 * r), 0.1)
+    normal = np.array([-slope_x, -slope_y, 1.0]) / math.sqrt(slope_x**2 + slope_y**2 + 1.0)
+    foot = np.array([1.93, 3.41, slope_x * 1.93 + slope_y * 3.41])
+    found = nearest(ground, (foot + above * normal)[None], 0.5)
+    assert found.distance[0] == pytest.approx(above, abs=1e-9)
+    if abs(above) > 1e-6:
+        np.testing.assert_allclose(found.normal[0], normal, atol=1e-6)
+
+
+def test_a_sphere_in_a_v_shaped_valley_touches_both_sides() -> None:
+    """The centre of a sphere at rest is its radius times the secant of the slope above the bottom."""
+    x = np.arange(-20, 21) * 0.25
+    ground = Surface(
+        GridGeometry(rows=41, columns=41, resolution=0.25, origin=(-5.0, -5.0, 0.0)), np.tile(np.abs(x), (41, 1))
+    )
+    height = 0.3 * math.sqrt(2.0)
+    assert clearances(ground, Sphere(0.3), np.array([[0.0, 0.1, height]]), UPRIGHT)[0] == pytest.approx(0.0, abs=1e-12)
+    deeper = clearances(ground, Sphere(0.3), np.array([[0.0, 0.1, height - 0.1]]), UPRIGHT)[0]
+    assert deeper == pytest.approx(-0.1 / math.sqrt(2.0), abs=1e-12)
+
+
+def test_what_lies_beyond_the_reach_or_the_map_is_cut_off() -> None:
+    ground = surface(np.zeros((5, 5)), 0.5)
+    points = np.array([[0.0, 1.5, 0.9], [0.0, 1.5, 3.0], [0.0, 1.5, -3.0], [np.nan, 0.0, 0.0]])
+    np.testing.assert_allclose(nearest(ground, points, 1.0).distance, [0.9, 1.0, -1.0, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("shape", "lowest"),
+    [(Sphere(0.2), 0.2), (Box(0.4, 0.3, 0.6), 0.3), (Cylinder(0.3, 0.5), 0.25), (Capsule(0.15, 0.4), 0.35)],
+)
+def test_upright_shapes_reach_as_far_down_as_they_are_high(
+    shape: Sphere | Box | Cylinder | Capsule, lowest: float
+) -> None:
+    ground = surface(np.zeros((30, 30)), 0.1)
+    position = np.array([[0.4, 2.0, lowest - 0.01]])
+    assert clearances(ground, shape, position, UPRIGHT)[0] == pytest.approx(-0.01, abs=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_turned_shapes_reach_down_by_their_support_function(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    orientation = rng.normal(size=(1, 4))
+    orientation /= np.linalg.norm(orientation)
+    down = rotate(orientation * (-1.0, -1.0, -1.0, 1.0), np.array([[0.0, 0.0, -1.0]]))[0, 0]
+    ground = surface(np.zeros((50, 50)), 0.1)
+    for shape, reach, slack in (
+        (Box(0.5, 0.3, 0.2), float(np.abs(down) @ (0.25, 0.15, 0.1)), 1e-9),
+        (Capsule(0.1, 0.4), 0.1 + 0.2 * abs(down[2]), 1e-9),
+        # The rim is sampled: at most r (1 - cos(pi / 24)) short of the support function.
+        (Cylinder(0.2, 0.3), 0.2 * math.hypot(*down[:2]) + 0.15 * abs(down[2]), 0.2 * (1.0 - math.cos(math.pi / 24))),
+    ):
+        found = clearances(ground, shape, np.array([[1.5, 3.0, 0.05]]), orientation, reach=1.0)[0]
+        assert -1e-9 <= found - (0.05 - reach) <= slack + 1e-9
+        assert skin(shape).points.shape[1] == 3
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.3))
+def test_leaving_out_points_that_cannot_be_nearest_changes_nothing(seed: int, rough: float) -> None:
+    rng = np.random.default_rng(seed)
+    ground = surface(rng.normal(0.0, rough, (20, 20)), 0.1)
+    orientation = rng.normal(size=(1, 4))
+    orientation /= np.linalg.norm(orientation)
+    position = np.array([[0.0, 1.5, rng.uniform(-0.2, 0.6)]])
+    box = Box(0.5, 0.3, 0.2)
+    every = nearest(ground, (position[:, None] + rotate(orientation, skin(box).points))[0], 1.0).distance
+    assert clearances(ground, box, position, orientation, reach=1.0)[0] == pytest.approx(every.min(), abs=1e-12)

@@ -1,0 +1,63 @@
+"""Scenes are what their files say, and what a file says wrongly is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import GridGeometry, InputError
+from smartmesh_ros.studies.clearance import clearances
+from smartmesh_ros.studies.grounds import GROUNDS, make_ground
+from smartmesh_ros.studies.scene import read_scene, read_scenes
+
+SCENES = read_scenes()
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=[scene.name for scene in SCENES])
+def test_bodies_start_on_the_ground_and_not_in_it(scene) -> None:  # type: ignore[no-untyped-def]
+    starts = scene.starts()
+    assert len(starts) == scene.bodies.count
+    positions = np.array([start.position for start in starts])
+    orientations = np.tile([0.0, 0.0, 0.0, 1.0], (len(starts), 1))
+    surface = scene.surface(scene.make_ground().heights(0.0))
+    found = clearances(surface, scene.bodies.make_shape(), positions, orientations, reach=2.0)
+    assert (found > -0.1 * scene.bodies.make_shape().bounding_radius).all()
+    assert (found < scene.bodies.drop + 0.5 * scene.bodies.make_shape().bounding_radius + 1e-6).all()
+
+
+@pytest.mark.parametrize("kind", GROUNDS)
+def test_every_ground_is_finite_at_every_time(kind: str) -> None:
+    ground = make_ground(GridGeometry(rows=31, columns=41, resolution=0.1), kind)
+    for time in (0.0, 0.3, 1.0, 5.0):
+        heights = ground.heights(time)
+        assert heights.shape == (31, 41)
+        assert np.isfinite(heights).all()
+
+
+def test_the_elevation_model_is_the_same_terrain_at_every_resolution() -> None:
+    coarse = make_ground(GridGeometry(rows=9, columns=9, resolution=10.0), "elevation").heights(0.0)
+    fine = make_ground(GridGeometry(rows=33, columns=33, resolution=2.5), "elevation").heights(0.0)
+    np.testing.assert_allclose(fine[::4, ::4] - fine[0, 0], coarse - coarse[0, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]",
+        "title: x",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], speed: 3}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {colour: red}}",
+    ],
+)
+def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        read_scene(path)
+
+
+def test_unknown_grounds_and_settings_are_refused() -> None:
+    geometry = GridGeometry(rows=9, columns=9, resolution=0.1)
+    for kind, settings in (("lava", {}), ("slope", {"steepness": 3})):
+        with pytest.raises(InputError):
+            make_ground(geometry, kind, **settings)
