@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -14,11 +13,13 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
+from smartmesh_ros.node.bounds import require_name, require_room
 from smartmesh_ros.node.conversions import BodyInput
 from smartmesh_ros.node.frame_bodies import FrameBodies
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.transform_input import TransformInput
+from smartmesh_ros.physics.limits import FASTEST_SPIN, SIZES, STRONGEST, require_between, require_possible
 
 # Takes reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -33,8 +34,12 @@ class BodyInputs:
         self._of_poses: set[str] = set()
         self._transforms = TransformInput(session)
         self._frames = FrameBodies(session, self._transforms)
-        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
-        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
+
+        def most() -> int:
+            return session.settings.most_bodies
+
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
@@ -74,11 +79,15 @@ class BodyInputs:
         transform = self._transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
         time = clock.place(stamp, session.clock_now(), session.clock.pace())
-        for body in bodies:
+        require_room((body.name for body in bodies), session.world.bodies, session.settings)
+        states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
+        radii = [body.radius or session.settings.default_radius for body in bodies]
+        for body, state, radius in zip(bodies, states, radii, strict=True):
             session.require_not_simulated(body.name)
-        for body in bodies:
-            radius = body.radius or session.settings.default_radius
-            state = body.state if transform is None else transform.apply(body.state)
+            require_name(body.name, session.settings)
+            require_possible(body.name, state)
+            require_between(f"radius of {body.name!r}", radius, SIZES, "m")
+        for body, state, radius in zip(bodies, states, radii, strict=True):
             session.tracking.update(body.name, radius, state, time)
         clock.accept(stamp, time)
 
@@ -87,8 +96,10 @@ class BodyInputs:
         count = len(message.name)
         if len(message.velocity) != count or len(message.effort) not in (0, count):
             raise InputError("length", "joint commands need one velocity for each name, and as many efforts or none")
-        if not all(math.isfinite(value) for value in (*message.velocity, *message.effort)):
-            raise InputError("non_finite", "velocities and efforts of joint commands must be finite")
+        if not all(abs(value) <= FASTEST_SPIN for value in message.velocity):  # not so either where it is NaN
+            raise InputError("non_finite", f"joint velocities must be finite, at most {FASTEST_SPIN:g} rad/s")
+        if not all(0.0 <= value <= STRONGEST for value in message.effort):
+            raise InputError("non_finite", f"efforts of joint commands must be 0 to {STRONGEST:g} Nm")
         world = self._session.world
         joints = [name.partition("/")[::2] for name in message.name]
         for robot, joint in joints:

@@ -42,8 +42,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     """Makes a node and calls its ``tick(skipped)`` at each deadline of its ``pacer``, handling messages in between.
 
     The events executor is driven by ``spin_once``: at 240 Hz it costs a tenth of what the others do, and a loop of our
-    own keeps the deadlines. What rclpy itself cannot take (a request that is no such request, a parameter of no type) is
-    noted in the node's ``refusals``. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
+    own keeps the deadlines. What rclpy itself cannot take (a request that is none, a parameter of no type) is noted in
+    the node's ``refusals``. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
     """
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []

@@ -11,11 +11,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.clock import NodeClock, stamp_of
 from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.node.parameters import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World
 
@@ -115,7 +117,15 @@ class Session:
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
+    def note_lost(self) -> None:
+        """Counts and logs the bodies that the world took out because they had left everything."""
+        for name in self.world.lost:
+            error = InputError("lost", f"{name!r} was at no place or farther away than {FARTHEST:g} m, and was removed")
+            self.refusals.add("physics", error)
+        self.world.lost.clear()
+
     def require_frame(self, frame_id: str) -> None:
-        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame."""
+        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame, or no name."""
+        require_name(frame_id, self.settings)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

@@ -16,7 +16,7 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import conversions, parameters
+from smartmesh_ros.node import bounds, conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.publishing import Publishing
@@ -25,6 +25,7 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.spawning import spawn_from_text
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.physics.ground import require_usable
+from smartmesh_ros.physics.urdf import checked_urdf
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -73,6 +74,7 @@ class TerrainCollider(Node):
             else:
                 session.world.time += skipped * session.world.config.physics.dt
                 session.world.step()
+            session.note_lost()
             self._outputs.publish()
 
     def idle(self) -> None:
@@ -108,8 +110,11 @@ class TerrainCollider(Node):
     def _on_spawn(self, request: SpawnBody.Request) -> str:
         state = conversions.state_from(request.pose, request.twist)
         world = self.session.world
+        bounds.require_name(request.id, self.settings)
+        bounds.require_room([request.id], world.bodies, self.settings)
         if request.urdf:
-            world.spawn_robot(request.id, request.urdf, state)
+            urdf = checked_urdf(request.urdf, bounds.urdf_rules(self.settings))
+            world.spawn_robot(request.id, urdf, state)
         else:
             world.spawn(request.id, conversions.shape_from(request.shape), request.mass, state)
         return ""

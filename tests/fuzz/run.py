@@ -22,7 +22,7 @@ from rclpy.serialization import serialize_message
 
 from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated
-from tests.fuzz.target import Finding, Target
+from tests.fuzz.target import FindingError, Target
 
 INPUTS = ("heightmap", "grid_map", "image", "occupancy_grid", "point_cloud")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.
@@ -49,7 +49,7 @@ def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tup
 
 
 def attack(terrain_input: str, count: int, seed: int, record: Path | None = None) -> dict[str, Any]:
-    """Gives ``count`` messages to one node and returns the counts. Raises `Finding`."""
+    """Gives ``count`` messages to one node and returns the counts. Raises `FindingError`."""
     rng = np.random.default_rng(seed)
     with Target(terrain_input, record) as target:
         for name, data in stream(target, count, rng):
@@ -67,14 +67,16 @@ def _work(terrain_input: str, count: int, seed: int, folder: Path) -> None:
     record = record / f"fuzz_{folder.name}_{seed}"
     try:
         result = attack(terrain_input, count, seed, record)
-    except Finding as finding:
+    except FindingError as finding:
         import traceback
 
         result = {"finding": traceback.format_exc()[-3000:], "name": finding.name, "bytes": finding.data.hex()}
     finally:
         if record.exists():
             record.replace(folder / "last") if record.parent == folder else (
-                (folder / "last").write_bytes(record.read_bytes()), record.unlink())
+                (folder / "last").write_bytes(record.read_bytes()),
+                record.unlink(),
+            )
     (folder / "result.json").write_text(json.dumps(result))
 
 
@@ -82,9 +84,7 @@ def shard(terrain_input: str, count: int, seed: int) -> dict[str, Any]:
     """`attack` in a process of its own; a finding or a crash is returned under ``finding``."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        process = multiprocessing.get_context("spawn").Process(
-            target=_work, args=(terrain_input, count, seed, folder)
-        )
+        process = multiprocessing.get_context("spawn").Process(target=_work, args=(terrain_input, count, seed, folder))
         process.start()
         process.join()
         file = folder / "result.json"

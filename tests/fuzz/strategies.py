@@ -42,6 +42,9 @@ def _numbers(name: str) -> st.SearchStrategy[Any]:
     if name in ("float", "double"):
         return st.floats(-20.0, 20.0, width=32) | st.floats(width=32 if name == "float" else 64)
     bits = _BITS[name]
-    low, high = (0, 2**bits - 1) if name.startswith("u") or name in ("octet", "char") else (-(2 ** (bits - 1)),
-                                                                                         2 ** (bits - 1) - 1)
+    low, high = (
+        (0, 2**bits - 1)
+        if name.startswith("u") or name in ("octet", "char")
+        else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    )
     return st.integers(max(low, 0), 4) | st.integers(low, high)
