@@ -42,9 +42,11 @@ class CdrReader:
 
     def text(self) -> str:
         """A string."""
-        data = bytes(self._take(1, self.number("I")))
+        data = bytes(self._take(1, self.number("I"))).rstrip(b"\0")
+        if b"\0" in data:  # would be two names, a long one here and a short one wherever strings end at a zero
+            raise InputError("malformed", f"a string of {len(data)} bytes has a zero byte in it")
         try:
-            return data.rstrip(b"\0").decode()
+            return data.decode()
         except UnicodeDecodeError:
             raise InputError("malformed", f"a string of {len(data)} bytes is not UTF-8") from None
 

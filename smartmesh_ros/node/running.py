@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -14,6 +15,7 @@ from typing import Any, Literal
 import rclpy
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
+from rclpy.logging import get_logging_directory
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
@@ -45,7 +47,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     own keeps the deadlines. What rclpy itself cannot take (a request that is none, a parameter of no type) is noted in
     the node's ``refusals``. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
     """
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=_with_logs_that_can_be_written(args), signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: stop.append(received))
@@ -85,6 +87,19 @@ def _handle_some(executor: Executor, node: Any) -> None:
         _handle(executor, node, 0.0)
         if node.handled == handled:
             return
+
+
+def _with_logs_that_can_be_written(args: list[str] | None) -> list[str]:
+    """The arguments, with log files turned off where there is no place for them: rclpy would not start without."""
+    given = sys.argv if args is None else args
+    folder = Path(get_logging_directory())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return list(given)
+    except OSError as error:
+        print(f"no log files: {folder} cannot be written ({error}); set ROS_LOG_DIR to another", file=sys.stderr)
+        return [*given, "--ros-args", "--disable-external-lib-logs"]
 
 
 def _handle(executor: Executor, node: Any, seconds: float) -> None:

@@ -7,6 +7,7 @@ of the folders allowed, symbolic links followed; and its numbers must be some th
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from smartmesh_ros.physics.limits import FARTHEST, MASSES, SIZES
 # Schemes that a file name may carry; what follows is looked for beside the description and in the folders above it.
 _SCHEMES = ("package://", "model://", "file://")
 _SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
+_NUMBER = re.compile(r"nan|inf|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
 _LARGEST_INERTIA = 1e18  # [kg m^2]
 
 
@@ -66,8 +68,8 @@ def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
     for element in root.iter():
         _check_numbers(element)
         for key, name in element.attrib.items():
-            if key.rpartition("}")[2] in ("filename", "file", "uri", "url"):
-                _require_file(name, folder, rules)
+            if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # a simulator's, not PyBullet's
+                _require_file(name, folder, rules, must_exist=element.tag == "mesh")
 
 
 def _check_numbers(element: ElementTree.Element) -> None:
@@ -94,17 +96,14 @@ def _check_numbers(element: ElementTree.Element) -> None:
 
 def _numbers(element: ElementTree.Element, key: str) -> Sequence[float]:
     text = element.get(key, "")
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        raise InputError("urdf", f"{key} of a {element.tag} is {text[:80]!r}; it must be numbers") from None
+    values = [float(number) for number in _NUMBER.findall(text)]  # whatever else stands there PyBullet takes for zero
     if not all(map(math.isfinite, values)):
         raise InputError("urdf", f"{key} of a {element.tag} is {text[:80]!r}; every number must be finite")
     return values
 
 
-def _require_file(name: str, folder: Path | None, rules: UrdfRules) -> None:
-    """Every file that PyBullet might take for ``name`` must be in the folders, and there must be one."""
+def _require_file(name: str, folder: Path | None, rules: UrdfRules, *, must_exist: bool) -> None:
+    """Every file that PyBullet might take for ``name`` must be in the folders."""
     for scheme in _SCHEMES:
         name = name.removeprefix(scheme)
     if "\0" in name or not name:
@@ -112,7 +111,7 @@ def _require_file(name: str, folder: Path | None, rules: UrdfRules) -> None:
     found = [path for path in map(_resolved, _candidates(name, folder)) if path.is_file()]
     for path in found:
         _require_inside(path, rules, f"the URDF names the file {name!r}, which")
-    if not found:
+    if must_exist and not found:
         raise InputError("urdf", f"the URDF names a file {name!r} that is not there")
 
 

@@ -13,20 +13,25 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
+import hypothesis
 import numpy as np
+from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
-from tests.fuzz import seeds
+from tests.fuzz import seeds, strategies
 from tests.fuzz.mutations import mutated
 from tests.fuzz.target import FindingError, Target
 
 INPUTS = ("heightmap", "grid_map", "image", "occupancy_grid", "point_cloud")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.
 POOL = 60
+# Every so many shares, one of messages that Hypothesis makes.
+EXAMPLES = 6
 
 
 def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tuple[str, bytes]]:
@@ -54,19 +59,37 @@ def attack(terrain_input: str, count: int, seed: int, record: Path | None = None
     with Target(terrain_input, record) as target:
         for name, data in stream(target, count, rng):
             target.give(name, data)
-        return {
-            "counts": dict(target.counts),
-            "reasons": dict(target.node.refusals.counts),
-            "vertices": target.oracle.compared,
-            "unresolved": target.oracle.unresolved,
-        }
+        return target.result()
+
+
+def attack_with_examples(terrain_input: str, count: int, seed: int, record: Path | None = None) -> dict[str, Any]:
+    """The same with ``count`` messages that Hypothesis makes field by field, in between good ones."""
+    rng = np.random.default_rng(seed)
+    with Target(terrain_input, record) as target:
+        kinds = {name: strategies.messages(target.kind(name)) for name in target.inputs}
+
+        @hypothesis.seed(seed)
+        @hypothesis.settings(
+            max_examples=count, database=None, deadline=None, phases=[hypothesis.Phase.generate],
+            suppress_health_check=list(hypothesis.HealthCheck), derandomize=False,
+        )  # fmt: skip
+        @hypothesis.given(st.data())
+        def give(data: st.DataObject) -> None:
+            name = data.draw(st.sampled_from(list(kinds)))
+            if rng.random() < 0.05:
+                target.give(name, serialize_message(seeds.make(name, rng)))
+            target.give(name, serialize_message(data.draw(kinds[name])))
+
+        give()
+        return target.result()
 
 
 def _work(terrain_input: str, count: int, seed: int, folder: Path) -> None:
     record = Path("/dev/shm") if Path("/dev/shm").is_dir() else folder
     record = record / f"fuzz_{folder.name}_{seed}"
     try:
-        result = attack(terrain_input, count, seed, record)
+        attacked = attack_with_examples if seed % EXAMPLES == 0 else attack
+        result = attacked(terrain_input, count, seed, record)
     except FindingError as finding:
         import traceback
 
@@ -103,6 +126,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--messages", type=int, default=120_000)
     parser.add_argument("--share", type=int, default=4_000, help="messages to one node")
+    parser.add_argument("--jobs", type=int, default=1, help="nodes at the same time")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
     options = parser.parse_args()
@@ -112,17 +136,23 @@ def main() -> None:
     reasons: Counter[str] = Counter()
     totals: Counter[str] = Counter()
     findings = []
-    for index in range(-(-options.messages // options.share)):
-        result = shard(INPUTS[index % len(INPUTS)], options.share, options.seed + index)
-        if "finding" in result:
-            findings.append(result)
-            print(f"{index}: FINDING {result['name']}: {result['finding']}", flush=True)
-            (options.out / f"finding_{options.seed + index}.json").write_text(json.dumps(result))
-            continue
-        fates.update(result["counts"])
-        reasons.update(result["reasons"])
-        totals.update(vertices=result["vertices"], unresolved=result["unresolved"])
-        print(f"{index}: {sum(result['counts'].values())} messages, {monotonic() - start:.0f} s", flush=True)
+    shares = range(-(-options.messages // options.share))
+    with ThreadPoolExecutor(options.jobs) as pool:
+        jobs = {
+            pool.submit(shard, INPUTS[index % len(INPUTS)], options.share, options.seed + index): index
+            for index in shares
+        }
+        for job in as_completed(jobs):
+            index, result = jobs[job], job.result()
+            if "finding" in result:
+                findings.append(result)
+                print(f"{index}: FINDING {result['name']}: {result['finding']}", flush=True)
+                (options.out / f"finding_{options.seed + index}.json").write_text(json.dumps(result))
+                continue
+            fates.update(result["counts"])
+            reasons.update(result["reasons"])
+            totals.update(vertices=result["vertices"], unresolved=result["unresolved"])
+            print(f"{index}: {sum(result['counts'].values())} messages, {monotonic() - start:.0f} s", flush=True)
     summary = {"messages": fates.total(), "seconds": round(monotonic() - start), "findings": len(findings),
                **totals, "fates": dict(sorted(fates.items())), "refusals": dict(sorted(reasons.items()))}  # fmt: skip
     (options.out / "summary.json").write_text(json.dumps(summary, indent=1))

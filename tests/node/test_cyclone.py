@@ -104,8 +104,9 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer)
     bodies = TrackedBodyArray()
     bodies.header.frame_id = "map"
     bodies.bodies = [body("rover", 1.0, 1.5), body("walker", 2.0, 2.5)]
-    maps, poses = peer.writer("terrain_collider/heightmap", Heightmap), peer.writer(
-        "terrain_collider/tracked_bodies", TrackedBodyArray
+    maps, poses = (
+        peer.writer("terrain_collider/heightmap", Heightmap),
+        peer.writer("terrain_collider/tracked_bodies", TrackedBodyArray),
     )
     patches = peer.reader("terrain_collider/patches", MarkerArray)
     process = Process("terrain_collider", {"terrain.motion": "hold"})
