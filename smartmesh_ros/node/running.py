@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from typing import Any, Literal
 import rclpy
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
@@ -56,6 +58,11 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             node = make_node()
         except InputError as error:
             print(f"cannot start: {error}", file=sys.stderr)
+            sys.exit(2)
+        except rclpy_implementation.RCLError as error:
+            if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+                raise
+            print(f"cannot start: no security, which ROS_SECURITY_ENABLE asks for: {error}", file=sys.stderr)
             sys.exit(2)
         executor = executor_of(node.settings.executor)
         executor.add_node(node)

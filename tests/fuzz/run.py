@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import os
 import sys
 import tempfile
 from collections import Counter
@@ -23,9 +24,11 @@ import numpy as np
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
+from smartmesh_ros.testing import Probe
 from tests.fuzz import seeds, strategies
 from tests.fuzz.mutations import mutated
 from tests.fuzz.target import FindingError, Target
+from tests.fuzz.wire import bombard
 
 INPUTS = ("heightmap", "grid_map", "image", "occupancy_grid", "point_cloud")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.
@@ -121,11 +124,24 @@ def shard(terrain_input: str, count: int, seed: int) -> dict[str, Any]:
                 "bytes": data.hex()}  # fmt: skip
 
 
+def over_the_wire(count: int, seed: int) -> dict[str, int]:
+    """Sends ``count`` more to a node process over DDS; raises if it ends or its patches leave the map."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    probe = Probe()
+    try:
+        with probe.running(parameters={"terrain.motion": "hold"}) as process:
+            refused = bombard(probe, process, count, np.random.default_rng(seed))
+            return {"over DDS": count, "over DDS, refused": refused}
+    finally:
+        probe.close()
+
+
 def main() -> None:
     """Runs the shares one after the other and writes what became of the messages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--messages", type=int, default=120_000)
     parser.add_argument("--share", type=int, default=4_000, help="messages to one node")
+    parser.add_argument("--wire", type=int, default=10_000, help="messages beyond these, over DDS to a node process")
     parser.add_argument("--jobs", type=int, default=1, help="nodes at the same time")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
@@ -153,8 +169,9 @@ def main() -> None:
             reasons.update(result["reasons"])
             totals.update(vertices=result["vertices"], unresolved=result["unresolved"])
             print(f"{index}: {sum(result['counts'].values())} messages, {monotonic() - start:.0f} s", flush=True)
+    wire = over_the_wire(options.wire, options.seed) if options.wire else {}
     summary = {"messages": fates.total(), "seconds": round(monotonic() - start), "findings": len(findings),
-               **totals, "fates": dict(sorted(fates.items())), "refusals": dict(sorted(reasons.items()))}  # fmt: skip
+               **totals, **wire, "fates": dict(sorted(fates.items())), "refusals": dict(sorted(reasons.items()))}  # fmt: skip
     (options.out / "summary.json").write_text(json.dumps(summary, indent=1))
     print(json.dumps({key: value for key, value in summary.items() if key not in ("fates", "refusals")}))
     sys.exit(1 if findings else 0)

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType
-from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.testing import Process, assert_on_map, heightmap_message, pose_message
+from smartmesh_ros.testing import Probe, Process, assert_on_map, heightmap_message, pose_message
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
 
@@ -131,7 +133,22 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer)
         process.close()
 
 
-def body(name: str, x: float, y: float) -> Any:
-    from smartmesh_msgs.msg import TrackedBody
+def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
+    """Of a peer with another idea of the type. The middleware drops them, or the node's loop refuses them."""
+    other = make_idl_struct(
+        "SpawnBody_Request", "smartmesh_msgs::srv::dds_::SpawnBody_Request_", {"values": types.array[types.uint32, 6]}
+    )
+    topic = Topic(peer.participant, "rq/terrain_collider/spawn_bodyRequest", other, qos=QOS)
+    writer = DataWriter(peer.participant, topic, qos=QOS)
+    sphere = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+    with probe.running() as process:
+        probe.wait_for(writer.get_matched_subscriptions, watch=process)
+        for number, value in enumerate((0, 7, 2**31, 2**32 - 1)):
+            writer.write(other(values=[value] * 6))
+            assert probe.call("spawn_body", SpawnBody, id=f"ball_{number}", shape=sphere, mass=1.0).success
+        assert process.process.poll() is None
+        assert len(probe.latest("body_states").bodies) == 4
 
+
+def body(name: str, x: float, y: float) -> Any:
     return TrackedBody(id=name, pose=pose_message((x, y, 0.3)), radius=0.2)
