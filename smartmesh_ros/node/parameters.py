@@ -24,6 +24,7 @@ from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.urdf import UrdfRules
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
@@ -81,6 +82,11 @@ class Settings:
     reliability: Reliability = "reliable"
     input: TerrainInput = "heightmap"
     file: str = ""
+    most_tiles: int = 1000
+    most_bodies: int = 10_000
+    longest_name: int = 256
+    longest_urdf: int = UrdfRules.longest
+    urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     simulation_interfaces: bool = False
@@ -128,7 +134,8 @@ SPECS = (
     Spec("terrain.motion", _D.motion.mode, "What the ground does between maps.", choices=get_args(MotionMode)),
     Spec("terrain.max_interval", _D.motion.max_interval, "Maps further apart give no velocity [s].", 0.001, 60.0),
     Spec("terrain.max_velocity", _D.motion.max_velocity, "Faster ground has jumped, not moved [m/s].", 0.01, 1000.0),
-    Spec("terrain.max_samples", _D.max_samples, "Larger maps are refused [samples].", 9, 2**31),
+    Spec("terrain.max_samples", _D.max_samples, "Samples of all maps together; more are refused.", 9, 2**31),
+    Spec("terrain.max_tiles", _D.most_tiles, "Tiles there may be; more are refused.", 1, 1_000_000),
     Spec(
         "terrain.durability", _D.durability, "QoS durability of the map subscriptions; transient_local gets the last "
         "map of a latched publisher, and nothing from a volatile one.", choices=get_args(Durability), read_only=True,
@@ -160,6 +167,14 @@ SPECS = (
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
+    Spec("bodies.most", _D.most_bodies, "Tracked and simulated bodies there may be; more are refused.", 1, 1_000_000),
+    Spec("bodies.longest_name", _D.longest_name, "Characters of the name of a body, a tile or a frame.", 1, 65_535),
+    Spec("bodies.longest_urdf", _D.longest_urdf, "Bytes of a robot description.", 1, 2**31),
+    Spec(
+        "bodies.urdf_folders", list(_D.urdf_folders), "Folders that robot descriptions and their meshes may come from, "
+        "when a service names them; empty = pybullet_data and the share folders of the installed packages.",
+        read_only=True,
+    ),
     Spec("bodies.poses", [], "Topics of geometry_msgs/PoseStamped, each of one tracked body: 'name=topic', or a topic "
          "alone, which names it.", read_only=True),
     Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
@@ -246,6 +261,11 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         output_durability=v["publish.durability"],
         output_depth=v["publish.depth"],
         incremental=v["publish.incremental"],
+        most_tiles=v["terrain.max_tiles"],
+        most_bodies=v["bodies.most"],
+        longest_name=v["bodies.longest_name"],
+        longest_urdf=v["bodies.longest_urdf"],
+        urdf_folders=tuple(v["bodies.urdf_folders"]),
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
