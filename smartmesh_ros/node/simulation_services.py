@@ -18,6 +18,7 @@ from smartmesh_ros.node.robot_outputs import pose_message, twist_message
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.urdf import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.physics.base_frames import centre_state
+from smartmesh_ros.physics.urdf import checked_urdf
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
