@@ -32,5 +32,8 @@ load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours
 	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/soak $(SOAK)
 
+fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
+	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2
+
 clean:  ## remove what the commands made
 	rm -rf .venv build install log

@@ -12,12 +12,14 @@ from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.node import conversions
+from smartmesh_ros.node.bounds import require_name, require_room
 from smartmesh_ros.node.conversions import BodyInput
 from smartmesh_ros.node.frame_bodies import FrameBodies
 from smartmesh_ros.node.joint_commands import joint_commands_from
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.transform_input import TransformInput
+from smartmesh_ros.physics.limits import SIZES, require_between, require_possible
 
 # Takes reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -32,8 +34,12 @@ class BodyInputs:
         self._of_poses: set[str] = set()
         self._transforms = TransformInput(session)
         self._frames = FrameBodies(session, self._transforms)
-        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
-        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
+
+        def most() -> int:
+            return session.settings.most_bodies
+
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         for name, topic in session.settings.poses:
             session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
@@ -73,11 +79,15 @@ class BodyInputs:
         transform = self._transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
         time = clock.place(stamp, session.clock_now(), session.clock.pace())
-        for body in bodies:
+        require_room((body.name for body in bodies), session.world.bodies, session.settings)
+        states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
+        radii = [body.radius or session.settings.default_radius for body in bodies]
+        for body, state, radius in zip(bodies, states, radii, strict=True):
             session.require_not_simulated(body.name)
-        for body in bodies:
-            radius = body.radius or session.settings.default_radius
-            state = body.state if transform is None else transform.apply(body.state)
+            require_name(body.name, session.settings)
+            require_possible(body.name, state)
+            require_between(f"radius of {body.name!r}", radius, SIZES, "m")
+        for body, state, radius in zip(bodies, states, radii, strict=True):
             session.tracking.update(body.name, radius, state, time)
         clock.accept(stamp, time)
 

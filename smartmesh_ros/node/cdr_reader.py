@@ -42,11 +42,27 @@ class CdrReader:
 
     def text(self) -> str:
         """A string."""
-        data = bytes(self._take(1, self.number("I")))
+        data = bytes(self._take(1, self.number("I"))).rstrip(b"\0")
+        if b"\0" in data:  # would be two names, a long one here and a short one wherever strings end at a zero
+            raise InputError("malformed", f"a string of {len(data)} bytes has a zero byte in it")
         try:
-            return data.rstrip(b"\0").decode()
+            return data.decode()
         except UnicodeDecodeError:
             raise InputError("malformed", f"a string of {len(data)} bytes is not UTF-8") from None
+
+    def count(self, size: int) -> int:
+        """Number of elements of a sequence, each of ``size`` bytes at the least; as many must be left."""
+        count = int(self.number("I"))
+        if count * size > len(self._data) - self._at:
+            raise InputError(
+                "malformed", f"a sequence of {count} elements starts at byte {self._at} of {len(self._data)}"
+            )
+        return count
+
+    def skip(self, size: int, count: int = 1) -> None:
+        """Moves on past ``count`` numbers of ``size`` bytes each."""
+        if count:
+            self._take(size, count * size)
 
     def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:
         """A sequence of numbers, or of ``width`` numbers each, as an array (n,) or (n, width) over the bytes."""

@@ -72,6 +72,7 @@ def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
         "patches": patches,
         "without ground": len(world.ground.followers) - patches,
         "below ground": len(below),
+        "put back onto the ground": world.rescues,
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
         "largest deviation [m]": f"{deviation:.6f}",
         "colliders replaced": world.ground.replacements,

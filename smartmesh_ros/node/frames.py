@@ -55,6 +55,10 @@ class _Edge:
     transforms: list[Transform] = field(default_factory=list)
 
 
+# Frames there may be.
+MOST_FRAMES = 10_000
+
+
 class FrameBuffer:
     """Transforms of the last seconds, looked up across the tree of frames. ``version`` counts what was added."""
 
@@ -80,6 +84,8 @@ class FrameBuffer:
         x, y, z, w = transform.rotation
         transform = Transform(transform.translation, (x / length, y / length, z / length, w / length))
         edge = self._edges.get(child)
+        if edge is None and len(self._edges) >= MOST_FRAMES:
+            raise InputError("size", f"there are {MOST_FRAMES} frames already; {child!r} is one too many")
         if stamp is None:
             edge = self._edges[child] = _Edge(parent, [], [transform])
         elif edge is None or edge.parent != parent or not edge.stamps or stamp < edge.stamps[-1] - HISTORY:

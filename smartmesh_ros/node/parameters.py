@@ -24,6 +24,7 @@ from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.urdf import UrdfRules
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
@@ -43,10 +44,10 @@ class PublishRates:
     body_states: float = 60.0
     contacts: float = 30.0
     timing: float = 1.0
+    clock: float = 0.0
     joint_states: float = 60.0
     odometry: float = 60.0
     contact_wrenches: float = 60.0
-    clock: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +82,11 @@ class Settings:
     reliability: Reliability = "reliable"
     input: TerrainInput = "heightmap"
     file: str = ""
+    most_tiles: int = 1000
+    most_bodies: int = 10_000
+    longest_name: int = 256
+    longest_urdf: int = UrdfRules.longest
+    urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     simulation_interfaces: bool = False
@@ -108,6 +114,8 @@ SPECS = (
          -1000.0, 1000.0),
     Spec("physics.friction", _PHYSICS.friction, "Friction of simulated bodies spawned from now on.", 0.0, 10.0),
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
+    Spec("physics.guard", _PHYSICS.guard, "Bodies found below the ground are put back onto it."),
+    Spec("physics.landing", _PHYSICS.landing, "Bodies that would run into the ground in a step arrive at its surface."),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
     Spec(
         "physics.deadline", _D.deadline, "What becomes of steps that are late: they are skipped, run as soon as "
@@ -126,7 +134,8 @@ SPECS = (
     Spec("terrain.motion", _D.motion.mode, "What the ground does between maps.", choices=get_args(MotionMode)),
     Spec("terrain.max_interval", _D.motion.max_interval, "Maps further apart give no velocity [s].", 0.001, 60.0),
     Spec("terrain.max_velocity", _D.motion.max_velocity, "Faster ground has jumped, not moved [m/s].", 0.01, 1000.0),
-    Spec("terrain.max_samples", _D.max_samples, "Larger maps are refused [samples].", 9, 2**31),
+    Spec("terrain.max_samples", _D.max_samples, "Samples of all maps together; more are refused.", 9, 2**31),
+    Spec("terrain.max_tiles", _D.most_tiles, "Tiles there may be; more are refused.", 1, 1_000_000),
     Spec(
         "terrain.durability", _D.durability, "QoS durability of the map subscriptions; transient_local gets the last "
         "map of a latched publisher, and nothing from a volatile one.", choices=get_args(Durability), read_only=True,
@@ -158,6 +167,14 @@ SPECS = (
     Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
+    Spec("bodies.most", _D.most_bodies, "Tracked and simulated bodies there may be; more are refused.", 1, 1_000_000),
+    Spec("bodies.longest_name", _D.longest_name, "Characters of the name of a body, a tile or a frame.", 1, 65_535),
+    Spec("bodies.longest_urdf", _D.longest_urdf, "Bytes of a robot description.", 1, 2**31),
+    Spec(
+        "bodies.urdf_folders", list(_D.urdf_folders), "Folders that robot descriptions and their meshes may come from, "
+        "when a service names them; empty = pybullet_data and the share folders of the installed packages.",
+        read_only=True,
+    ),
     Spec("bodies.poses", [], "Topics of geometry_msgs/PoseStamped, each of one tracked body: 'name=topic', or a topic "
          "alone, which names it.", read_only=True),
     Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
@@ -175,11 +192,6 @@ SPECS = (
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     Spec("publish.contacts", _D.publish.contacts, "Rate of ~/contacts [Hz].", 0.0, 1000.0),
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
-    Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
-    Spec("publish.odometry", _D.publish.odometry, "Rate of ~/odometry, of each robot [Hz].", 0.0, 1000.0),
-    Spec("publish.contact_wrenches", _D.publish.contact_wrenches, "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
-    Spec("simulation_interfaces", _D.simulation_interfaces, "Serve the standard services of simulation_interfaces.",
-         read_only=True),
     Spec("publish.incremental", _D.incremental, "~/patches holds only the patches that changed, and all of them when a "
          "subscriber joins and every 5 s."),
     Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
@@ -188,6 +200,11 @@ SPECS = (
         "publish.depth messages for late joiners.", choices=get_args(Durability), read_only=True,
     ),
     Spec("publish.depth", _D.output_depth, "Messages of an output that are kept until they are delivered.", 1, 10_000,
+         read_only=True),
+    Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
+    Spec("publish.odometry", _D.publish.odometry, "Rate of ~/odometry, of each robot [Hz].", 0.0, 1000.0),
+    Spec("publish.contact_wrenches", _D.publish.contact_wrenches, "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
+    Spec("simulation_interfaces", _D.simulation_interfaces, "Serve the standard services of simulation_interfaces.",
          read_only=True),
     Spec("frame_id", _D.frame_id, "Frame of the terrain; empty = that of the first map.", read_only=True),
     Spec("executor", _D.executor, "How rclpy waits for messages.", choices=get_args(ExecutorKind), read_only=True),
@@ -204,6 +221,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         friction=v["physics.friction"],
         restitution=v["physics.restitution"],
         contact_erp=v["physics.contact_erp"],
+        guard=v["physics.guard"],
+        landing=v["physics.landing"],
     )
     patch = PatchConfig(
         search=v["search.method"],
@@ -242,9 +261,15 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         output_durability=v["publish.durability"],
         output_depth=v["publish.depth"],
         incremental=v["publish.incremental"],
+        most_tiles=v["terrain.max_tiles"],
+        most_bodies=v["bodies.most"],
+        longest_name=v["bodies.longest_name"],
+        longest_urdf=v["bodies.longest_urdf"],
+        urdf_folders=tuple(v["bodies.urdf_folders"]),
         body_timeout=v["bodies.timeout"],
         default_radius=v["bodies.default_radius"],
         spawn=tuple(v["bodies.spawn"]),
+        deadline=v["physics.deadline"],
         robot=RobotConfig(
             description=v["robot.description"],
             name=v["robot.name"],
@@ -253,7 +278,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             yaw=v["robot.yaw"],
         ),
         simulation_interfaces=v["simulation_interfaces"],
-        deadline=v["physics.deadline"],
         executor=v["executor"],
     )
 

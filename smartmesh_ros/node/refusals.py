@@ -9,6 +9,14 @@ from smartmesh_ros.errors import InputError
 # Seconds between two log lines of the same topic and reason.
 LOG_PERIOD = 5.0
 
+# A message may quote what a peer sent; so much of it is logged or answered [characters].
+LONGEST = 1000
+
+
+def shortened(text: str) -> str:
+    """The text, its middle left out where it is too long to log."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+
 
 class Refusals:
     """Counts what was refused and logs it without flooding."""
@@ -27,5 +35,6 @@ class Refusals:
         if now - last >= LOG_PERIOD:
             more = self.counts[key] - count - 1
             repeated = f" ({more} more since the last line)" if more else ""
-            self._logger.warning(f"{source} refused: {error}{repeated}")
+            text = shortened(str(error))
+            self._logger.warning(f"{source} refused: {text}{repeated}")
             self._logged[key] = (now, self.counts[key])

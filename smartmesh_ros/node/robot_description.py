@@ -7,10 +7,12 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from smartmesh_ros.node import bounds
 from smartmesh_ros.node.initial_bodies import InitialBodies
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.spawning import Entry
 from smartmesh_ros.node.urdf import robot_name, with_package_paths
+from smartmesh_ros.physics.urdf import checked_urdf
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -28,7 +30,8 @@ class RobotDescription:
 
     def _on_description(self, message: Any) -> None:
         robot_name(message.data)  # must be URDF, and no file's name
-        self._take(message.data)
+        urdf = with_package_paths(message.data)
+        self._take(checked_urdf(urdf, bounds.urdf_rules(self._session.settings)))
 
     def _take(self, text: str) -> None:
         settings, world = self._session.settings.robot, self._session.world

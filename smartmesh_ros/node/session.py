@@ -11,10 +11,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.clock import NodeClock, stamp_of
+from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.node.parameters import Settings
-from smartmesh_ros.node.refusals import Refusals
+from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World
 
@@ -52,19 +55,23 @@ class Session:
         *,
         raw: bool = False,
         private: bool = True,
+        most: Callable[[], int] = lambda: MOST_ITEMS,
     ) -> None:
-        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged."""
+        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged.
 
-        def callback(message: Any) -> None:
+        ``raw``: whether ``take`` reads the message's bytes itself. ``most``: elements allowed in each of its sequences.
+        """
+
+        def callback(data: bytes) -> None:
             try:
                 with self.lock:
                     self.handled += 1
-                    take(message)
+                    take(data if raw else message_from(data, kind, most()))
             except InputError as error:
                 self.refusals.add(topic, error)
 
         name = f"~/{topic}" if private else topic
-        self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=raw))
+        self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
         """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
@@ -77,19 +84,8 @@ class Session:
                 response.success = True
             except InputError as error:
                 self.refusals.add(service, error)
-                response.message = str(error)
+                response.message = shortened(str(error))
                 response.success = False
-            return response
-
-        self.node.create_service(kind, f"~/{service}", callback)
-
-    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
-        """Serves ``~/service`` with responses of other forms, which ``handle`` fills in."""
-
-        def callback(request: Any, response: Any) -> Any:
-            with self.lock:
-                self.handled += 1
-                handle(request, response)
             return response
 
         self.node.create_service(kind, f"~/{service}", callback)
@@ -102,6 +98,17 @@ class Session:
         self.pacer.policy = "catch_up" if simulated else self.settings.deadline
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
         self.pacer.restart()
+
+    def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
+        """Serves ``~/service`` with responses of other forms, which ``handle`` fills in."""
+
+        def callback(request: Any, response: Any) -> Any:
+            self.handled += 1
+            with self.lock:
+                handle(request, response)
+            return response
+
+        self.node.create_service(kind, f"~/{service}", callback)
 
     def clock_now(self) -> float:
         """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""
@@ -121,7 +128,15 @@ class Session:
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
+    def note_lost(self) -> None:
+        """Counts and logs the bodies that the world took out because they had left everything."""
+        for name in self.world.lost:
+            error = InputError("lost", f"{name!r} was at no place or farther away than {FARTHEST:g} m, and was removed")
+            self.refusals.add("physics", error)
+        self.world.lost.clear()
+
     def require_frame(self, frame_id: str) -> None:
-        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame."""
+        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame, or no name."""
+        require_name(frame_id, self.settings)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

@@ -11,13 +11,14 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import conversions
+from smartmesh_ros.node import bounds, conversions
 from smartmesh_ros.node.entity_filters import select
 from smartmesh_ros.node.optional_messages import find_interfaces
 from smartmesh_ros.node.robot_outputs import pose_message, twist_message
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.urdf import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.physics.base_frames import centre_state
+from smartmesh_ros.physics.urdf import checked_urdf
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
@@ -178,7 +179,8 @@ class SimulationServices:
 
     def _spawn(self, request: Any, response: Any) -> None:
         session = self._session
-        urdf = _urdf_of(getattr(request, "entity_resource", request))
+        given = _urdf_of(getattr(request, "entity_resource", request))
+        urdf = checked_urdf(given, bounds.urdf_rules(session.settings))
         if request.entity_namespace:
             raise InputError("unsupported", "entities have no namespace here; their topics name them")
         session.require_frame(request.initial_pose.header.frame_id)
@@ -186,6 +188,8 @@ class SimulationServices:
         name = request.name or robot_name(urdf_text(urdf))
         if request.allow_renaming:
             name = self._free_name(name)
+        bounds.require_name(name, session.settings)
+        bounds.require_room([name], session.world.bodies, session.settings)
         session.world.spawn_robot(name, urdf, state)
         body = session.world.bodies[name]
         body.initial = centre_state(state, body.inertial)  # the pose is that of the base link

@@ -16,7 +16,7 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import conversions, parameters
+from smartmesh_ros.node import bounds, conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
@@ -28,6 +28,7 @@ from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.urdf import with_package_paths
 from smartmesh_ros.physics.ground import require_usable
+from smartmesh_ros.physics.urdf import checked_urdf
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -40,7 +41,7 @@ class TerrainCollider(Node):
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
         self.session = session = Session(self, self.settings)
-        self.pacer = session.pacer
+        self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._outputs = Publishing(session)
@@ -78,6 +79,7 @@ class TerrainCollider(Node):
             else:
                 session.world.time += skipped * session.world.config.physics.dt
                 session.world.step()
+            session.note_lost()
             self._outputs.publish()
 
     def idle(self) -> None:
@@ -131,8 +133,11 @@ class TerrainCollider(Node):
     def _on_spawn(self, request: SpawnBody.Request) -> str:
         state = conversions.state_from(request.pose, request.twist)
         world = self.session.world
+        bounds.require_name(request.id, self.settings)
+        bounds.require_room([request.id], world.bodies, self.settings)
         if request.urdf:
-            world.spawn_robot(request.id, with_package_paths(request.urdf), state)
+            urdf = checked_urdf(with_package_paths(request.urdf), bounds.urdf_rules(self.settings))
+            world.spawn_robot(request.id, urdf, state)
         else:
             world.spawn(request.id, conversions.shape_from(request.shape), request.mass, state)
         return ""

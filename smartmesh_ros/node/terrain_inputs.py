@@ -14,6 +14,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainM
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
 from smartmesh_ros.node.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.conversions import FloatGrid
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
@@ -88,6 +89,7 @@ class TerrainInputs:
                 return
             if velocities is None:
                 velocities = velocities_across(known, geometry, heights, time)
+        require_tile_fits(tile, geometry.size, self._terrain, self._session.settings)
         motion = self._session.settings.motion
         self._put(tile, HeightMap(heights, geometry=geometry, time=time, velocities=velocities, motion=motion))
 
@@ -136,6 +138,7 @@ class TerrainInputs:
             if not len(new.vertices) and not len(new.triangles):
                 self._terrain.remove(new.start.tile)
                 return
+            require_tile_fits(new.start.tile, len(new.vertices), self._terrain, settings)
             self._put(
                 new.start.tile,
                 TriangleMesh(new.vertices, new.triangles, time=time, velocities=new.velocities, motion=settings.motion),
@@ -168,6 +171,7 @@ class TerrainInputs:
             if update:
                 self._terrain.tile(tile)
             session.require_frame(frame_id)
+            require_name(tile, session.settings)
             clock = self._clocks.get(tile) or StampClock()
             time = clock.place(stamp, session.clock_now(), session.time_now())
             yield time

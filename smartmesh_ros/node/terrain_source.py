@@ -16,6 +16,7 @@ from smartmesh_ros.node.clock import NodeClock
 from smartmesh_ros.node.declaring import Spec, declare
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import ExecutorKind, run
 from smartmesh_ros.terrain.elevation import jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -60,6 +61,7 @@ class TerrainSource(Node):
         values = declare(self, SPECS)
         self.settings = SourceSettings()
         self.pacer = Pacer(1.0 / values["rate"], "skip", NodeClock(self).pace)
+        self.refusals = Refusals(self.get_logger())
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import conversions
+from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.cdr_reader import CdrReader
 from smartmesh_ros.node.frames import FrameBuffer, Transform
 from smartmesh_ros.node.optional_messages import require_message
@@ -55,6 +56,7 @@ class TransformInput:
 
     def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
         """How poses in ``frame_id`` are seen in the terrain's frame; None where they are in it. Raises `InputError`."""
+        require_name(frame_id, self._session.settings)
         terrain = self._session.frame_id
         if not terrain or not frame_id or frame_id == terrain:
             return None
@@ -68,6 +70,7 @@ class TransformInput:
         """Each transform counts by itself: one that is refused does not take its neighbours with it."""
         for stamp, parent, child, transform in transforms_from(data):
             try:
+                require_name(child, self._session.settings)
                 time = None if static else conversions.stamp_seconds(stamp) or 0.0
                 self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
             except InputError as error:

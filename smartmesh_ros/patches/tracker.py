@@ -122,7 +122,9 @@ class PatchTracker:
         for place, name in enumerate(self._names):
             beyond, grid = self._meshes[name].beyond(positions_w[stray])
             nearer = (beyond <= least) & ((chosen < 0) | (beyond < least))
-            chosen[nearer], least[nearer], grids[nearer] = place, beyond[nearer], grid[nearer]
+            chosen[nearer], least[nearer] = place, beyond[nearer]
+            if grid.size:  # a general mesh has no rows and columns
+                grids[nearer] = grid[nearer]
         self._grid.forget(stray[chosen != self._tile[stray]])
         self._tile[stray] = chosen
         return [

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
@@ -15,6 +14,7 @@ from smartmesh_ros.physics.base_frames import InertialFrame
 from smartmesh_ros.physics.bounds import bounding_radius
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
+from smartmesh_ros.physics.limits import MASSES, require_between
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 
@@ -68,8 +68,7 @@ class BodyFactory:
         It is a rigid body (PyBullet's maximal coordinates): several times faster against a patch than a multibody of no
         joints, and the only kind that continuous collision detection works for.
         """
-        if not (np.isfinite(mass) and mass > 0.0):
-            raise InputError("geometry", f"mass of {name!r} is {mass} kg; it must be greater than zero")
+        require_between(f"mass of {name!r}", mass, MASSES, "kg")
         client, config = self._client, self.config
         uid = client.createMultiBody(
             mass, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.limits import FARTHEST, FASTEST_SPIN, STRONGEST
 
 # The largest effort of a joint whose URDF gives no limit [Nm or N].
 DEFAULT_EFFORT = 100.0
@@ -30,10 +30,10 @@ class JointCommand:
     effort: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "effort"):
+        for name, most in (("position", FARTHEST), ("velocity", FASTEST_SPIN), ("effort", STRONGEST)):
             value = getattr(self, name)
-            if value is not None and not math.isfinite(value):
-                raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite")
+            if value is not None and not abs(value) <= most:  # not so either where it is NaN
+                raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite, to {most:g}")
         if self.has_target and self.effort is not None and self.effort < 0.0:
             raise InputError("joint_command", f"effort {self.effort} bounds a target's; it must be zero or more")
 

@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.limits import SIZES, require_between
 from smartmesh_ros.terrain.grid import FloatArray
 
 
 class _Shape:
-    """Checks that every dimension is a positive number of metres."""
+    """Checks that every dimension is a possible number of metres."""
 
     def __post_init__(self) -> None:
         for field in fields(self):  # type: ignore[arg-type]  # every shape is a dataclass
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0.0):
-                name = type(self).__name__.lower()
-                raise InputError("geometry", f"{field.name} of the {name} is {value} m; it must be greater than zero")
+            what = f"{field.name} of the {type(self).__name__.lower()}"
+            require_between(what, getattr(self, field.name), SIZES, "m")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from smartmesh_ros.physics.limits import FASTEST, FASTEST_SPIN
 from smartmesh_ros.physics.state import BodyState, Quaternion, Vector
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.grid import FloatArray
@@ -42,7 +43,8 @@ class Tracking:
             interval = time - last.time
             if 0.0 < interval <= LONGEST_INTERVAL:
                 linear, angular = _velocity(last.state, state, interval)
-                dictated = replace(state, linear=linear, angular=angular)
+                if max(map(abs, linear)) <= FASTEST and max(map(abs, angular)) <= FASTEST_SPIN:  # else it has jumped
+                    dictated = replace(state, linear=linear, angular=angular)
         self._world.track(name, radius, dictated)
         self._seen[name] = _Seen(state, time)
 

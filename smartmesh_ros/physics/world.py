@@ -19,6 +19,7 @@ from smartmesh_ros.physics.contacts import GroundContact, contacts_of_spheres, c
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import below_ground, put_back
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
+from smartmesh_ros.physics.limits import FARTHEST, require_possible
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.snapshot import BodySnapshot, Snapshot
 from smartmesh_ros.physics.state import BodyState
@@ -56,6 +57,7 @@ class World:
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.rescues = 0  # bodies put back onto the ground so far
+        self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
         self._start()
 
     def _start(self) -> None:
@@ -92,12 +94,16 @@ class World:
     def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
         """Adds a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
         self._require_free(name)
-        self._add(self._factory.simulated(name, shape, mass, state or BodyState()))
+        state = state or BodyState()
+        require_possible(name, state)
+        self._add(self._factory.simulated(name, shape, mass, state))
 
     def spawn_robot(self, name: str, urdf: str, state: BodyState | None = None) -> None:
         """Adds a robot from a URDF file or text, with a patch for each link that has a collision shape."""
         self._require_free(name)
-        self._add(self._factory.robot(name, urdf, state or BodyState()))
+        state = state or BodyState()
+        require_possible(name, state)
+        self._add(self._factory.robot(name, urdf, state))
 
     def replace_robot(self, name: str, urdf: str) -> None:
         """Puts another robot in place of one, where its base is now; raises `InputError` and changes nothing if its
@@ -113,6 +119,7 @@ class World:
 
         Between calls it moves on with its velocity. A new radius replaces the body.
         """
+        require_possible(name, state)
         body = self.bodies.get(name)
         if body is not None and body.radius != radius and body.tracked:
             self.remove(name)
@@ -160,6 +167,8 @@ class World:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
         dt = self.config.physics.dt
         self.ground.update(self.time, dt)
+        if self._drop_lost():
+            self.ground.update(self.time, dt)
         if self.config.physics.guard and self._rescue():
             self.ground.update(self.time, dt)
 
@@ -305,6 +314,18 @@ class World:
         for landed in landings:
             ground.will_move(landed.follower, landing.speed_up(client, landed) * dt)
         landing.hold_back(client, escapes, before)
+
+    def _drop_lost(self) -> bool:
+        """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
+        positions = self.ground.positions_w
+        if np.abs(positions).max(initial=0.0) <= FARTHEST:  # not so either where there is a NaN
+            return False
+        there = (np.abs(positions) <= FARTHEST).all(axis=1)
+        names = {self._follower_names[index].partition("/")[0] for index in np.flatnonzero(~there)}
+        for name in sorted(names):
+            self.remove(name)
+            self.lost.append(name)
+        return True
 
     def _rescue(self) -> bool:
         """Puts bodies that are below the ground back onto it; says whether there were any."""

@@ -1,0 +1,235 @@
+"""Good messages of every input, to be spoilt."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from numpy.typing import NDArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from std_srvs.srv import SetBool, Trigger
+
+from smartmesh_ros.node.optional_messages import find_message
+from smartmesh_ros.testing import floats, heightmap_message, mesh_message, point_message, pose_message
+
+ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
+ROBOT = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0"
+ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision></link>
+<link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+</inertial><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0 0.2 0"/>
+<axis xyz="0 1 0"/></joint></robot>"""
+
+
+def heights(rng: np.random.Generator) -> NDArray[np.float32]:
+    """A small map, at times with holes."""
+    values = rng.normal(size=(ROWS, COLUMNS)).astype(np.float32) * 0.2
+    if rng.random() < 0.3:
+        values[rng.random(values.shape) < 0.1] = np.nan
+    return values
+
+
+def _place(rng: np.random.Generator) -> Any:
+    x, y = rng.uniform(-0.5, 4.5, 2)
+    return pose_message((x, y, float(rng.uniform(0.0, 0.5))))
+
+
+def _framed(message: Any, frame_id: str = "map") -> Any:
+    message.header.frame_id = frame_id
+    return message
+
+
+def make(name: str, rng: np.random.Generator) -> Any:
+    """A good message for an input by the last part of its name."""
+    return _MAKERS[name](rng)
+
+
+def _heightmap(rng: np.random.Generator) -> Any:
+    tile, origin = [("", (0.0, 0.0, 0.0)), ("far", (9.0, 1.0, 0.5))][int(rng.random() < 0.3)]
+    speeds = rng.normal(size=(ROWS, COLUMNS)) if rng.random() < 0.3 else None
+    return heightmap_message(heights(rng), resolution=RESOLUTION, origin=origin, tile=tile, velocities=speeds,
+                             yaw=float(rng.choice([0.0, 0.4])))  # fmt: skip
+
+
+def _update(rng: np.random.Generator) -> Any:
+    height, width = int(rng.integers(1, 6)), int(rng.integers(1, 6))
+    y, x = int(rng.integers(0, ROWS - 5)), int(rng.integers(0, COLUMNS - 5))
+    new = rng.normal(size=height * width).astype(np.float32)
+    tile = "far" if rng.random() < 0.3 else ""
+    return _framed(HeightmapUpdate(tile=tile, x=x, y=y, width=width, height=height, heights=floats(new)))
+
+
+def _vertices(rng: np.random.Generator) -> NDArray[np.float64]:
+    x, y = np.meshgrid(np.arange(5) * 0.5 + 20.0, np.arange(4) * 0.5)
+    return np.column_stack([x.ravel(), y.ravel(), rng.normal(size=20) * 0.1])
+
+
+def _mesh(rng: np.random.Generator) -> Any:
+    corner = np.array([row * 5 + column for row in range(3) for column in range(4)])[:, None]
+    triangles = np.concatenate([corner + (0, 1, 6), corner + (0, 6, 5)])
+    return mesh_message(_vertices(rng), triangles, tile="mesh")
+
+
+def _mesh_update(rng: np.random.Generator) -> Any:
+    chosen = np.sort(rng.choice(20, 4, replace=False))
+    message = TerrainMeshUpdate(tile="mesh", indices=chosen.tolist())
+    message.vertices = [point_message(vertex) for vertex in _vertices(rng)[chosen]]
+    return _framed(message)
+
+
+def _tracked(rng: np.random.Generator) -> Any:
+    bodies = [
+        TrackedBody(id=name, pose=_place(rng), radius=float(rng.choice([0.0, 0.1, 0.3])))
+        for name in ("rover", "walker", "b")[: int(rng.integers(1, 4))]
+    ]
+    return _framed(TrackedBodyArray(bodies=bodies))
+
+
+def _poses(rng: np.random.Generator) -> Any:
+    return _framed(PoseArray(poses=[_place(rng) for _ in range(int(rng.integers(0, 4)))]))
+
+
+def _odometry(rng: np.random.Generator) -> Any:
+    message = _framed(Odometry())
+    message.pose.pose = _place(rng)
+    return message
+
+
+def _image(rng: np.random.Generator) -> Any:
+    data = heights(rng)
+    return _framed(
+        Image(height=ROWS, width=COLUMNS, encoding="32FC1", step=COLUMNS * 4, data=data.tobytes()),
+    )
+
+
+def _occupancy(rng: np.random.Generator) -> Any:
+    message = _framed(OccupancyGrid(data=rng.integers(-1, 101, ROWS * COLUMNS).tolist()))
+    message.info.height, message.info.width, message.info.resolution = ROWS, COLUMNS, RESOLUTION
+    message.info.origin.orientation.w = 1.0
+    return message
+
+
+def _occupancy_update(rng: np.random.Generator) -> Any:
+    kind: Any = find_message("map_msgs", "OccupancyGridUpdate")
+    return _framed(kind(x=2, y=3, width=4, height=2, data=rng.integers(-1, 101, 8).tolist()))
+
+
+def _cloud(rng: np.random.Generator) -> Any:
+    y, x = np.meshgrid(np.arange(ROWS) * RESOLUTION, np.arange(COLUMNS) * RESOLUTION, indexing="ij")
+    points = np.stack([x, y, heights(rng)], axis=-1).astype(np.float32)
+    fields = [PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate("xyz")]
+    return _framed(
+        PointCloud2(height=ROWS, width=COLUMNS, fields=fields, point_step=12, row_step=12 * COLUMNS,
+                    data=points.tobytes())
+    )  # fmt: skip
+
+
+def _grid_map(rng: np.random.Generator) -> Any:
+    from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+
+    kind: Any = find_message("grid_map_msgs", "GridMap")
+    message = _framed(kind(layers=["elevation"]))
+    message.info.resolution = RESOLUTION
+    message.info.length_x, message.info.length_y = ROWS * RESOLUTION, COLUMNS * RESOLUTION
+    message.info.pose = pose_message((2.0, 2.0, 0.0))
+    layer = Float32MultiArray(data=floats(heights(rng).ravel()))
+    layer.layout.dim = [
+        MultiArrayDimension(label="column_index", size=COLUMNS, stride=ROWS * COLUMNS),
+        MultiArrayDimension(label="row_index", size=ROWS, stride=ROWS),
+    ]
+    message.data = [layer]
+    message.outer_start_index = int(rng.integers(ROWS))
+    return message
+
+
+def _transforms(rng: np.random.Generator) -> Any:
+    kind: Any = find_message("tf2_msgs", "TFMessage")
+    transforms = []
+    for child in ("tool", "odom"):
+        transform = _framed(TransformStamped(child_frame_id=child))
+        pose = _place(rng)
+        transform.transform.translation.x, transform.transform.translation.y = pose.position.x, pose.position.y
+        transform.transform.rotation = pose.orientation
+        transforms.append(transform)
+    return kind(transforms=transforms)
+
+
+def _spawn(rng: np.random.Generator) -> Any:
+    name = str(rng.choice(["ball", "crate", "tin", "robot", "again"]))
+    request = SpawnBody.Request(id=name, mass=1.0, pose=_place(rng))
+    if name == "robot":
+        request.urdf = ROBOT
+    elif name == "crate":
+        request.shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.2, 0.2])
+    elif name == "tin":
+        request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.1])
+    else:
+        request.shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+    return request
+
+
+_SETTINGS = (
+    ("physics.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=120.0)),
+    ("patch.kind", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="plane")),
+    ("patch.rings", ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=2)),
+    ("patch.tolerance", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.01)),
+    ("physics.gravity", ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[0.0, 0.0, -3.0])),
+    ("search.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="best_first")),
+    ("collect.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="union_bfs")),
+    ("patch.carry_velocity", ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=False)),
+    ("bodies.timeout", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.5)),
+)
+
+
+def _settings(kind: Any) -> Any:
+    def make_settings(rng: np.random.Generator) -> Any:
+        chosen = [_SETTINGS[int(i)] for i in rng.integers(len(_SETTINGS), size=int(rng.integers(1, 3)))]
+        return kind.Request(parameters=[Parameter(name=name, value=value) for name, value in chosen])
+
+    return make_settings
+
+
+_NAMES = ["physics.rate", "patch.kind", "raster.origin"]
+_MAKERS: dict[str, Any] = {
+    "heightmap": _heightmap,
+    "heightmap_update": _update,
+    "terrain_mesh": _mesh,
+    "terrain_mesh_update": _mesh_update,
+    "tracked_bodies": _tracked,
+    "body_poses": _poses,
+    "pose_in": lambda rng: _framed(PoseStamped(pose=_place(rng)), str(rng.choice(["map", "odom"]))),
+    "odometry_in": _odometry,
+    "tf": _transforms,
+    "tf_static": _transforms,
+    "joint_commands": lambda rng: JointState(name=["robot/axle"], velocity=[float(rng.normal())]),
+    "image": _image,
+    "occupancy_grid": _occupancy,
+    "occupancy_grid_update": _occupancy_update,
+    "point_cloud": _cloud,
+    "grid_map": _grid_map,
+    "spawn_body": _spawn,
+    "remove_body": lambda rng: RemoveBody.Request(id=str(rng.choice(["ball", "crate", "robot", "rover"]))),
+    "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
+    "reset": lambda rng: Trigger.Request(),
+    "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),
+    "set_parameters": _settings(SetParameters),
+    "set_parameters_atomically": _settings(SetParametersAtomically),
+    "get_parameters": lambda rng: GetParameters.Request(names=_NAMES),
+    "get_parameter_types": lambda rng: GetParameterTypes.Request(names=_NAMES),
+    "describe_parameters": lambda rng: DescribeParameters.Request(names=_NAMES),
+    "list_parameters": lambda rng: ListParameters.Request(prefixes=["physics"], depth=2),
+}

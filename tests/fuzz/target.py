@@ -1,0 +1,197 @@
+"""A node under fire: every subscription and service of it, called with the bytes that the middleware hands over."""
+
+from __future__ import annotations
+
+import traceback
+from collections import Counter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message, serialize_message
+
+from smartmesh_ros.node import terrain_collider
+from smartmesh_ros.node.terrain_collider import TerrainCollider
+from tests.fuzz.oracle import Oracle, Tile
+
+BASE = {
+    "terrain.motion": "hold",
+    "frame_id": "map",
+    "bodies.poses": ["p=/pose_in"],
+    "bodies.odometry": ["o=/odometry_in"],
+    "bodies.frames": ["tool"],
+    "bodies.timeout": 5.0,
+}
+RASTERS = ("grid_map", "image", "occupancy_grid", "occupancy_grid_update", "point_cloud")
+PARAMETERS = ("set_parameters", "set_parameters_atomically")
+TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *RASTERS)
+MOST_BODIES = 8
+MOST_STEPS = 20
+DOMAIN = 101  # nobody sends anything there; the bytes are handed over by hand
+
+
+class FindingError(AssertionError):
+    """Something that must not happen, and the message that made it happen."""
+
+    def __init__(self, name: str, data: bytes, error: BaseException) -> None:
+        super().__init__(f"{name}, {len(data)} bytes: {type(error).__name__}: {error}")
+        self.name, self.data = name, data
+
+
+class Target:
+    """The node, its inputs by name, and counts of what became of the messages."""
+
+    def __init__(self, terrain_input: str = "heightmap", record: Path | None = None) -> None:
+        terrain_collider.MOST_STEPS = MOST_STEPS
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=DOMAIN)
+        values = {**BASE, "terrain.input": terrain_input}
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        self.node = TerrainCollider(context=self._context, parameter_overrides=overrides)
+        self.node.refusals._logger = _Silence()
+        self.oracle = Oracle()
+        self.counts: Counter[str] = Counter()
+        self._record = record
+        self._topics = {sub.topic_name.rpartition("/")[2]: sub for sub in self.node.subscriptions}
+        services = {srv.srv_name.rpartition("/")[2]: srv for srv in self.node.services}
+        services.pop("get_type_description", None)  # served below Python
+        self._services = services
+        self._base = {name: self.node.get_parameter(name).value for name in terrain_collider.parameters.NAMES}
+        self._given = 0
+
+    def __enter__(self) -> Target:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def result(self) -> dict[str, Any]:
+        """What became of the messages, refusals by reason, and vertices compared."""
+        return {
+            "counts": dict(self.counts),
+            "reasons": dict(self.node.refusals.counts),
+            "vertices": self.oracle.compared,
+            "unresolved": self.oracle.unresolved,
+        }
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of all topics and services."""
+        return [*self._topics, *self._services]
+
+    def kind(self, name: str) -> Any:
+        """The type of an input's messages or requests."""
+        return self._topics[name].msg_type if name in self._topics else self._services[name].srv_type.Request
+
+    def give(self, name: str, data: bytes) -> None:
+        """Hands bytes to an input and checks that all is well. Raises `FindingError`."""
+        if self._record is not None:
+            self._record.write_bytes(name.encode() + b"\n" + data)
+        try:
+            self._give(name, data)
+        except Exception as error:
+            raise FindingError(name, data, error) from error
+
+    def _give(self, name: str, data: bytes) -> None:
+        refusals = self.node.refusals.counts
+        before = refusals.total()
+        fate = "taken"
+        if name in self._topics:
+            self._topics[name].callback(data)
+            if refusals.total() > before:
+                fate = "refused"
+        else:
+            fate = self._call(name, data)
+        self.counts[f"{name}: {fate}"] += 1
+        if fate == "taken" and name in ("heightmap", "heightmap_update"):
+            message = deserialize_message(data, self.kind(name))
+            (self.oracle.take_map if name == "heightmap" else self.oracle.take_region)(message)
+        terrain = self.node.session.world.terrain
+        if fate == "taken" and name in RASTERS:
+            self._copy(terrain.tiles[""])
+        elif fate == "taken" and name == "terrain_mesh":
+            # Takes the place of a height map of that name, or takes it away.
+            for gone in [n for n in self.oracle.tiles if not hasattr(terrain.tiles.get(n), "heights")]:
+                del self.oracle.tiles[gone]
+        self.oracle.require_same(terrain)
+        self._given += 1
+        if (fate == "taken" and name in TERRAIN) or self._given % 6 == 0:
+            self._tick()
+        if fate == "taken" and name in PARAMETERS:
+            self._restore()
+        if self._given % 20 == 0:
+            self._tidy()
+
+    def _call(self, name: str, data: bytes) -> str:
+        service = self._services[name]
+        try:
+            request = deserialize_message(data, self.kind(name))
+        except Exception:  # noqa: BLE001  # raised by rclpy in the node's loop, which counts it
+            return "malformed"
+        before = self.node.refusals.counts.total()
+        try:
+            response = service.callback(request, service.srv_type.Response())
+        except Exception as error:
+            # rclpy's own services raise on parameters of no type; the node's loop catches and counts that.
+            places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)[1:]]
+            if places[0].name == "parameter_service.py" and all("smartmesh_ros" not in place.parts for place in places):
+                return "raised in rclpy"
+            raise
+        serialize_message(response)
+        success = getattr(response, "success", True)
+        assert success == (self.node.refusals.counts.total() == before), "a refusal that was not counted"
+        return "taken" if success else "refused"
+
+    def _copy(self, mesh: Any) -> None:
+        g = mesh.geometry
+        self.oracle.tiles[""] = Tile(mesh.heights.astype(np.float64), g.origin, g.resolution, g.yaw)
+
+    def _tick(self) -> None:
+        """A turn of the node's loop with everything published, and what must hold after it."""
+        self.node.tick()
+        world = self.node.session.world
+        for batch in world.ground.batches:
+            self.oracle.require_on_map(batch)
+        for name in world.bodies:
+            state = world.state(name)
+            numbers = (*state.position, *state.orientation, *state.linear, *state.angular)
+            assert np.isfinite(numbers).all(), f"{name!r} is at no finite place: {numbers}"
+        if self._given % 30 == 0:
+            for output in self.node._outputs._outputs.values():
+                made = output.make()
+                if isinstance(made, bytes):
+                    deserialize_message(made, output.publisher.msg_type)
+
+    def _restore(self) -> None:
+        """Sets the parameters back, so that the next messages find the node as the first ones did."""
+        self.node.set_parameters([Parameter(name, value=value) for name, value in self._base.items()
+                                  if self.node.get_parameter(name).value != value])  # fmt: skip
+
+    def _tidy(self) -> None:
+        """Forgets stamps, and takes out what has piled up."""
+        node, world = self.node, self.node.session.world
+        node._terrain.forget_stamps()
+        node._bodies.forget_stamps()
+        if node.session.paused and self._given % 100 == 0:
+            node.session.paused = False
+        for name in list(world.bodies)[:-MOST_BODIES] if len(world.bodies) > MOST_BODIES else []:
+            node.session.tracking.forget(name)
+            if name in world.bodies:
+                world.remove(name)
+        for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
+            world.terrain.remove(name)
+            self.oracle.tiles.pop(name, None)
+
+
+class _Silence:
+    """A logger that says nothing."""
+
+    def warning(self, _: str) -> None:
+        """Nothing."""

@@ -1,0 +1,89 @@
+"""The quick form of ``make fuzz``."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import TrackedBodyArray
+
+from smartmesh_ros.testing import Probe, domain, heightmap_message, pose_message, probe
+from tests.fuzz.run import INPUTS, attack, attack_with_examples
+from tests.fuzz.seeds import make
+from tests.fuzz.target import Target
+from tests.fuzz.wire import bombard
+
+__all__ = ["domain", "probe"]
+
+
+@pytest.fixture
+def target() -> Iterator[Target]:
+    with Target() as made:
+        yield made
+
+
+@pytest.mark.parametrize("terrain_input", INPUTS)
+def test_spoilt_messages(terrain_input: str) -> None:
+    result = attack(terrain_input, 250, seed=11)
+    assert sum(result["counts"].values()) == 250
+    assert result["vertices"] > 1000
+
+
+def test_messages_made_field_by_field() -> None:
+    assert sum(attack_with_examples("image", 200, seed=12)["counts"].values()) >= 200
+
+
+def test_spoilt_messages_over_the_wire(probe: Probe) -> None:
+    with probe.running(parameters={"terrain.motion": "hold"}) as process:
+        assert bombard(probe, process, 400, np.random.default_rng(13)) > 50
+
+
+def test_a_general_mesh_beside_a_height_map_does_not_stop_the_loop(target: Target) -> None:
+    """A general mesh has no rows and columns for a body that changes tiles."""
+    rng = np.random.default_rng(1)
+    for name in ("spawn_body", "tracked_bodies", "heightmap", "terrain_mesh", "tracked_bodies"):
+        target.give(name, serialize_message(make(name, rng)))
+
+
+@pytest.mark.parametrize("spin", [1e200, 1e6])
+def test_a_spin_that_cannot_be_simulated_is_refused(target: Target, spin: float) -> None:
+    request = make("spawn_body", np.random.default_rng(1))
+    request.twist.angular.z = spin
+    target.give("spawn_body", serialize_message(request))
+    assert target.counts["spawn_body: refused"] == 1
+
+
+def test_a_name_with_a_zero_byte_is_refused(target: Target) -> None:
+    """Read by C it is a short name, by Python a long one: a map of one tile would have become that of another."""
+    message = heightmap_message(np.zeros((3, 3)), tile="abcd")
+    target.give("heightmap", serialize_message(message).replace(b"abcd", b"a\0cd"))
+    assert target.counts["heightmap: refused"] == 1
+    assert not target.node.session.world.terrain.tiles
+
+
+def test_one_impossible_body_refuses_all_of_its_message(target: Target) -> None:
+    message = make("tracked_bodies", np.random.default_rng(2))
+    message.bodies[-1].radius = 1e30
+    target.give("tracked_bodies", serialize_message(message))
+    message.bodies[-1].radius = 0.1
+    message.bodies[-1].pose = pose_message((1e12, 0.0, 0.0))
+    target.give("tracked_bodies", serialize_message(message))
+    assert target.counts["tracked_bodies: refused"] == 2
+    assert not target.node.session.world.bodies
+
+
+def test_a_count_without_its_elements_is_refused_before_memory_is_taken(target: Target) -> None:
+    data = bytearray(serialize_message(TrackedBodyArray()))
+    data[-4:] = (2**31 - 1).to_bytes(4, "little")
+    target.give("tracked_bodies", bytes(data))
+    assert target.node.refusals.counts == {"tracked_bodies: malformed": 1}
+
+
+def test_a_body_that_leaves_everything_is_taken_out_and_named(target: Target) -> None:
+    target.give("spawn_body", serialize_message(make("spawn_body", np.random.default_rng(1))))
+    [name] = target.node.session.world.bodies
+    world = target.node.session.world
+    world.client.resetBasePositionAndOrientation(world.bodies[name].uid, (1e9, 0, 0), (0, 0, 0, 1))
+    target.node.tick()
+    assert not world.bodies
+    assert target.node.refusals.counts["physics: lost"] == 1

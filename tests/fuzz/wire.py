@@ -1,0 +1,53 @@
+"""Spoilt messages over real DDS to a node in a process of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import Heightmap
+from std_srvs.srv import Trigger
+
+from smartmesh_ros.testing import Probe, Process, assert_on_map
+from tests.fuzz import seeds
+from tests.fuzz.mutations import mutated
+
+# Messages between two looks at the patches.
+ROUND = 200
+
+
+def bombard(probe: Probe, process: Process, count: int, rng: np.random.Generator) -> int:
+    """Publishes ``count`` spoilt messages on every topic of the node. After each round a good map is published, and
+    every patch must lie on it. Returns how many messages the node has refused."""
+    names = list(probe.publishers)
+    pools = {name: [serialize_message(seeds.make(name, rng)) for _ in range(20)] for name in names}
+    for sent in range(count):
+        name = names[int(rng.integers(len(names)))]
+        pool = pools[name]
+        probe.publishers[name].publish(mutated(pool[int(rng.integers(len(pool)))], pool, rng))
+        probe.spin(0.0)
+        if (sent + 1) % ROUND == 0:
+            require_well(probe, process, rng)
+    require_well(probe, process, rng)
+    values = probe.diagnostics("inputs")
+    return sum(int(value) for key, value in values.items() if key.startswith("refused"))
+
+
+def require_well(probe: Probe, process: Process, rng: np.random.Generator) -> None:
+    """Waits until the node has patches again on a map that it is given, and nowhere else."""
+    response = probe.call("reset", Trigger)  # its clocks may have been set to the end of time
+    assert response.success
+    for tile in ("far", "mesh"):
+        probe.publishers["heightmap"].publish(Heightmap(tile=tile))
+    good = probe.publish_map(rng.normal(size=(30, 30)), resolution=0.25, stamp=Heightmap().header.stamp)
+
+    def on_map() -> bool:
+        probe.publish_poses([(2.0, 2.0, 0.3), (4.0, 5.0, 0.2)])
+        patches = probe.patches()
+        try:
+            for points in patches.values():
+                assert_on_map(points, good)
+        except AssertionError:
+            return False
+        return len(patches) >= 2
+
+    probe.wait_for(on_map, watch=process)

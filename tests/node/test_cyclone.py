@@ -1,0 +1,154 @@
+"""Talking with Eclipse Cyclone DDS, an implementation that shares no code with the middleware underneath ROS here."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+import pytest
+from rosidl_parser.definition import AbstractSequence, AbstractString, Array, BasicType
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import SpawnBody
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros.testing import Probe, Process, assert_on_map, heightmap_message, pose_message
+
+pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import make_idl_struct, types
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+LOCALHOST = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>
+<MaxAutoParticipantIndex>30</MaxAutoParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain>
+</CycloneDDS>"""
+QOS = Qos(
+    Policy.Reliability.Reliable(1_000_000_000),
+    Policy.History.KeepLast(10),
+    Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
+)
+BASIC = {
+    "boolean": bool, "octet": types.byte, "char": types.uint8, "uint8": types.uint8, "int8": types.int8,
+    "uint16": types.uint16, "int16": types.int16, "uint32": types.uint32, "int32": types.int32,
+    "uint64": types.uint64, "int64": types.int64, "float": types.float32, "double": types.float64,
+}  # fmt: skip
+
+
+@cache
+def cyclone_type(kind: Any) -> Any:
+    """Cyclone's type of a ROS message, with the name that ROS gives it on the wire."""
+    package = kind.__module__.partition(".")[0]
+    name = f"{package}::msg::dds_::{kind.__name__}_"
+    names = kind.get_fields_and_field_types()
+    fields = {field: annotation(slot) for field, slot in zip(names, kind.SLOT_TYPES, strict=True)}
+    return make_idl_struct(kind.__name__, name, fields)
+
+
+def annotation(slot: Any) -> Any:
+    if isinstance(slot, BasicType):
+        return BASIC[slot.typename]
+    if isinstance(slot, AbstractString):
+        return str
+    if isinstance(slot, AbstractSequence):
+        return types.sequence[annotation(slot.value_type)]
+    if isinstance(slot, Array):
+        return types.array[annotation(slot.value_type), slot.size]
+    return cyclone_type(getattr(import_module(".".join(slot.namespaces)), slot.name))
+
+
+def to_cyclone(message: Any) -> Any:
+    """A ROS message as Cyclone's."""
+    if hasattr(message, "SLOT_TYPES"):
+        names = message.get_fields_and_field_types()
+        return cyclone_type(type(message))(**{name: to_cyclone(getattr(message, name)) for name in names})
+    if hasattr(message, "tolist"):
+        return message.tolist()
+    return [to_cyclone(item) for item in message] if isinstance(message, list) else message
+
+
+@dataclass
+class Peer:
+    """A participant that knows nothing of ROS."""
+
+    participant: DomainParticipant
+
+    def writer(self, name: str, kind: Any) -> DataWriter:
+        return DataWriter(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
+
+    def reader(self, name: str, kind: Any) -> DataReader:
+        return DataReader(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
+
+
+@pytest.fixture
+def peer(domain: int) -> Iterator[Peer]:
+    before = os.environ.get("CYCLONEDDS_URI")
+    os.environ["CYCLONEDDS_URI"] = LOCALHOST
+    yield Peer(DomainParticipant(domain))
+    os.environ.pop("CYCLONEDDS_URI")
+    if before is not None:
+        os.environ["CYCLONEDDS_URI"] = before
+
+
+def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer) -> None:
+    heights = np.random.default_rng(3).normal(size=(40, 30)) * 0.2
+    map_message = heightmap_message(heights, resolution=0.1)
+    bodies = TrackedBodyArray()
+    bodies.header.frame_id = "map"
+    bodies.bodies = [body("rover", 1.0, 1.5), body("walker", 2.0, 2.5)]
+    maps, poses = (
+        peer.writer("terrain_collider/heightmap", Heightmap),
+        peer.writer("terrain_collider/tracked_bodies", TrackedBodyArray),
+    )
+    patches = peer.reader("terrain_collider/patches", MarkerArray)
+    process = Process("terrain_collider", {"terrain.motion": "hold"})
+    try:
+        end = monotonic() + 60.0
+        shown: list[Any] = []
+        while len(shown) < 2:
+            assert monotonic() < end, f"no two patches in 60 s; the node printed {process.output}"
+            maps.write(to_cyclone(map_message))
+            poses.write(to_cyclone(bodies))
+            sleep(0.1)
+            for sample in patches.take(N=50):
+                shown = [m for m in sample.markers if m.action == Marker.ADD]
+        for marker in shown:
+            points = np.array([(p.x, p.y, p.z) for p in marker.points])
+            assert len(points) >= 6
+            assert marker.header.frame_id == "map"
+            assert_on_map(points, map_message)
+        assert "refused" not in process.output
+    finally:
+        process.stop()
+        process.close()
+
+
+def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
+    """Of a peer with another idea of the type. The middleware drops them, or the node's loop refuses them."""
+    other = make_idl_struct(
+        "SpawnBody_Request", "smartmesh_msgs::srv::dds_::SpawnBody_Request_", {"values": types.array[types.uint32, 6]}
+    )
+    topic = Topic(peer.participant, "rq/terrain_collider/spawn_bodyRequest", other, qos=QOS)
+    writer = DataWriter(peer.participant, topic, qos=QOS)
+    sphere = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+    with probe.running() as process:
+        probe.wait_for(writer.get_matched_subscriptions, watch=process)
+        for number, value in enumerate((0, 7, 2**31, 2**32 - 1)):
+            writer.write(other(values=[value] * 6))
+            assert probe.call("spawn_body", SpawnBody, id=f"ball_{number}", shape=sphere, mass=1.0).success
+        assert process.process.poll() is None
+        assert len(probe.latest("body_states").bodies) == 4
+
+
+def body(name: str, x: float, y: float) -> Any:
+    return TrackedBody(id=name, pose=pose_message((x, y, 0.3)), radius=0.2)

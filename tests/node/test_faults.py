@@ -1,0 +1,222 @@
+"""Peers, clocks, disks and wires that fail."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from smartmesh_ros.testing import COLLIDER, Probe, Process, assert_on_map, heightmap_message
+
+SHAPE = (40, 30)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def rough(seed: int, base: float = 0.0) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return base + np.random.default_rng(seed).normal(size=SHAPE) * 0.1
+
+
+def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
+    """Whether there are patches, all of whose vertices are samples of the map."""
+
+    def holds() -> bool:
+        probe.publish_poses([(1.0, 1.0, 0.3)])
+        patches = probe.patches()
+        try:
+            for points in patches.values():
+                assert_on_map(points, message)
+        except AssertionError:
+            return False
+        return bool(patches)
+
+    return holds
+
+
+@pytest.fixture
+def held(probe: Probe) -> Iterator[Process]:
+    with probe.running(parameters={"terrain.motion": "hold"}) as process:
+        yield process
+
+
+def test_two_sources_of_one_terrain_never_mix(probe: Probe, held: Process) -> None:
+    """The newest map holds, whoever sent it: every patch lies wholly on one of the two."""
+    other = probe.publisher(Heightmap, "heightmap")
+    first, second = rough(1), rough(2, base=5.0)
+    probe.publish_map(first)
+    probe.wait_for(on_map(probe, heightmap_message(first)))
+    seen = set()
+
+    def both_seen() -> bool:
+        probe.publish_poses([(1.0, 1.0, 0.3)])
+        if np.random.default_rng().random() < 0.5:
+            probe.publish_map(first)
+        else:
+            other.publish(heightmap_message(second, stamp=probe.now()))
+        for points in probe.patches().values():
+            of = int(points[:, 2].max() > 2.0)
+            assert_on_map(points, heightmap_message((first, second)[of]))
+            seen.add(of)
+        return len(seen) == 2
+
+    probe.wait_for(both_seen)
+    last = probe.publish_map(first)
+    probe.wait_for(on_map(probe, last))
+
+
+def test_clocks_that_jump_neither_stop_nor_mislead_the_node(probe: Probe, held: Process) -> None:
+    """A stamp from the past is refused and counted; one from far ahead holds until ~/reset; the node's own time goes
+    on through all of it."""
+    now = probe.now()
+    good = probe.publish_map(rough(1))
+    probe.wait_for(on_map(probe, good))
+    probe.publish_map(rough(2), stamp=Time(sec=now.sec - 3600))
+    probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "1")
+    probe.wait_for(on_map(probe, good))
+    ahead = probe.publish_map(rough(3), stamp=Time(sec=now.sec + 100_000))
+    probe.wait_for(on_map(probe, ahead))
+    probe.publish_map(rough(4))
+    probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "2")
+    probe.wait_for(on_map(probe, ahead))
+    assert probe.call("reset", Trigger).success
+    back = probe.publish_map(rough(5))
+    probe.wait_for(on_map(probe, back))
+    probe.wait_for(lambda: probe.latest("timing").real_time_factor > 0.0)
+
+
+def test_a_node_that_was_killed_comes_back_with_the_latched_map(probe: Probe) -> None:
+    map_message = heightmap_message(rough(1))
+    keeper = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
+    keeper.publish(map_message)
+    settings = {"terrain.durability": "transient_local", "terrain.motion": "hold"}
+    for _ in range(2):
+        process = Process("terrain_collider", settings)
+        try:
+            probe.wait_for(on_map(probe, map_message), watch=process)
+            process.process.send_signal(signal.SIGKILL)
+            assert process.process.wait(10) == -signal.SIGKILL
+        finally:
+            process.close()
+    probe.node.destroy_publisher(keeper)
+
+
+def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(probe: Probe, held: Process) -> None:
+    """Its queue overflows at its own end; everybody else goes on receiving."""
+    context_hog = Probe()
+    try:
+        context_hog.node.create_subscription(MarkerArray, f"{COLLIDER}/patches", lambda _: None, 1)
+        probe.wait_for(lambda: probe.node.count_subscribers(f"{COLLIDER}/patches") >= 3)
+        good = probe.publish_map(rough(1))
+        probe.wait_for(on_map(probe, good))
+        before = float(probe.latest("timing").window_s)
+        received = len(probe.received[f"{COLLIDER}/patches"])
+        probe.wait_for(lambda: len(probe.received[f"{COLLIDER}/patches"]) > received + 60)
+        assert before > 0.0
+        assert held.process.poll() is None
+    finally:
+        context_hog.close()
+
+
+@pytest.mark.parametrize("folder", ["full", "read_only", "missing"])
+def test_the_node_runs_where_no_log_can_be_written(probe: Probe, tmp_path: Path, folder: str) -> None:
+    with log_folder(tmp_path, folder) as logs:
+        process = Process("terrain_collider", environment={"ROS_LOG_DIR": str(logs)})
+        try:
+            probe.wait_for(probe.connected, watch=process)
+            good = probe.publish_map(rough(1))
+            probe.wait_for(on_map(probe, good), watch=process)
+            # A refusal is logged, which needs the disk.
+            probe.publish_map(np.zeros((2, 2)))
+            probe.wait_for(lambda: "refused, heightmap: geometry" in probe.diagnostics("inputs"))
+            assert process.stop() == 0
+        finally:
+            process.close()
+
+
+@contextlib.contextmanager
+def log_folder(tmp_path: Path, kind: str) -> Iterator[Path]:
+    if kind == "full":
+        if not Path("/dev/full").exists():
+            pytest.skip("/dev/full is missing")
+        # A folder whose every file is a device that is always full cannot be had; a small file system can.
+        folder = tmp_path / "small"
+        folder.mkdir()
+        if os.system(f"mount -t tmpfs -o size=4k tmpfs {folder} 2>/dev/null") != 0:
+            pytest.skip("mounting a small file system is not permitted here")
+        try:
+            with contextlib.suppress(OSError):
+                (folder / "ballast").write_bytes(bytes(8192))
+            yield folder
+        finally:
+            os.system(f"umount {folder}")
+    elif kind == "read_only":
+        yield Path("/proc/self")  # where nobody, not even root, can make a file
+    else:
+        yield tmp_path / "not" / "there"
+
+
+def test_bytes_that_are_no_message_are_refused_and_the_node_lives(probe: Probe, held: Process) -> None:
+    """Sent by a peer whose encoder is broken: see test_cyclone.py for requests."""
+    good = probe.publish_map(rough(1))
+    probe.wait_for(on_map(probe, good))
+    whole = serialize_message(good)
+    bodies = serialize_message(TrackedBodyArray())
+    for count, data in enumerate((whole[:50], whole[:7], whole[:4] + b"\xff" * 60, b"\x00"), 1):
+        probe.publishers["heightmap"].publish(data)
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: malformed") == str(count))  # noqa: B023
+    # A count of bodies far beyond what follows.
+    probe.publishers["tracked_bodies"].publish(bodies[:-4] + struct.pack("<I", 2**31))
+    probe.wait_for(lambda: "refused, tracked_bodies: malformed" in probe.diagnostics("inputs"))
+    probe.wait_for(on_map(probe, good))
+
+
+def test_a_parameter_of_no_type_is_refused_and_the_node_lives(probe: Probe, held: Process) -> None:
+    client = probe.node.create_client(SetParameters, f"{COLLIDER}/set_parameters")
+    probe.wait_for(client.service_is_ready)
+    client.call_async(SetParameters.Request(parameters=[Parameter(name="physics.rate", value=ParameterValue(type=77))]))
+    probe.wait_for(lambda: "refused, rclpy: malformed" in probe.diagnostics("inputs"), watch=held)
+    good = probe.publish_map(rough(1))
+    probe.wait_for(on_map(probe, good))
+
+
+def test_a_source_that_is_cut_off_is_found_again(probe: Probe, held: Process) -> None:
+    """A source that stands still as if its wire were cut, past the lease of its peers, and goes on."""
+    good = probe.publish_map(rough(1))
+    probe.wait_for(on_map(probe, good))
+    source = Process("terrain_source", {"scene": "rut", "rows": 40, "columns": 30, "resolution": 0.1, "tile": "far"})
+    try:
+        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of 'far'", "0") != "0")
+        source.process.send_signal(signal.SIGSTOP)
+        before = settled(probe)
+        source.process.send_signal(signal.SIGCONT)
+        probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of 'far'"]) > before)
+        probe.wait_for(on_map(probe, good))
+    finally:
+        source.process.send_signal(signal.SIGCONT)
+        source.close()
+
+
+def settled(probe: Probe) -> int:
+    """Updates of the tile ``far`` once no more come."""
+    seen = [-1]
+
+    def unchanged() -> bool:
+        seen.append(int(probe.diagnostics("terrain")["updates of 'far'"]))
+        return seen[-1] == seen[-2]
+
+    probe.wait_for(unchanged)
+    return seen[-1]

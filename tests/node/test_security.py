@@ -1,0 +1,101 @@
+"""What peers may make the node open, hold and believe."""
+
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+from geometry_msgs.msg import PoseArray
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
+
+from smartmesh_ros.testing import Probe, Process, pose_message
+
+SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+BOX = '<collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision>'
+INERTIA = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+ROBOT = f'<robot name="r"><link name="a">{INERTIA}{BOX}</link></robot>'
+
+
+def test_services_open_no_file_outside_the_folders(probe: Probe, tmp_path: Path) -> None:
+    allowed = tmp_path / "robots"
+    allowed.mkdir()
+    for folder in (allowed, tmp_path):
+        (folder / "robot.urdf").write_text(ROBOT)
+    (allowed / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    reader = ROBOT.replace('<box size="0.3 0.3 0.2"/>', '<mesh filename="/etc/passwd"/>')
+    with probe.running(parameters={"bodies.urdf_folders": [str(allowed)]}):
+        for number, urdf in enumerate(
+            (str(tmp_path / "robot.urdf"), str(allowed / "link.urdf"), str(allowed / "../robot.urdf"),
+             f"{pybullet_data.getDataPath()}/r2d2.urdf", "/etc/passwd", "/no/such/file", reader)
+        ):  # fmt: skip
+            response = probe.call("spawn_body", SpawnBody, id=f"robot_{number}", urdf=urdf)
+            assert not response.success, urdf
+            assert "outside the folders allowed" in response.message
+        assert probe.call("spawn_body", SpawnBody, id="good", urdf=str(allowed / "robot.urdf")).success
+        assert probe.call("spawn_body", SpawnBody, id="text", urdf=ROBOT).success
+
+
+def test_sizes_are_capped_by_parameters(probe: Probe) -> None:
+    caps = {
+        "bodies.most": 3, "bodies.longest_name": 20, "bodies.longest_urdf": 1000,
+        "terrain.max_samples": 2000, "terrain.max_tiles": 2,
+    }  # fmt: skip
+    with probe.running(parameters=caps):
+        probe.publish_map(np.zeros((30, 30)))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "900")
+        # More samples in all tiles together, or more tiles, than allowed.
+        refused = "refused, heightmap: size"
+        probe.publish_map(np.zeros((40, 30)), tile="large", origin=(50.0, 0.0, 0.0))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "1")
+        probe.publish_map(np.zeros((10, 10)), tile="b", origin=(50.0, 0.0, 0.0))
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "2")
+        probe.publish_map(np.zeros((10, 10)), tile="c", origin=(99.0, 0.0, 0.0))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "2")
+        probe.publish_map(np.zeros((10, 10)), tile="x" * 21, origin=(99.0, 0.0, 0.0))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get(refused) == "3")
+        # Names and descriptions.
+        spawn = {"shape": SPHERE, "mass": 1.0, "pose": pose_message((1, 1, 1))}
+        assert "longest_name" in probe.call("spawn_body", SpawnBody, id="x" * 21, **spawn).message
+        long = ROBOT.replace("<link", " " * 1000 + "<link", 1)
+        assert "bytes" in probe.call("spawn_body", SpawnBody, id="long", urdf=long).message
+        # Bodies, by service and by topic.
+        for name in "abc":
+            assert probe.call("spawn_body", SpawnBody, id=name, **spawn).success
+        assert "bodies.most" in probe.call("spawn_body", SpawnBody, id="d", **spawn).message
+        probe.publish_poses([(1.0, 1.0, 0.3)])
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, body_poses: size") == "1")
+        probe.publishers["body_poses"].publish(PoseArray(poses=[pose_message((0, 0, 0))] * 4))
+        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, body_poses: size") == "2")
+        assert probe.call("remove_body", RemoveBody, id="a").success
+        assert probe.call("spawn_body", SpawnBody, id="d", **spawn).success
+
+
+@pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])
+def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: Path, strategy: str) -> None:
+    """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
+    (tmp_path / "enclaves").mkdir()
+    process = Process(
+        "terrain_collider",
+        environment={
+            "ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": strategy, "ROS_SECURITY_KEYSTORE": str(tmp_path),
+        },
+    )  # fmt: skip
+    try:
+        if strategy == "Permissive" and not _ends(process):
+            pytest.skip("this middleware has DDS security, and permits what has no keys")
+        assert process.process.wait(30) == 2
+        assert "ROS_SECURITY_ENABLE" in process.output
+        assert "Traceback" not in process.output
+    finally:
+        process.close()
+
+
+def _ends(process: Process) -> bool:
+    import subprocess
+
+    try:
+        process.process.wait(15)
+    except subprocess.TimeoutExpired:
+        return False
+    return True

@@ -1,0 +1,101 @@
+"""Robot descriptions from peers: kept to their folders and to numbers that can be simulated."""
+
+from pathlib import Path
+
+import pybullet_data
+import pytest
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.urdf import UrdfRules, checked_urdf
+
+MESH = '<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link></robot>'
+SHAPE = '<robot name="r"><link name="a">{}</link></robot>'
+DATA = Path(pybullet_data.getDataPath())
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> UrdfRules:
+    """Robots may come from ``tmp_path/robots``; ``tmp_path/secret.obj`` lies outside."""
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "part.obj").write_text("o part\n")
+    (tmp_path / "secret.obj").write_text("o secret\n")
+    return UrdfRules(folders=(folder,), longest=2000, most_links=3)
+
+
+def test_robots_of_the_data_package_are_accepted() -> None:
+    rules = UrdfRules(folders=(DATA,))
+    for name in (
+        "husky/husky.urdf",
+        "r2d2.urdf",
+        "laikago/laikago.urdf",
+        "racecar/racecar.urdf",
+        "kuka_iiwa/model.urdf",
+    ):
+        assert checked_urdf(str(DATA / name), rules) == str((DATA / name).resolve())
+
+
+@pytest.mark.parametrize("name", ["part.obj", "package://part.obj", "file://part.obj"])
+def test_meshes_beside_a_description_are_accepted(rules: UrdfRules, name: str) -> None:
+    file = rules.folders[0] / "robot.urdf"
+    file.write_text(MESH.format(name))
+    assert checked_urdf(str(file), rules) == str(file.resolve())
+    assert checked_urdf(MESH.format(rules.folders[0] / "part.obj"), rules)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../secret.obj",
+        "{outside}/secret.obj",
+        "file://{outside}/secret.obj",
+        "link.obj",
+        "/etc/passwd",
+        "x/../../secret.obj",
+    ],
+)
+def test_meshes_outside_the_folders_are_refused(rules: UrdfRules, tmp_path: Path, name: str) -> None:
+    folder = rules.folders[0]
+    (folder / "x").mkdir()
+    (folder / "link.obj").symlink_to(tmp_path / "secret.obj")
+    file = folder / "robot.urdf"
+    file.write_text(MESH.format(name.format(outside=tmp_path)))
+    with pytest.raises(InputError) as refused:
+        checked_urdf(str(file), rules)
+    assert refused.value.reason == "folder"
+
+
+def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules: UrdfRules, tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(SHAPE.format(""))
+    (rules.folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    for name in ("robot.urdf", "nothing.urdf", "robots/../robot.urdf", "robots/link.urdf", "robots2/robot.urdf"):
+        with pytest.raises(InputError) as refused:
+            checked_urdf(str(tmp_path / name), rules)
+        assert refused.value.reason == "folder"  # and so nobody learns which files there are
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot>", "does not load"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entities"),
+        (SHAPE.format("x" * 3000), "bytes"),
+        ('<robot name="r">' + '<link name="a"/>' * 4 + "</robot>", "4 links"),
+        (SHAPE.format('<collision><geometry><box size="1 nan 1"/></geometry></collision>'), "finite"),
+        (SHAPE.format('<collision><geometry><sphere radius="1e300"/></geometry></collision>'), "must be"),
+        (SHAPE.format('<collision><geometry><sphere radius="-1"/></geometry></collision>'), "must be"),
+        (SHAPE.format('<inertial><mass value="-1"/></inertial>'), "mass"),
+        (SHAPE.format('<inertial><mass value="1e-300"/></inertial>'), "mass"),
+        (SHAPE.format('<inertial><inertia ixx="1e300"/></inertial>'), "ixx"),
+        (SHAPE.format('<visual><origin xyz="0 0 1e200"/></visual>'), "xyz"),
+        (MESH.format("nothing.obj"), "not there"),
+    ],
+)
+def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        checked_urdf(text, rules)
+
+
+def test_a_comment_is_no_entity(rules: UrdfRules) -> None:
+    text = SHAPE.format("<!-- a box -->")
+    assert checked_urdf(text, rules) == text
