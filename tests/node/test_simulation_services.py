@@ -40,6 +40,7 @@ OK = Result.RESULT_OK
 PARAMETERS = {
     "simulation_interfaces": True,
     "frame_id": "map",
+    "bodies.urdf_folders": [str(ROVER.parent)],
     "bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}"],
 }
 
