@@ -3,7 +3,7 @@ PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
 
-.PHONY: help demo test lint prepare bench studies load soak clean
+.PHONY: help demo test lint prepare bench studies load soak fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12

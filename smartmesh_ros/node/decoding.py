@@ -1,7 +1,7 @@
 """Messages from bytes that nobody vouches for.
 
-The middleware drops a malformed message without a word, and a wrong count of elements makes its decoder take memory for
-all of them first. So topics are read as bytes, and checked and counted here.
+The middleware drops a malformed message without a word, and decodes a long one whole before anybody can object. So
+topics are read as bytes, and checked and counted here.
 """
 
 from __future__ import annotations

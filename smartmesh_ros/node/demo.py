@@ -129,7 +129,7 @@ class Demo(Node):
         """Bodies and links whose centre is below the ground, by the node's own diagnostics, or off the terrain."""
         [bodies] = [status for status in self.latest("diagnostics").status if status.name.endswith(": bodies")]
         values = {pair.key: pair.value for pair in bodies.values}
-        return int(values["below ground"]) + int(values["without ground"])
+        return int(values["below ground"]) + int(values["put back onto the ground"])
 
     def line(self) -> str:
         """How things are, in one line."""

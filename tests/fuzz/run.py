@@ -170,10 +170,9 @@ def main() -> None:
             totals.update(vertices=result["vertices"], unresolved=result["unresolved"])
             print(f"{index}: {sum(result['counts'].values())} messages, {monotonic() - start:.0f} s", flush=True)
     wire = over_the_wire(options.wire, options.seed) if options.wire else {}
-    summary = {
-        "messages": fates.total(), "seconds": round(monotonic() - start), "findings": len(findings), **totals, **wire,
-        "fates": dict(sorted(fates.items())), "refusals": dict(sorted(reasons.items())),
-    }  # fmt: skip
+    summary = {"messages": fates.total(), "seconds": round(monotonic() - start), "findings": len(findings),
+               **totals, **wire, "fates": dict(sorted(fates.items())),
+               "refusals": dict(sorted(reasons.items()))}  # fmt: skip
     (options.out / "summary.json").write_text(json.dumps(summary, indent=1))
     print(json.dumps({key: value for key, value in summary.items() if key not in ("fates", "refusals")}))
     sys.exit(1 if findings else 0)

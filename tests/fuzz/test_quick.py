@@ -53,6 +53,16 @@ def test_a_spin_that_cannot_be_simulated_is_refused(target: Target, spin: float)
     assert target.counts["spawn_body: refused"] == 1
 
 
+def test_a_map_at_the_end_of_the_world_is_refused(target: Target) -> None:
+    """How many cells it had moved by could not be counted."""
+    message = heightmap_message(np.zeros((3, 3)))
+    target.give("heightmap", serialize_message(message))
+    message.info.origin.position.x = 1e300
+    message.info.resolution = 1e-30
+    target.give("heightmap", serialize_message(message))
+    assert target.counts["heightmap: refused"] == 1
+
+
 def test_a_name_with_a_zero_byte_is_refused(target: Target) -> None:
     """Read by C it is a short name, by Python a long one: a map of one tile would have become that of another."""
     message = heightmap_message(np.zeros((3, 3)), tile="abcd")
