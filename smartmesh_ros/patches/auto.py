@@ -22,11 +22,12 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m]; the smaller
-# one where the ground moves under few cells, and it is made again at every step.
-SLACK, STEP_SLACK = 0.0005, 0.0001
-# It holds for so many steps where the ground moves, and for half as much travel in any case.
-HORIZON = 8
+# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], for so many
+# steps where the ground moves, and for half as much travel in any case. Both are smaller where a body touches few
+# cells: steep ones meet within a few millimetres of it, and large margins would leave no plane.
+SLACK, FEW_SLACK = 0.0005, 0.0001
+HORIZON, FEW_HORIZON = 8, 2
+FEW_RINGS = 2
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.4
 # What a body gains in a step by falling, at most [m/s^2].
@@ -148,7 +149,7 @@ class AutoPatches:
             due |= self._version[bodies] != heightmap.version
         if due.any():
             due |= (drop > EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
-            due |= time + (1.0 - EARLY) * HORIZON * dt >= until
+            due |= time + (1.0 - EARLY) * FEW_HORIZON * dt >= until
         return np.asarray(due)
 
     def _decide(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> None:
@@ -197,16 +198,15 @@ class AutoPatches:
         shape = (len(bodies), 2 * size + 1, 2 * size + 1)
         heights = ground.heights.reshape(shape)
         rates = None if ground.velocities is None else ground.velocities.reshape(shape)
-        ahead = None if rates is None or size <= 2 else heights + rates * (HORIZON * dt)
+        few = size <= FEW_RINGS and rates is not None
+        horizon, slack = (FEW_HORIZON, FEW_SLACK) if few else (HORIZON, SLACK)
+        ahead = None if rates is None else heights + rates * (horizon * dt)
         window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution, holes=ground.holes)
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
-        # Steep cells meet within a few millimetres of any body on a few of them: there margins have to be small.
-        every_step = size <= 2 and rates is not None
-        looks, slack = (1.0, STEP_SLACK) if every_step else (0.5 * HORIZON, SLACK)
-        drop, slide = slack + looks * across, slack + looks * along
+        drop, slide = slack + 0.5 * horizon * across, slack + 0.5 * horizon * along
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
@@ -228,7 +228,7 @@ class AutoPatches:
         half = np.where(choice.state == FACET, 1.0, 0.5)[:, None]
         self._lean[bodies] += np.where(known[:, None], half * (offsets - self._lean[bodies]), -self._lean[bodies])
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        self._until[bodies] = np.inf if rates is None else time if every_step else time + (HORIZON - 0.5) * dt
+        self._until[bodies] = np.inf if rates is None else time + (horizon - 0.5) * dt
         self._drop[bodies], self._slide[bodies] = drop, slide
         clear = choice.state == NONE
         if clear.any():
