@@ -21,6 +21,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.optional_messages import find_message
@@ -215,6 +216,7 @@ _MAKERS: dict[str, Any] = {
     "odometry_in": _odometry,
     "tf": _transforms,
     "tf_static": _transforms,
+    "robot_description": lambda rng: String(data=ROBOT.replace("0.3 0.3 0.2", f"0.3 0.3 {rng.uniform(0.1, 0.3):.2f}")),
     "joint_commands": lambda rng: JointState(name=["robot/axle"], velocity=[float(rng.normal())]),
     "image": _image,
     "occupancy_grid": _occupancy,

@@ -100,12 +100,11 @@ class Target:
             raise FindingError(name, data, error) from error
 
     def _give(self, name: str, data: bytes) -> None:
-        refusals = self.node.refusals.counts
-        before = refusals.total()
+        before = self._refused()
         fate = "taken"
         if name in self._topics:
             self._topics[name].callback(data)
-            if refusals.total() > before:
+            if self._refused() > before:
                 fate = "refused"
         else:
             fate = self._call(name, data)
@@ -128,6 +127,11 @@ class Target:
             self._restore()
         if self._given % 20 == 0:
             self._tidy()
+
+    def _refused(self) -> int:
+        """Messages refused so far, without the bodies that waited for terrain and could not be spawned on it."""
+        counts = self.node.refusals.counts
+        return sum(count for key, count in counts.items() if not key.startswith("bodies.spawn: "))
 
     def _call(self, name: str, data: bytes) -> str:
         service = self._services[name]
