@@ -202,10 +202,7 @@ class AutoPatches:
         horizon, slack = (FEW_HORIZON, FEW_SLACK) if few else (HORIZON, SLACK)
         ahead = None if rates is None else heights + rates * (horizon * dt)
         window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution, holes=ground.holes)
-        centres = np.empty((len(bodies), 3))
-        centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
-        centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
-        centres[:, 2] = moving.positions_w[:, 2]
+        centres = self._in_windows(geometry.resolution, moving)
         drop, slide = slack + 0.5 * horizon * across, slack + 0.5 * horizon * along
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
@@ -273,14 +270,19 @@ class AutoPatches:
             points_w=points_w, normals_w=normals_w,
         )  # fmt: skip
 
+    def _in_windows(self, resolution: float, moving: Moving) -> FloatArray:
+        """Positions of bodies in the frames of their windows (n, 3) [m]."""
+        centres = np.empty((len(moving.bodies), 3))
+        centres[:, 0] = (moving.grid[:, 1] - self._columns[moving.bodies]) * resolution
+        centres[:, 1] = (moving.grid[:, 0] - self._rows[moving.bodies]) * resolution
+        centres[:, 2] = moving.positions_w[:, 2]
+        return centres
+
     def _feet(self, heightmap: HeightMap, moving: Moving, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points of planes (n, 3), given around the patches' middles, that are nearest to the bodies, and normals."""
-        geometry, bodies = heightmap.geometry, moving.bodies
+        geometry = heightmap.geometry
         planes = Planes(*plane.T)
-        centres = np.empty((len(bodies), 3))
-        centres[:, 0] = (moving.grid[:, 1] - self._columns[bodies]) * geometry.resolution
-        centres[:, 1] = (moving.grid[:, 0] - self._rows[bodies]) * geometry.resolution
-        centres[:, 2] = moving.positions_w[:, 2]
+        centres = self._in_windows(geometry.resolution, moving)
         distance: FloatArray = planes.above(centres) / np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
         normals_w = _turned(planes.normals(), geometry.yaw)
         return moving.positions_w - distance[:, None] * normals_w, normals_w
