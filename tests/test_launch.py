@@ -41,7 +41,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Recorded]]:
     kinds: dict[str, type[Recorded]] = {}
     for module, names in {
         "launch": ("LaunchDescription",),
-        "launch.actions": ("DeclareLaunchArgument",),
+        "launch.actions": ("DeclareLaunchArgument", "SetEnvironmentVariable"),
         "launch.conditions": ("IfCondition",),
         "launch.substitutions": ("LaunchConfiguration", "PathJoinSubstitution"),
         "launch_ros": (),
