@@ -28,6 +28,8 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 SLACK, FEW_SLACK = 0.0005, 0.0001
 HORIZON, FEW_HORIZON = 8, 2
 FEW_RINGS = 2
+# For no more bodies than this, looking less often saves more than planes do.
+FEW_BODIES = 64
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.4
 # What a body gains in a step by falling, at most [m/s^2].
@@ -198,7 +200,7 @@ class AutoPatches:
         shape = (len(bodies), 2 * size + 1, 2 * size + 1)
         heights = ground.heights.reshape(shape)
         rates = None if ground.velocities is None else ground.velocities.reshape(shape)
-        few = size <= FEW_RINGS and rates is not None
+        few = size <= FEW_RINGS and rates is not None and len(self._state) > FEW_BODIES
         horizon, slack = (FEW_HORIZON, FEW_SLACK) if few else (HORIZON, SLACK)
         ahead = None if rates is None else heights + rates * (horizon * dt)
         window = Window(heights=heights, ahead=ahead, rings=size, resolution=geometry.resolution, holes=ground.holes)
