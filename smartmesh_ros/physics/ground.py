@@ -68,6 +68,7 @@ class Ground:
         self._prediction = Prediction()
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
+        self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._positions = np.empty((0, 3))
         self._moved = np.empty((0, 3))
         self._told: dict[int, FloatArray] = {}
@@ -133,6 +134,7 @@ class Ground:
             require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
             self._heightfields.forget_heights()
+        self._applied = []
         self.config = config
         self._tracker.configure(config)
 
@@ -144,15 +146,12 @@ class Ground:
         batches = self._tracker.update(positions, self._moved, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
-            supported = np.zeros(len(self.followers), bool)
             if kind == "whole_trimesh" or kind == "whole_heightfield":
                 self._whole.update(kind, time)
+                self._applied = []
             else:
                 self._whole.release()
-                for batch in batches:
-                    supported[self._apply(batch, time, dt)] = True
-            for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
-                self._release(index)
+                self._carry(batches, time, dt)
 
     def close(self) -> None:
         """Takes all colliders away."""
@@ -167,6 +166,7 @@ class Ground:
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
         carry_over(self, {"_positions": np.nan, "_held": _BARE}, kept)
         self.followers = followers
+        self._applied = []
         self._told.clear()
         self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
@@ -196,6 +196,23 @@ class Ground:
         if far.any():
             moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
         return np.nan_to_num(moved)
+
+    def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
+        """Makes the colliders those of the batches. A batch that was there already has not changed."""
+        before = {id(batch): bodies for batch, bodies in self._applied}
+        if len(batches) == len(before) and all(id(batch) in before for batch in batches):
+            return
+        supported = np.zeros(len(self.followers), bool)
+        applied = []
+        for batch in batches:
+            carried = before.get(id(batch))
+            if carried is None:
+                carried = self._apply(batch, time, dt)
+            supported[carried] = True
+            applied.append((batch, carried))
+        self._applied = applied
+        for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
+            self._release(index)
 
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
@@ -228,7 +245,7 @@ class Ground:
 
     def _predict(self, batch: PatchBatch, base: FloatArray, twist: FloatArray, time: float, dt: float) -> FloatArray:
         """Bases (n, 3) [m] and twists (n, 6), the latter in place, moved on by what the ground's acceleration adds."""
-        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch) else None
+        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch) else None
         if ahead is None:
             return base
         higher, faster = ahead

@@ -63,8 +63,6 @@ class Planes:
         ``rise`` (m,) [m]: how much higher they stand than the batch says; ``twist`` (m, 6): velocity of the ground at
         the patch's centre [m/s, rad/s], None = at rest.
         """
-        assert batch.points_w is not None
-        assert batch.normals_w is not None
         bodies, points, normals = batch.bodies[rows], batch.points_w[rows], batch.normals_w[rows]
         points[:, 2] += rise
         for place in np.flatnonzero(self._sizes[bodies] < 2.0 * radii).tolist():
