@@ -233,11 +233,11 @@ class Ground:
                 self._make_room(bodies[rows], _PLANE)
                 rise = base[rows, 2] - batch.centres_w[rows, 2]
                 twist = None if twist is None else twist[rows]
-                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist)
+                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist, time)
             elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 self._make_room(bodies[rows], _FIELD)
                 twist = None if twist is None else twist[rows]
-                self._heightfields.apply(batch, rows, base[rows], twist, self.config.edge_filter)
+                self._heightfields.apply(batch, rows, base[rows], twist, time, self.config)
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)

@@ -15,6 +15,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.carrying import cross
 from smartmesh_ros.physics.shapes import support
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -62,7 +63,7 @@ def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: Float
     for batch in batches:
         if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None:
             index, normals = batch.bodies, batch.normals_w
-            ground = batch.linear_w + np.cross(batch.angular_w, batch.points_w - batch.centres_w)
+            ground = batch.linear_w + cross(batch.angular_w, batch.points_w - batch.centres_w)
             closing = positions_w[index] + ground * dt - next_w[index]
             distance = np.einsum("ij,ij->i", positions_w[index] - batch.points_w, normals)
             found.append(Approach(index, distance, np.einsum("ij,ij->i", closing, normals), normals, ground))
