@@ -104,8 +104,9 @@ class AutoPatches:
         """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` are so near to
         the tile's edge that they need a patch that ends there (m,)."""
         bodies, standing, method = moving.bodies, self._standing, self.config.collect
-        rest = self._at_rest.get(name)
-        if heightmap.moving(time):
+        moves = heightmap.moving(time)
+        rest = None if moves else self._at_rest.get(name)
+        if moves:
             standing.follow(heightmap, bodies, time, method)
             self._at_rest.pop(name, None)
         elif rest is None:
@@ -117,7 +118,7 @@ class AutoPatches:
             return list(rest[1]), rest[2]
         with self._stopwatch.stage("collect"):
             batches, edge = standing.batches(name, heightmap, bodies, moving.positions_w, time, method)
-        if not heightmap.moving(time):
+        if not moves:
             self._at_rest[name] = (bodies, list(batches), edge)
         return batches, edge
 
