@@ -20,20 +20,21 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], for so many
-# steps where the ground moves, and for half as much travel in any case. Both are smaller where a body touches few
-# cells: steep ones meet within a few millimetres of it, and large margins would leave no plane.
-SLACK, FEW_SLACK = 0.0005, 0.0001
-HORIZON, FEW_HORIZON = 8, 2
-# For no more bodies than this, looking less often saves more than planes do.
-FEW_BODIES = 64
+# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
+# many steps where the ground moves: fewer in small windows, where room for more would soon mean a larger patch.
+SLACK = 0.0005
+HORIZON, HORIZON_IN_SMALL = 8, 4
+# For how many steps of travel it holds.
+STEPS = 4.0
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
-EARLY = 0.4
+EARLY = 0.5
 # Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
 # going through them size by size.
 FEW_SAMPLES = 20_000
 # What a body gains in a step by falling, at most [m/s^2].
 FALL = 10.0
+# Ground that accelerates by more is not waited for [m/s^2].
+SWERVE = 20.0
 
 _FILLS = {
     "_normal": (0.0, 0.0, 1.0),
@@ -139,7 +140,7 @@ class AutoPatches:
             due |= self._version[bodies] != heightmap.version
         if due.any():
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
-            due |= time + (1.0 - EARLY) * FEW_HORIZON * dt >= until
+            due |= time + (1.0 - EARLY) * HORIZON_IN_SMALL * dt >= until
         return np.asarray(due)
 
     def _decide(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> None:
@@ -152,8 +153,7 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        looks = 0.5 * HORIZON
-        reach = moving.radii + SLACK + looks * (across + along) + FALL * dt * dt
+        reach = moving.radii + SLACK + STEPS * (across + along) + FALL * dt * dt
         reach += np.abs(self._lean[bodies]).max(axis=1)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
@@ -188,26 +188,26 @@ class AutoPatches:
         cells = Cells(standing.rows[bodies], standing.columns[bodies])
         ones = np.ones_like(bodies)
         ground = collect_inside(heightmap, patch_template(size), cells, ones, time, self.config.collect)
-        few = size <= SMALL_WINDOW and ground.velocities is not None and len(self._version) > FEW_BODIES
-        horizon, slack = (FEW_HORIZON, FEW_SLACK) if few else (HORIZON, SLACK)
-        window = _window(geometry, size, ground, horizon * dt)
+        horizon = HORIZON_IN_SMALL if size <= SMALL_WINDOW else HORIZON
+        ahead = horizon * dt
+        window = _window(geometry, size, ground, ahead)
+        rise = 0.0 if ground.velocities is None else np.nan_to_num(ground.velocities[:, patch_template(size).centre])
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
-        drop, slide = slack + 0.5 * horizon * across, slack + 0.5 * horizon * along
+        drop, slide = SLACK + STEPS * across + self._swerve(bodies, rise, time, ahead), SLACK + STEPS * along
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
             standing.state[bodies], standing.rings[bodies], standing.stride[bodies],
         )  # fmt: skip
         self._note(bodies, choice, centres, moving.radii, geometry.yaw)
-        standing.rate[bodies] = self._rise[bodies] = 0.0
+        standing.rate[bodies], self._rise[bodies] = 0.0, rise
         standing.until[bodies] = np.inf
         if ground.velocities is not None:
             now, later = choice.planes_at(0), choice.planes_at(1)
-            standing.rate[bodies] = (np.stack(later, axis=1) - np.stack(now, axis=1)) / (horizon * dt)
-            self._rise[bodies] = np.nan_to_num(ground.velocities[:, patch_template(size).centre])
+            standing.rate[bodies] = (np.stack(later, axis=1) - np.stack(now, axis=1)) / ahead
             standing.until[bodies] = time + (horizon - 0.5) * dt
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
@@ -218,6 +218,14 @@ class AutoPatches:
             top = np.nan_to_num(window.heights[0, clear], nan=np.inf).max(axis=(1, 2))
             room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
             self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
+
+    def _swerve(self, bodies: IntArray, rise: FloatArray | float, time: float, ahead: float) -> FloatArray:
+        """How far ground gets, in the time ``ahead`` [s], from where its velocity ``rise`` (n,) [m/s] leads,
+        judging by how that changed since the last look (n,) [m]."""
+        since = time - self._since[bodies]
+        recent = (since > 0.0) & (since <= 2.0 * ahead)
+        change = np.abs(rise - self._rise[bodies])
+        return np.where(recent, 0.5 * ahead * ahead * np.minimum(change / np.where(recent, since, 1.0), SWERVE), 0.0)
 
     def _note(self, bodies: IntArray, choice: Choice, centres: FloatArray, radii: FloatArray, yaw: float) -> None:
         """Notes what was chosen for ``bodies`` (n,) at ``centres`` (n, 3) [m] of their windows, and how the ground

@@ -76,7 +76,8 @@ def choose(
     )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
-    if few.size:
+    planar = window.instants == 1 or window.rings > SMALL_WINDOW or config.kind == "plane"
+    if few.size and planar:
         if facets is None:
             facets, choice.facets[few], under = _facets_under(window.inner(few, FACET_RINGS), balls.of(few), lean[few])
         else:
