@@ -11,7 +11,7 @@ from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
-from smartmesh_ros.physics.bounds import bounding_radius
+from smartmesh_ros.physics.bounds import bounding_radius, is_ball
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
@@ -106,17 +106,20 @@ class Ground:
         """Colliders that were built anew so far; PyBullet keeps some KiB of each."""
         return self._meshes.built
 
-    def attach(self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True) -> Follower:
+    def attach(
+        self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True, ball: bool | None = None
+    ) -> Follower:
         """Puts a patch under ``body`` (or its ``link``), whose sphere around its centre of mass has ``radius`` [m].
 
         Without a radius it is read off the body's bounds. ``solid=False`` computes the patch without a collider.
+        ``ball``: whether it is a sphere, None = PyBullet is asked. Spheres roll over inner edges without a filter.
         """
         if any(follower.body == body and follower.link == link for follower in self.followers):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
         size = bounding_radius(self._client, body, link) if radius is None else radius
         if not (np.isfinite(size) and size > 0.0):
             raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
-        follower = Follower(body, link, size, solid)
+        follower = Follower(body, link, size, solid, is_ball(self._client, body, link) if ball is None else ball)
         self._adopt([*self.followers, follower])
         return follower
 

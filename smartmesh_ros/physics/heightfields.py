@@ -52,6 +52,7 @@ class Heightfields:
         self._pool = HeightfieldPool(client, pairs)
         self._followers: list[Follower] = []
         self._fields: dict[Follower, Heightfield] = {}
+        self._balls = np.empty(0, bool)  # they need no edge filter
         # The followers' colliders, size 0 = none: samples on a side, their distance [m], shape and body.
         self._sizes = np.empty(0, np.int64)
         self._spacings = np.empty(0)
@@ -78,6 +79,7 @@ class Heightfields:
         """Makes ``followers`` the ones there are; ``kept``: each one's index before, -1 = new."""
         carry_over(self, _FILLS, kept)
         self._followers = followers
+        self._balls = np.array([follower.ball for follower in followers], bool)
 
     def forget_heights(self) -> None:
         """Has every heightfield replaced at the next `apply`."""
@@ -185,9 +187,9 @@ class Heightfields:
             self._heights[bodies, :count] = new
             fallen = (self._contact_heights[bodies, :count] - new).max(axis=1)
             self._drop_contacts(bodies[~(fallen <= STALE)], count)
-            self._calls.replace_heightfields(
-                self._shapes[bodies].tolist(), size, new[:, collider_order(size)].tolist(), edge_filter
-            )
+            shapes, heights = self._shapes[bodies].tolist(), new[:, collider_order(size)].tolist()
+            filters = (~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)).tolist()
+            self._calls.replace_heightfields(shapes, size, heights, filters)
 
     def _drop_contacts(self, bodies: IntArray, count: int) -> None:
         """Has PyBullet forget the contacts of colliders whose surface sank away from them."""
