@@ -15,9 +15,9 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.node.cdr import HEADER, Elements, text_rows
-from smartmesh_ros.node.states import StateTable
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.physics.contacts import GroundContact
+from smartmesh_ros.physics.states import StateTable
 
 KINDS = {
     "heightfield": ColliderPatch.HEIGHTFIELD,

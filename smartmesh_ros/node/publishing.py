@@ -25,7 +25,7 @@ from smartmesh_ros.node import diagnostics, outputs, robot_outputs
 from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peers import incompatible_peers
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.states import simulated_states
+from smartmesh_ros.physics.states import simulated_states
 
 # In incremental mode all patches are published at least so often [s].
 ALL_PATCHES_PERIOD = 5.0

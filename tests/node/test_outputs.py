@@ -23,11 +23,11 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import outputs
-from smartmesh_ros.node.states import StateTable
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.contacts import GroundContact
+from smartmesh_ros.physics.states import StateTable
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
