@@ -15,8 +15,8 @@ from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.clock import NodeClock, stamp_of
 from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
-from smartmesh_ros.node.parameters import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World

@@ -24,6 +24,7 @@ from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.urdf import with_package_paths
@@ -164,7 +165,7 @@ class TerrainCollider(Node):
         self._bodies.forget_stamps()
         self.pacer.restart()
 
-    def _check_settings(self, settings: parameters.Settings) -> None:
+    def _check_settings(self, settings: Settings) -> None:
         """Objects to settings that the terrain there is does not allow."""
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)

@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.testing import COLLIDER, Probe, pose_message
+from smartmesh_ros.testing import COLLIDER, Probe, assert_cannot_start, pose_message
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
