@@ -187,6 +187,8 @@ class Publishing:
         refused = session.refusals.counts.total()
         health = diagnostics.Health(
             map_age=None if session.map_taken is None else monotonic() - session.map_taken,
+            maps=session.maps,
+            map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,
