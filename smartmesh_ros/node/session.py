@@ -26,9 +26,9 @@ class Session:
     """One running node.
 
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
-    taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands still. ``lock``: held by whatever touches
-    the world, for executors with several threads. ``handled``: messages and calls so far.
-    ``terrain_subscriptions``: those that bring terrain.
+    taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands
+    still. ``lock``: held by whatever touches the world, for executors with several threads. ``handled``: messages and
+    calls so far. ``terrain_subscriptions``: those that bring terrain.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:

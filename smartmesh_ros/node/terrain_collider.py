@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import bounds, conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
+from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
 from smartmesh_ros.node.publishing import Publishing
@@ -188,4 +189,5 @@ class TerrainCollider(Node):
 def main(args: list[str] | None = None) -> None:
     """Runs the node until SIGINT or SIGTERM."""
     answer(NAME, __doc__, parameters.SPECS, args)
+    send_without_waiting()
     run(TerrainCollider, args)
