@@ -64,7 +64,8 @@ class HeightMap:
         self.motion = motion or MotionConfig()
         new, speeds, self._has_holes = _checked(heights, velocities, (geometry.rows, geometry.columns), "the map")
         self._heights = np.array(new, order="C")
-        self._before = self._heights.copy() if speeds is None else self._heights - speeds
+        # Without velocities nothing before is known; zeros (not `zeros_like`) take no memory until they are written to.
+        self._before = np.zeros(new.shape, np.float32) if speeds is None else self._heights - speeds
         blocks = (-(-geometry.rows // BLOCK), -(-geometry.columns // BLOCK))
         self._time = np.full(blocks, -np.inf)
         self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
@@ -262,14 +263,19 @@ def _checked(
     """Heights and velocities as float32 of the right shape without infinities, and whether there are holes."""
     new = _as_floats(heights, shape, f"heights of {what}")
     has_holes = not np.isfinite(new.sum())  # one fast pass; the slow one only where it says so
-    if has_holes and np.isinf(new).any():
+    if has_holes and _has_infinity(new):
         raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
     if velocities is None:
         return new, None, has_holes
     speeds = _as_floats(velocities, shape, f"velocities of {what}")
-    if np.isinf(speeds).any():
+    if _has_infinity(speeds):
         raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
     return new, speeds, has_holes
+
+
+def _has_infinity(values: NDArray[np.float32]) -> bool:
+    """Whether there is an infinity among numbers and NaN, without an array of answers as `numpy.isinf` makes one."""
+    return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
