@@ -8,10 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
+# Larger maps take memory for the heights before only as they move: first regions at a place cost more, as long as it
+# takes to find that memory [bytes].
+LARGE = 64 * 2**20
 # Side of the square blocks of samples that share an age [samples].
 BLOCK = 64
 
@@ -64,8 +68,11 @@ class HeightMap:
         self.motion = motion or MotionConfig()
         new, speeds, self._has_holes = _checked(heights, velocities, (geometry.rows, geometry.columns), "the map")
         self._heights = np.array(new, order="C")
-        # Without velocities nothing before is known; zeros (not `zeros_like`) take no memory until they are written to.
-        self._before = np.zeros(new.shape, np.float32) if speeds is None else self._heights - speeds
+        # Without velocities nothing is known of before, and nothing reads it until a later map has written it.
+        if speeds is not None:
+            self._before = self._heights - speeds
+        else:
+            self._before = untouched_zeros(new.shape) if new.nbytes > LARGE else self._heights.copy()
         blocks = (-(-geometry.rows // BLOCK), -(-geometry.columns // BLOCK))
         self._time = np.full(blocks, -np.inf)
         self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
