@@ -255,6 +255,19 @@ class Probe:
         return {pair.key: pair.value for pair in status.values} | {"message": status.message}
 
 
+def assert_cannot_start(
+    parameters: dict[str, Any], words: str, *, name: str = "terrain_collider", environment: dict[str, str] | None = None
+) -> None:
+    """Asserts that a node of this package ends at once with exit code 2 and says why, in ``words``."""
+    process = Process(name, parameters, environment=environment)
+    try:
+        assert process.process.wait(PATIENCE) == 2, process.output
+        assert words in process.output, process.output
+        assert "Traceback" not in process.output, process.output
+    finally:
+        process.close()
+
+
 def heightmap_message(
     heights: ArrayLike,
     *,

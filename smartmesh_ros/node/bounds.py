@@ -9,7 +9,7 @@ from pathlib import Path
 import pybullet_data
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters import Settings
+from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.physics.urdf import UrdfRules
 from smartmesh_ros.terrain.terrain import Terrain
 

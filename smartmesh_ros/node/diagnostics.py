@@ -19,10 +19,14 @@ STALE = 2.0
 class Health:
     """What the diagnostics say beyond the world itself.
 
-    ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers whose QoS does not fit, by topic.
+    ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
+    publishers on the topics that bring them. ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers
+    whose QoS does not fit, by topic.
     """
 
     map_age: float | None
+    maps: int
+    map_sources: int
     real_time_factor: float
     deadline_misses: int
     paused: bool
@@ -49,11 +53,16 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     for name, tile in list(tiles.items())[:16]:
         values[f"size of {name!r}"] = tile.description
         values[f"updates of {name!r}"] = tile.version
+    values["publishers"] = health.map_sources
     if health.map_age is None:
         return DiagnosticStatus.WARN, "no map yet", values
     values["age [s]"] = f"{health.map_age:.3f}"
     if health.map_age > STALE:
-        return DiagnosticStatus.OK, f"the last map is {health.map_age:.1f} s old", values
+        text = f"the last map is {health.map_age:.1f} s old"
+        # One map may have been all there is to say; after several, more were to be expected.
+        if not health.map_sources and health.maps > 1:
+            return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
+        return DiagnosticStatus.OK, text, values
     return DiagnosticStatus.OK, "maps arrive", values
 
 

@@ -1,14 +1,14 @@
 """The parameters of ``terrain_collider``.
 
-Defaults live in the core's configurations; this module reads them.
+Defaults live in the core's configurations and in `Settings`; this module reads them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, Literal, get_args
+from dataclasses import fields
+from typing import Any, get_args
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -16,94 +16,19 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import declaring
-from smartmesh_ros.node.body_sources import BodySource, body_sources
+from smartmesh_ros.node.body_sources import body_sources
 from smartmesh_ros.node.clock import require_one_clock
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.pacing import DeadlinePolicy
 from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.node.settings import Durability, PublishRates, Reliability, RobotConfig, Settings, TerrainInput
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.urdf import UrdfRules
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
 from smartmesh_ros.terrain.rasters import FirstRow, RasterConfig
-
-Durability = Literal["volatile", "transient_local"]
-Reliability = Literal["reliable", "best_effort"]
-TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PublishRates:
-    """How often each output is published while somebody subscribes to it [Hz]; 0 = never."""
-
-    patches: float = 30.0
-    collider_patches: float = 30.0
-    body_states: float = 60.0
-    contacts: float = 30.0
-    timing: float = 1.0
-    clock: float = 0.0
-    joint_states: float = 60.0
-    odometry: float = 60.0
-    contact_wrenches: float = 60.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotConfig:
-    """The robot that a description describes. ``description``: its URDF, or a file of it; empty = what comes on
-    ``~/robot_description``. ``xy``, ``above`` [m], ``yaw`` [rad]: where the centre of its base starts, over the ground.
-    """
-
-    description: str = ""
-    name: str = "robot"
-    xy: tuple[float, float] = (0.0, 0.0)
-    above: float = 0.5
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        if len(self.xy) != 2:
-            raise InputError("parameter", f"robot.xy is {list(self.xy)}; it must be two numbers [m]")
-        if not self.name or "/" in self.name:
-            raise InputError("parameter", f"robot.name is {self.name!r}; it must not be empty and have no '/'")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Everything the parameters say."""
-
-    world: WorldConfig = field(default_factory=WorldConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    publish: PublishRates = field(default_factory=PublishRates)
-    frame_id: str = ""
-    max_samples: int = 16_384**2
-    durability: Durability = "volatile"
-    reliability: Reliability = "reliable"
-    input: TerrainInput = "heightmap"
-    file: str = ""
-    most_tiles: int = 1000
-    most_bodies: int = 10_000
-    longest_name: int = 256
-    longest_urdf: int = UrdfRules.longest
-    urdf_folders: tuple[str, ...] = ()
-    raster: RasterConfig = field(default_factory=RasterConfig)
-    robot: RobotConfig = field(default_factory=RobotConfig)
-    simulation_interfaces: bool = False
-    poses: tuple[BodySource, ...] = ()
-    odometry: tuple[BodySource, ...] = ()
-    frames: tuple[BodySource, ...] = ()
-    map_depth: int = 2
-    update_depth: int = 100
-    output_durability: Durability = "volatile"
-    output_depth: int = 10
-    incremental: bool = False
-    body_timeout: float = 1.0
-    default_radius: float = 0.25
-    spawn: tuple[str, ...] = ()
-    deadline: DeadlinePolicy = "catch_up"
-    executor: ExecutorKind = "events"
-
 
 _D = Settings()
 _PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster
@@ -192,8 +117,8 @@ SPECS = (
     Spec("publish.body_states", _D.publish.body_states, "Rate of ~/body_states [Hz].", 0.0, 1000.0),
     Spec("publish.contacts", _D.publish.contacts, "Rate of ~/contacts [Hz].", 0.0, 1000.0),
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
-    Spec("publish.incremental", _D.incremental, "~/patches holds only the patches that changed, and all of them when a "
-         "subscriber joins and every 5 s."),
+    Spec("publish.incremental", _D.incremental, "~/patches and ~/collider_patches hold only the patches that changed, "
+         "and all of them when a subscriber joins and every 5 s."),
     Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
     Spec(
         "publish.durability", _D.output_durability, "QoS durability of the outputs; transient_local keeps the last "

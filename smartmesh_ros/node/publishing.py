@@ -21,11 +21,11 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node import diagnostics, outputs, robot_outputs
+from smartmesh_ros.node import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peers import incompatible_peers
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.states import simulated_states
+from smartmesh_ros.physics.states import simulated_states
 
 # In incremental mode all patches are published at least so often [s].
 ALL_PATCHES_PERIOD = 5.0
@@ -49,6 +49,23 @@ class _Window:
         return length, factor, misses
 
 
+class _Increments:
+    """When a message need hold no more than what changed since the one before."""
+
+    def __init__(self) -> None:
+        self._listeners = 0
+        self._all_due = 0.0
+
+    def only_changed(self, listeners: int) -> bool:
+        """Whether this one need not; everything goes to whoever came since, and now and then for whoever missed
+        something."""
+        now = monotonic()
+        if listeners == self._listeners and now < self._all_due:
+            return True
+        self._listeners, self._all_due = listeners, now + ALL_PATCHES_PERIOD
+        return False
+
+
 class _Output(NamedTuple):
     publisher: Any
     make: Callable[[], Any]  # the message, or a list of messages
@@ -60,10 +77,10 @@ class Publishing:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._node, self._world = session.node, session.world
-        self._markers = outputs.PatchMarkers()
-        self._collider_patches = outputs.ColliderPatches()
-        self._body_states = outputs.BodyStates()
-        self._contacts = outputs.Contacts()
+        self._markers = patch_outputs.PatchMarkers()
+        self._collider_patches = patch_outputs.ColliderPatches()
+        self._body_states = body_outputs.BodyStates()
+        self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -91,8 +108,7 @@ class Publishing:
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
         self._refused_before = 0
-        self._listeners = 0
-        self._all_patches_due = 0.0
+        self._increments = {name: _Increments() for name in ("patches", "collider_patches")}
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
@@ -119,24 +135,22 @@ class Publishing:
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
+    def _only_changed(self, output: str) -> bool:
+        listeners = self._outputs[output].publisher.get_subscription_count()
+        return self._session.settings.incremental and self._increments[output].only_changed(listeners)
+
     def _make_patches(self) -> bytes:
-        # Everything for whoever came since, and now and then for whoever missed something.
-        listeners, now = self._outputs["patches"].publisher.get_subscription_count(), monotonic()
-        only_changed = (
-            self._session.settings.incremental and listeners == self._listeners and now < self._all_patches_due
-        )
-        self._listeners = listeners
-        if not only_changed:
-            self._all_patches_due = now + ALL_PATCHES_PERIOD
-        world = self._world
+        world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.ground.batches, world.follower_names(), only_changed=only_changed
         )
 
     def _make_collider_patches(self) -> bytes:
-        world = self._world
+        world, only_changed = self._world, self._only_changed("collider_patches")
         carried = world.config.patch.carry_velocity
-        return self._collider_patches.write(self._header(), world.ground.batches, world.follower_names(), carried)
+        return self._collider_patches.write(
+            self._header(), world.ground.batches, world.follower_names(), carried, only_changed=only_changed
+        )
 
     def _make_body_states(self) -> bytes:
         return self._body_states.write(self._header(), simulated_states(self._world))
@@ -173,6 +187,8 @@ class Publishing:
         refused = session.refusals.counts.total()
         health = diagnostics.Health(
             map_age=None if session.map_taken is None else monotonic() - session.map_taken,
+            maps=session.maps,
+            map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,

@@ -15,8 +15,8 @@ from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.clock import NodeClock, stamp_of
 from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
-from smartmesh_ros.node.parameters import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World
@@ -26,8 +26,9 @@ class Session:
     """One running node.
 
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
-    taken [s], None before the first. ``paused``: whether the physics stands still. ``lock``: held by whatever touches
-    the world, for executors with several threads. ``handled``: messages and calls so far.
+    taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands
+    still. ``lock``: held by whatever touches the world, for executors with several threads. ``handled``: messages and
+    calls so far. ``terrain_subscriptions``: those that bring terrain.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -36,6 +37,7 @@ class Session:
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
         self.subscriptions: list[Any] = []
+        self.terrain_subscriptions: list[Any] = []
         self.handled = 0
         self.refusals = Refusals(node.get_logger())
         self.lock = RLock()
@@ -44,6 +46,7 @@ class Session:
         self.take_pace()
         self.frame_id = settings.frame_id
         self.map_taken: float | None = None
+        self.maps = 0
         self.paused = False
 
     def listen(

@@ -18,12 +18,14 @@ from std_srvs.srv import SetBool, Trigger
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node import bounds, conversions, parameters
 from smartmesh_ros.node.body_inputs import BodyInputs
+from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
 from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.urdf import with_package_paths
@@ -164,7 +166,7 @@ class TerrainCollider(Node):
         self._bodies.forget_stamps()
         self.pacer.restart()
 
-    def _check_settings(self, settings: parameters.Settings) -> None:
+    def _check_settings(self, settings: Settings) -> None:
         """Objects to settings that the terrain there is does not allow."""
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)
@@ -187,4 +189,5 @@ class TerrainCollider(Node):
 def main(args: list[str] | None = None) -> None:
     """Runs the node until SIGINT or SIGTERM."""
     answer(NAME, __doc__, parameters.SPECS, args)
+    send_without_waiting()
     run(TerrainCollider, args)

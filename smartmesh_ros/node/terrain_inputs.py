@@ -45,6 +45,7 @@ class TerrainInputs:
         reliability = ReliabilityPolicy[settings.reliability.upper()]
         maps = QoSProfile(depth=settings.map_depth, durability=durability, reliability=reliability)
         updates = QoSProfile(depth=settings.update_depth, durability=durability, reliability=reliability)
+        before = len(session.subscriptions)
         session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
         session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
@@ -55,6 +56,7 @@ class TerrainInputs:
             session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
         if settings.input == "occupancy_grid":
             self._listen_to_occupancy_updates(updates)
+        session.terrain_subscriptions = session.subscriptions[before:]
         if settings.file:
             self._load(settings.file)
 
@@ -179,4 +181,5 @@ class TerrainInputs:
             self._clocks[tile] = clock
             session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
             session.map_taken = monotonic()
+            session.maps += 1
         self._taken()

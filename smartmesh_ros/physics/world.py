@@ -330,15 +330,18 @@ class World:
     def _rescue(self) -> bool:
         """Puts bodies that are below the ground back onto it; says whether there were any."""
         ground = self.ground
-        rescued = set()
+        lifts: dict[str, tuple[float, float]] = {}
         found = below_ground(ground.batches, self.terrain, ground.positions_w, self.time)
         for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
             body, follower = self._of_followers[index], ground.followers[index]
-            if body is not None and body.name not in rescued:
-                put_back(self.client, body, height - ground.positions_w[index, 2] + follower.radius, rate)
-                rescued.add(body.name)
-        self.rescues += len(rescued)
-        return bool(rescued)
+            if body is not None:  # not of a tracked body, which is where it is said to be
+                lift = float(height - ground.positions_w[index, 2] + follower.radius)
+                # A robot as far as the link of it that needs most.
+                lifts[body.name] = max(lifts.get(body.name, (0.0, rate)), (lift, rate))
+        for name, (lift, rate) in lifts.items():
+            put_back(self.client, self.bodies[name], lift, rate)
+        self.rescues += len(lifts)
+        return bool(lifts)
 
     def _apply_physics(self, physics: PhysicsConfig) -> None:
         self.client.setGravity(*physics.gravity)

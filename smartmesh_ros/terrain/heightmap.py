@@ -9,10 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionConfig, progress
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
+# Larger maps take memory for the heights before only as they move: first regions at a place cost more, as long as it
+# takes to find that memory [bytes].
+LARGE = 64 * 2**20
 # Side of the square blocks of samples that share an age [samples].
 BLOCK = 64
 
@@ -65,7 +69,11 @@ class HeightMap:
         self.motion = motion or MotionConfig()
         new, speeds, self._has_holes = _checked(heights, velocities, (geometry.rows, geometry.columns), "the map")
         self._heights = np.array(new, order="C")
-        self._before = self._heights.copy() if speeds is None else self._heights - speeds
+        # Without velocities nothing is known of before, and nothing reads it until a later map has written it.
+        if speeds is not None:
+            self._before = self._heights - speeds
+        else:
+            self._before = untouched_zeros(new.shape) if new.nbytes > LARGE else self._heights.copy()
         blocks = (-(-geometry.rows // BLOCK), -(-geometry.columns // BLOCK))
         self._time = np.full(blocks, -np.inf)
         self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
@@ -73,6 +81,7 @@ class HeightMap:
         self.alike = True  # whether all blocks have the same clock
         self.velocity_given = False  # whether the last velocity was given, and not worked out
         self._moves_until = -np.inf
+        self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self.version = 0  # counts the updates
         self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
 
@@ -168,6 +177,12 @@ class HeightMap:
         if self.motion.mode != "extrapolate" or not self.alike:
             return -math.inf
         return self.time + PATIENCE * self.lifetime
+
+    def slide(self, velocity_w: tuple[float, float], interval: float) -> None:
+        """Has the ground carry a horizontal velocity [m/s] while maps come every ``interval`` [s], about."""
+        self.slide_w = velocity_w
+        if velocity_w != (0.0, 0.0):
+            self._moves_until = max(self._moves_until, self.time + REST * interval)
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
@@ -270,14 +285,19 @@ def _checked(
     """Heights and velocities as float32 of the right shape without infinities, and whether there are holes."""
     new = _as_floats(heights, shape, f"heights of {what}")
     has_holes = not np.isfinite(new.sum())  # one fast pass; the slow one only where it says so
-    if has_holes and np.isinf(new).any():
+    if has_holes and _has_infinity(new):
         raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
     if velocities is None:
         return new, None, has_holes
     speeds = _as_floats(velocities, shape, f"velocities of {what}")
-    if np.isinf(speeds).any():
+    if _has_infinity(speeds):
         raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
     return new, speeds, has_holes
+
+
+def _has_infinity(values: NDArray[np.float32]) -> bool:
+    """Whether there is an infinity among numbers and NaN, without an array of answers as `numpy.isinf` makes one."""
+    return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:

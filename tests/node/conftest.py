@@ -1,5 +1,19 @@
 """Fixtures of the tests over DDS."""
 
+import os
+
+import pytest
+
 from smartmesh_ros.testing import domain, probe
 
 __all__ = ["domain", "probe"]
+
+
+@pytest.fixture
+def bare_environment() -> dict[str, str]:
+    """Changes of the environment that make it one of a machine with only what the node needs installed."""
+    return {
+        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
+        for name, value in os.environ.items()
+        if "test_interfaces" in value
+    }

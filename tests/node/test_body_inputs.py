@@ -1,7 +1,6 @@
 """Tracked bodies as stacks publish them, over real topics."""
 
 import math
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +13,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.testing import Probe, Process, assert_cannot_start, pose_message
 
 YAW = 0.5 * math.pi
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -185,14 +184,6 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
         assert "Traceback" not in process.output
 
 
-def without_test_packages() -> dict[str, str]:
-    return {
-        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
-        for name, value in os.environ.items()
-        if "test_interfaces" in value
-    }
-
-
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
@@ -202,18 +193,16 @@ def without_test_packages() -> dict[str, str]:
         ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
     ],
 )
-def test_bodies_that_cannot_be_are_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
-    process = Process("terrain_collider", parameters, environment=without_test_packages())
-    try:
-        assert process.process.wait(30) == 2
-        assert words in process.output
-        assert "Traceback" not in process.output
-    finally:
-        process.close()
+def test_bodies_that_cannot_be_are_named_at_the_start(
+    domain: int, bare_environment: dict[str, str], parameters: dict[str, Any], words: str
+) -> None:
+    assert_cannot_start(parameters, words, environment=bare_environment)
 
 
-def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(probe: Probe) -> None:
-    process = Process("terrain_collider", {"frame_id": "map"}, environment=without_test_packages())
+def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(
+    probe: Probe, bare_environment: dict[str, str]
+) -> None:
+    process = Process("terrain_collider", {"frame_id": "map"}, environment=bare_environment)
     try:
         probe.wait_for(probe.connected, watch=process)
         flat_map(probe)

@@ -22,12 +22,12 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node import outputs
-from smartmesh_ros.node.states import StateTable
+from smartmesh_ros.node import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.contacts import GroundContact
+from smartmesh_ros.physics.states import StateTable
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -67,14 +67,14 @@ def assert_same(mine: bytes, reference: Any) -> None:
 def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None:
     batches = batches_for(count, [0.2, 0.4, 0.9], holes)
     names = [f"body_{index}" for index in range(count)]
-    mine = outputs.PatchMarkers().write(HEADER, batches, names)
+    mine = patch_outputs.PatchMarkers().write(HEADER, batches, names)
     received = deserialize_message(mine, MarkerArray)
     # Rebuilt from what was received, so that every field that is not geometry is checked against its meaning ...
     expected = MarkerArray()
     for got in received.markers:
         marker = Marker(header=HEADER, ns="patches", id=got.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
         marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
-        marker.color.r, marker.color.g, marker.color.b, marker.color.a = outputs.COLOUR
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
         marker.points = got.points
         expected.markers.append(marker)
     assert_same(mine, expected)
@@ -92,7 +92,7 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
 
 
 def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
-    markers = outputs.PatchMarkers()
+    markers = patch_outputs.PatchMarkers()
     three = markers.write(HEADER, batches_for(3, [0.2], False), ["a", "b", "c"])
     assert sorted(m.id for m in deserialize_message(three, MarkerArray).markers) == [0, 1, 2]
     two = ["c", "b"]
@@ -106,7 +106,7 @@ def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> N
 @given(st.lists(names, unique=True, max_size=30), st.booleans())
 def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carry: bool) -> None:
     batches = batches_for(len(bodies), [0.2, 0.2, 0.9], False)
-    writer = outputs.ColliderPatches()
+    writer = patch_outputs.ColliderPatches()
     writer.write(HEADER, batches_for(4, [0.9], True), ["w", "x", "yy", "zzz"], True)  # buffers are reused, so use them
     mine = writer.write(HEADER, batches, bodies, carry)
     expected = {}
@@ -150,7 +150,7 @@ def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float,
         body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
         body.twist = Twist(linear=Vector3(**xyz(v[3:6])), angular=Vector3(**xyz(v[6:9])))
         expected.bodies.append(body)
-    writer = outputs.BodyStates()
+    writer = body_outputs.BodyStates()
     assert_same(writer.write(HEADER, states), expected)
     # Again into the same buffer, where the constant bytes are left as they are.
     assert_same(writer.write(HEADER, states._replace(numbers=table[::-1])), reversed_states(expected))
@@ -160,7 +160,7 @@ def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float,
 @given(st.lists(st.tuples(names, st.tuples(*[numbers] * 8)), max_size=30))
 def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[float, ...]]]) -> None:
     contacts = [GroundContact(name, v[0:3], v[3:6], v[6], v[7]) for name, v in rows]
-    mine = outputs.Contacts().write(HEADER, contacts)
+    mine = body_outputs.Contacts().write(HEADER, contacts)
     received = deserialize_message(mine, ContactArray)
     messages = [
         Contact(
@@ -179,7 +179,7 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
 @pytest.mark.parametrize("holes", [False, True])
 def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
     """A viewer that keeps markers by id sees after each incremental message what a full one would show it."""
-    writer, whole = outputs.PatchMarkers(), outputs.PatchMarkers()
+    writer, whole = patch_outputs.PatchMarkers(), patch_outputs.PatchMarkers()
     names = [f"body_{index}" for index in range(20)]
     seen: dict[int, Marker] = {}
     rng = np.random.default_rng(3)
@@ -198,4 +198,40 @@ def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
         assert seen == {marker.id: marker for marker in full if marker.action == Marker.ADD}
     still = deserialize_message(writer.write(HEADER, batches, names, only_changed=True), MarkerArray).markers
     assert len(still) <= (20 if holes else 0), "nothing changed, so nothing is sent"
+    assert min(sizes) < max(sizes)
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> None:
+    """Whoever keeps patches by body knows after each incremental message what a full one would tell."""
+    writer, whole = patch_outputs.ColliderPatches(), patch_outputs.ColliderPatches()
+    names = [f"body_{index}" for index in range(20)]
+    seen: dict[str, ColliderPatch] = {}
+    rng = np.random.default_rng(3)
+    sizes = []
+    for turn in range(16):
+        batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
+        if turn % 3 == 0:
+            batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+        if turn % 5 == 1:  # alike in shape, and of another speed or precision
+            batches = [replace(batch, linear_w=batch.linear_w + rng.normal()) for batch in batches]
+        if turn % 5 == 2:
+            batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
+        carry = turn < 12
+        mine = writer.write(HEADER, batches, names, carry, only_changed=turn not in (0, 5))
+        message = deserialize_message(mine, ColliderPatchArray)
+        assert len(mine) == len(serialize_message(message))
+        assert message.incremental == (turn not in (0, 5))
+        sizes.append(len(message.patches))
+        if not message.incremental:
+            assert not message.removed
+            seen = {}
+        for name in message.removed:
+            del seen[name]
+        seen.update({patch.body_id: patch for patch in message.patches})
+        full = deserialize_message(whole.write(HEADER, batches, names, carry), ColliderPatchArray)
+        assert seen.keys() == {patch.body_id for patch in full.patches}
+        assert {name: str(patch) for name, patch in seen.items()} == {p.body_id: str(p) for p in full.patches}
+    still = writer.write(HEADER, batches, names, carry, only_changed=True)
+    assert len(deserialize_message(still, ColliderPatchArray).patches) <= (20 if holes else 0), "nothing changed"
     assert min(sizes) < max(sizes)

@@ -1,7 +1,6 @@
 """Terrain as other stacks publish it, over real topics: patches lie on the surface that was meant."""
 
 import math
-import os
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.testing import Probe, assert_cannot_start, pose_message
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
@@ -298,15 +297,6 @@ def test_a_file_is_there_from_the_start_and_can_be_updated(probe: Probe, tmp_pat
         patch_of(probe, BODY, lambda points: points[:, 2].min() > 2.0)
 
 
-def without_test_packages() -> dict[str, str]:
-    """The environment of a machine on which only what the node needs is installed."""
-    return {
-        name: os.pathsep.join(part for part in value.split(os.pathsep) if "test_interfaces" not in part)
-        for name, value in os.environ.items()
-        if "test_interfaces" in value
-    }
-
-
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
@@ -317,11 +307,7 @@ def without_test_packages() -> dict[str, str]:
         ({"raster.resolution": 0.0}, "raster.resolution"),
     ],
 )
-def test_what_is_missing_is_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
-    process = Process("terrain_collider", parameters, environment=without_test_packages())
-    try:
-        assert process.process.wait(30) == 2
-        assert words in process.output
-        assert "Traceback" not in process.output
-    finally:
-        process.close()
+def test_what_is_missing_is_named_at_the_start(
+    domain: int, bare_environment: dict[str, str], parameters: dict[str, Any], words: str
+) -> None:
+    assert_cannot_start(parameters, words, environment=bare_environment)

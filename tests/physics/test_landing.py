@@ -120,6 +120,39 @@ def test_what_starts_in_the_ground_leaves_it_slowly(depth: float) -> None:
         assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
 
 
+BARBELL = """
+<robot name="barbell">
+  <link name="near">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="far">INERTIA<collision><geometry><sphere radius="0.2"/></geometry></collision></link>
+  <joint name="rod" type="fixed"><parent link="near"/><child link="far"/><origin xyz="1 0 0"/></joint>
+</robot>
+""".replace(
+    "INERTIA",
+    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
+)
+
+
+@pytest.mark.parametrize("heights", [(0.0, 0.8), (0.8, 0.0)])
+def test_the_guard_puts_back_a_robot_with_all_its_links(heights: tuple[float, float]) -> None:
+    """Two links in ground of two heights: both are out of it at once, and the robot counts as one."""
+    columns = np.repeat(heights, (25, 26))
+    with World(HeightMap(np.tile(columns, (51, 1)), resolution=0.1, origin=(-2.5, -2.5))) as world:
+        world.spawn_robot("barbell", BARBELL, BodyState((-0.5, 0.0, -0.05)))
+        world.refresh()
+        assert world.rescues == 1
+        assert world.below_ground() == []
+        lift = world.state("barbell").position[2] + 0.05
+        assert lift == pytest.approx(0.85 + (0.1 if heights[0] else 0.2), abs=0.02)
+
+
+def test_the_guard_leaves_tracked_bodies_where_they_are_said_to_be() -> None:
+    with World(HeightMap(np.zeros((51, 51)), resolution=0.1, origin=(-2.5, -2.5))) as world:
+        world.track("arm", 0.2, BodyState((0.0, 0.0, -0.5)))
+        world.step(5)
+        assert world.rescues == 0
+        assert world.state("arm").position == pytest.approx((0.0, 0.0, -0.5))
+
+
 def test_without_the_guard_it_stays_there() -> None:
     config = WorldConfig(physics=PhysicsConfig(guard=False), patch=PatchConfig(kind="heightfield"))
     with World(rough(), config) as world:

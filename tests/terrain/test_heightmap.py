@@ -1,12 +1,15 @@
 """Heights, holes and motion of a height map."""
 
+import mmap
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import BLOCK, HeightMap
+from smartmesh_ros.terrain.heightmap import BLOCK, LARGE, HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 
 
@@ -143,3 +146,22 @@ def test_bad_input_is_refused_whole(call: object, reason: str) -> None:
     assert error.value.reason == reason
     np.testing.assert_array_equal(heightmap.heights, before)
     assert (heightmap.time, heightmap.version) == (0.0, HeightMap(before).version)
+
+
+def resident() -> int:
+    """Resident memory of this process [bytes]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="needs /proc")
+def test_a_large_map_takes_its_bytes_once_until_it_moves() -> None:
+    """Regions take what they cover; only a whole second map takes the map's bytes again."""
+    heights = np.ones((4097, 4097), np.float32)
+    assert heights.nbytes > LARGE
+    before = resident()
+    heightmap = HeightMap(heights)
+    for step in range(1, 20):
+        heightmap.update_region(64 * step, 64 * step, np.full((64, 64), 0.1 * step), time=0.1 * step)
+    assert resident() - before < 1.2 * heights.nbytes
+    heightmap.replace(heights, time=3.0)
+    assert resident() - before < 2.2 * heights.nbytes

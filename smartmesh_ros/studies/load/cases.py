@@ -121,5 +121,7 @@ def executors(*, quick: bool) -> list[Case]:
 def memory(*, quick: bool) -> list[Case]:
     """How memory grows with the map."""
     base = Case(side=4096, bodies=10, mode="full", map_rate=1.0, physics_rate=60.0, markers=False)
-    cases = [] if quick else [replace(base, side=256), base, replace(base, side=8192, map_rate=0.3, seconds=10.0)]
-    return [*cases, *([] if quick else [replace(base, side=8192, mode="regions", map_rate=30.0)])]
+    if quick:
+        return []
+    full = [replace(base, side=256), base, replace(base, side=8192, map_rate=0.3, seconds=10.0)]
+    return [*full, *(replace(base, side=side, mode="regions", map_rate=30.0) for side in (256, 4096, 8192, 16384))]

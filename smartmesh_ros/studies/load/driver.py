@@ -28,6 +28,8 @@ from smartmesh_ros.studies.load.terrain_messages import FRAME, TerrainMessages, 
 
 # How long the node may take to start and take the first map, and then to settle [s].
 START_LIMIT, SETTLE = 90.0, 2.0
+# What the first map may take to arrive before it is sent again, for each of its samples: 27 s for 16384 x 16384 [s].
+SECONDS_PER_SAMPLE = 1e-7
 
 
 class Driver(Node):
@@ -75,7 +77,7 @@ class Driver(Node):
         def settled() -> bool:
             nonlocal due
             if monotonic() >= due:
-                due = monotonic() + 2.0
+                due = monotonic() + max(2.0, SECONDS_PER_SAMPLE * self._case.side**2)
                 self.send(whole=True)
                 self._track_probe()
             return self.health.get("simulated") == str(self._case.bodies)

@@ -9,7 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from smartmesh_ros.studies.load import cases, pictures, tables
+from smartmesh_ros.studies.load import cases, pictures, regions, tables
 from smartmesh_ros.studies.load.cases import Case
 from smartmesh_ros.studies.load.processes import run_case
 from smartmesh_ros.studies.load.summary import Summary
@@ -32,7 +32,8 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
 
 def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) -> None:
     """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each."""
-    data: dict[str, Any] = {"machine": machine(), "groups": {group: known.get(group, []) for group in chosen}}
+    groups = {**known.get("groups", {}), **{group: known.get("groups", {}).get(group, []) for group in chosen}}
+    data: dict[str, Any] = {**known, "machine": machine(), "groups": groups}
     start = monotonic()
     for group, members in chosen.items():
         done = {Case(**result["case"]).name for result in data["groups"][group]}
@@ -61,6 +62,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         "executors": tables.ways(summaries["executors"], executors=True),
         "memory": tables.memory(summaries["memory"]),
         "machine": f"Machine: {data['machine']}.",
+        "regions": regions.table(data.get("regions", [])),
     }
     print(blocks["targets"])
     if page is not None:
@@ -75,13 +77,21 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help=f"folder of JSON and pictures (default {OUT}; out/load with --quick)")
     parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     parser.add_argument("--resume", action="store_true", help="run only what was not measured before")
+    parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
     options = parser.parse_args(args)
     out = options.out or (Path("out/load") if options.quick else OUT)
     file = out / "load.json"
     if not options.report:
         out.mkdir(parents=True, exist_ok=True)
-        known = json.loads(file.read_text())["groups"] if options.resume and file.is_file() else {}
-        run_all(groups(quick=options.quick), file, known)
+        known = json.loads(file.read_text()) if (options.resume or options.only) and file.is_file() else {}
+        chosen = groups(quick=options.quick)
+        if options.only:
+            chosen = {name: cases for name, cases in chosen.items() if name == options.only}
+            known.get("groups", {}).pop(options.only, None)
+        run_all(chosen, file, known)
+        if options.only in (None, "regions"):
+            data = json.loads(file.read_text()) if file.is_file() else {"machine": machine(), "groups": {}}
+            file.write_text(json.dumps({**data, "regions": regions.measure(quick=options.quick)}, indent=1))
     report(json.loads(file.read_text()), out, None if options.quick else PAGE)
 
 
