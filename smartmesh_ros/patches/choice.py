@@ -32,7 +32,8 @@ SMALL_WINDOW = 2
 class Choice:
     """What n bodies get, shapes (n,): what to stand on (see above), rings and stride of the patch, how far it lies from
     the mesh where the body can touch it, at most [m]; a plane along the ground under the body at each of t instants,
-    one after the other (t n,); of FACET, which one it is (n, 3), as by `facet_index` in a window of one ring."""
+    one after the other (t n,); which facet it is (n, 3), as by `facet_index` in a window of one
+    ring, -1 = none but a plane fitted to many."""
 
     state: IntArray
     rings: IntArray
@@ -67,7 +68,7 @@ def choose(
     if window.rings <= SMALL_WINDOW:
         facets, facet, planes = _facets_under(window, balls, lean)
     else:
-        facet, planes = np.zeros((count, 3), np.int64), _fits_under(window, balls)
+        facet, planes = np.full((count, 3), -1), _fits_under(window, balls)
     now = planes.of(slice(count))
     need = _steady(rings_touched(window, now, balls), now, balls, state, rings * stride, window.rings)
     choice = Choice(

@@ -44,7 +44,7 @@ class Standing:
 
     ``state``: which, by the numbers in `choice`. The patch: its middle sample by ``rows`` and ``columns``, that one's
     place ``middles_w`` (N, 2) [m], ``rings``, ``stride`` and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper
-    or lower, row and column of its cell by the middle sample. ``plane``, ``rate`` (N, 3): coefficients of a plane along
+    or lower, row and column of its cell by the middle sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a plane along
     the ground in the frame of the middle sample and how they change a second, as read at ``read_at`` [s] from version
     ``read_from`` of the map. ``until`` [s]: when to look again.
     """
@@ -72,7 +72,7 @@ class Standing:
     def follow(self, heightmap: HeightMap, bodies: IntArray, time: float, method: CollectMethod) -> None:
         """Reads the planes under ``bodies`` (n,) anew where the ground does not move on as it was read."""
         state = self.state[bodies]
-        stale = (state == FACET) | (state == FITTED)
+        stale = (state == FACET) | (state == FITTED) | (state == FIELD)
         if time <= heightmap.steady_until:
             stale &= self.read_from[bodies] != heightmap.version
         if not stale.any():
@@ -81,7 +81,8 @@ class Standing:
         cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
         ground = collect_inside(heightmap, patch_template(1), cells, stride, time, method)
         resolution = heightmap.geometry.resolution
-        fitted, facets = state[stale] == FITTED, self.facet[bodies]
+        facets = self.facet[bodies]
+        fitted = (state[stale] == FITTED) | (facets[:, 0] < 0)
         planes = _planes_of(ground.heights, fitted, facets, stride, resolution)
         expected = self.plane[bodies] + self.rate[bodies] * (time - self.read_at[bodies])[:, None]
         # Not so either where a hole came up.
@@ -117,10 +118,7 @@ class Standing:
     ) -> PlaneBatch:
         template = patch_template(1)
         centres_w, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
-        twist = np.zeros((2, len(bodies), 3))
-        if heightmap.moving(time):
-            grid_twist(self.rate[bodies][:, [0, 2, 1]], np.ones(1), heightmap.geometry.yaw, twist)
-            twist[0, :, :2] = heightmap.slide_w
+        twist = self._twist(heightmap, bodies, time)
         return PlaneBatch(
             tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=self.rows[bodies],
             columns=self.columns[bodies], stride=self.stride[bodies], centres_w=centres_w, linear_w=twist[0],
@@ -136,10 +134,20 @@ class Standing:
         cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
         ground = collect_inside(heightmap, template, cells, stride, time, method)
         _, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
+        # That of the ground under the body: the mean over the patch is another one where the velocity is curved.
+        twist = self._twist(heightmap, bodies, time)
         return GridBatch.of(
-            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self.deviation[bodies],
+            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self.deviation[bodies], twist,
             points_w=points_w, normals_w=normals_w,
         )  # fmt: skip
+
+    def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
+        """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""
+        twist = np.zeros((2, len(bodies), 3))
+        if heightmap.moving(time):
+            grid_twist(self.rate[bodies][:, [0, 2, 1]], np.ones(1), heightmap.geometry.yaw, twist)
+            twist[0, :, :2] = heightmap.slide_w
+        return twist
 
     def _ground(
         self, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float
