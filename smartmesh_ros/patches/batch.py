@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.config import ColliderKind
-from smartmesh_ros.patches.grid_collect import Collected
+from smartmesh_ros.patches.grid_collect import Collected, collect_inside
 from smartmesh_ros.patches.template import PatchTemplate
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -98,13 +98,8 @@ class GridBatch(PatchBatch):
 
     def vertices_w(self) -> FloatArray:
         """Vertices of all patches (n, K, 3) [m], in the order of the template."""
-        template = self.template
-        rows = self.rows[:, None] + template.rows * self.stride[:, None]
-        columns = self.columns[:, None] + template.columns * self.stride[:, None]
-        vertices = np.empty((*rows.shape, 3))
-        vertices[..., :2] = self.heightmap.geometry.to_world(rows, columns)
-        vertices[..., 2] = self.heights_w
-        return vertices
+        cells = Cells(self.rows, self.columns)
+        return _grid_vertices(self.heightmap, self.template, cells, self.stride, self.heights_w)
 
     @property
     def may_have_holes(self) -> bool:
@@ -113,11 +108,30 @@ class GridBatch(PatchBatch):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlaneBatch(GridBatch):
-    """Patches whose collider is the plane along the ground under the body. Their vertices are samples near to it."""
+class PlaneBatch(PatchBatch):
+    """Patches of a height map whose collider is the plane along the ground under the body.
 
+    ``points_w`` (n, 3) [m], ``normals_w`` (n, 3): the plane, by its point nearest to the body when it was last looked
+    at and its upward normal. ``time`` [s] is what its vertices, 3 x 3 samples near to it, are read at: only once
+    somebody asks for them.
+    """
+
+    heightmap: HeightMap
+    template: PatchTemplate
     points_w: FloatArray
     normals_w: FloatArray
+    time: float
+
+    def vertices_w(self) -> FloatArray:
+        """Samples near the planes (n, 9, 3) [m], in the order of the template."""
+        cells = Cells(self.rows, self.columns)
+        heights = collect_inside(self.heightmap, self.template, cells, self.stride, self.time, "cached").heights
+        return _grid_vertices(self.heightmap, self.template, cells, self.stride, heights)
+
+    @property
+    def may_have_holes(self) -> bool:
+        """A plane never lies over a hole."""
+        return False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,6 +152,18 @@ class MeshBatch(PatchBatch):
     def may_have_holes(self) -> bool:
         """A general mesh has no ground where it has no triangle."""
         return False
+
+
+def _grid_vertices(
+    heightmap: HeightMap, template: PatchTemplate, cells: Cells, stride: IntArray, heights_w: FloatArray
+) -> FloatArray:
+    """Vertices (n, K, 3) [m] of patches around ``cells`` (n,) with the given heights (n, K) [m]."""
+    rows = cells.rows[:, None] + template.rows * stride[:, None]
+    columns = cells.columns[:, None] + template.columns * stride[:, None]
+    vertices = np.empty((*rows.shape, 3))
+    vertices[..., :2] = heightmap.geometry.to_world(rows, columns)
+    vertices[..., 2] = heights_w
+    return vertices
 
 
 def grid_twist(fit: FloatArray, spacing: FloatArray, yaw: float, twist: FloatArray) -> None:

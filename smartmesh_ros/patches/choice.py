@@ -24,13 +24,15 @@ ROOMY = 0.6
 
 # Where only the cells around one sample can be touched, the facet under the body is the plane; else one fitted to many.
 FACET_RINGS = 1
+# In windows so small the facet under the body also tells how the ground runs.
+SMALL_WINDOW = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """What n bodies get, shapes (n,): what to stand on (see above), rings and stride of the patch, how far it lies from
-    the mesh where the body can touch it, at most [m], and a plane along the ground under the body; of FACET, which one
-    it is (n, 3), as by `facet_index` in a window of one ring."""
+    the mesh where the body can touch it, at most [m]; a plane along the ground under the body at each of t instants,
+    one after the other (t n,); of FACET, which one it is (n, 3), as by `facet_index` in a window of one ring."""
 
     state: IntArray
     rings: IntArray
@@ -38,6 +40,11 @@ class Choice:
     deviation: FloatArray
     planes: Planes
     facets: IntArray
+
+    def planes_at(self, instant: int) -> Planes:
+        """The planes at one of the instants."""
+        count = len(self.state)
+        return self.planes.of(slice(instant * count, (instant + 1) * count))
 
 
 def choose(
@@ -55,26 +62,34 @@ def choose(
     far as known. ``state``, ``rings``, ``stride`` (n,): what they have now. A cheaper collider must keep a share of the
     tolerance [m], so that no body changes back and forth.
     """
-    planes = _along_ground(window, balls, lean)
-    need = _steady(rings_touched(window, planes, balls), planes, balls, state, rings * stride, window.rings)
-    count = len(need)
+    count = len(state)
+    ones, facets = np.ones(count, np.int64), None
+    if window.rings <= SMALL_WINDOW:
+        facets, facet, planes = _facets_under(window, balls, lean)
+    else:
+        facet, planes = np.zeros((count, 3), np.int64), _fits_under(window, balls)
+    now = planes.of(slice(count))
+    need = _steady(rings_touched(window, now, balls), now, balls, state, rings * stride, window.rings)
     choice = Choice(
-        state=np.where(need == 0, NONE, FIELD),
-        rings=np.ones(count, np.int64),
-        stride=np.ones(count, np.int64),
-        deviation=np.zeros(count),
-        planes=planes,
-        facets=np.zeros((count, 3), np.int64),
-    )
+        state=np.where(need == 0, NONE, FIELD), rings=ones, stride=ones.copy(), deviation=np.zeros(count),
+        planes=planes, facets=facet,
+    )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
-    if few.size:
-        _stand_on_facets(choice, few, window, balls, lean, limit)
-    many = need > FACET_RINGS
-    if many.any():
-        sizes = SIZES[np.searchsorted(SIZES, need)]
-        for size in np.unique(sizes[many]).tolist():
-            _stand_on_fits(choice, np.flatnonzero(many & (sizes == size)), size, need, window, balls, limit)
+    planar = window.instants == 1 or window.rings > SMALL_WINDOW or config.kind == "plane"
+    if few.size and planar:
+        if facets is None:
+            facets, choice.facets[few], under = _facets_under(window.inner(few, FACET_RINGS), balls.of(few), lean[few])
+        else:
+            repeated = _repeated(few, count, window.instants)
+            facets, under = facets.of(repeated), planes.of(repeated)
+        deviation = facet_deviation(facets, under, balls.of(few).repeated(window.instants))
+        _take_planes(choice, few, window, under, deviation, limit, FACET, ones[few])
+    if few.size < count:
+        many = np.flatnonzero(need > FACET_RINGS)
+        sizes = SIZES[np.searchsorted(SIZES, need[many])]
+        for size in np.unique(sizes).tolist():
+            _stand_on_fits(choice, many[sizes == size], size, need, window, balls, limit)
     field = np.flatnonzero(choice.state == FIELD)
     if field.size:
         extents = cheapest_extents(window, field, need[field], config.tolerance, rings[field], stride[field])
@@ -88,96 +103,94 @@ def _steady(need: IntArray, planes: Planes, balls: Balls, state: IntArray, cover
 
     A body that just left the ground keeps its collider, and a patch somewhat too large keeps its size.
     """
-    distance = planes.above(balls.centres) / np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    distance = planes.above(balls.centres) / planes.steepness()
     leaving = (need == 0) & (state > NONE) & (distance <= balls.radii + LEAVING)
     roomy = (state == FIELD) & (covered <= most) & (need < covered) & (need > ROOMY * covered)
     return np.where(leaving, 1, np.where(roomy, covered, need))
 
 
-def _along_ground(window: Window, balls: Balls, lean: FloatArray) -> Planes:
-    """Planes along the ground under bodies: where windows are small the facet there, else what fits their middle."""
-    if window.rings <= 2:
-        facets = facets_of(window.inner(slice(None), FACET_RINGS))
-        planes = facet_planes(facets, *_facet_below(facets, balls.centres, lean))
-    else:
-        # From the body's size alone: what a plane leads to must not lead to another plane.
-        stride = np.minimum((0.25 * balls.radii / window.resolution).astype(np.int64) + 1, window.rings)
-        planes = fitted_planes(_nine(window.heights, stride), stride * window.resolution)
-    if window.holes:
-        hole = np.isnan(planes.height)
-        for values, instead in zip(planes, (balls.centres[hole, 2], 0.0, 0.0), strict=True):
-            values[hole] = instead
+def _facets_under(window: Window, balls: Balls, lean: FloatArray) -> tuple[Facets, IntArray, Planes]:
+    """The facets around the middles of windows, which of them (n, 3) the bodies stand on, and its planes (t n,)."""
+    count = len(balls.radii)
+    facets = facets_of(window.inner(np.arange(count), FACET_RINGS))
+    now = facets if window.instants == 1 else facets.of(slice(count))
+    foot = balls.centres[:, :2] - lean
+    planes = facet_planes(now, *facet_index(now, foot[:, 0], foot[:, 1]))
+    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
+    offset = foot_offset(planes, balls.centres)
+    foot = balls.centres[:, :2] - (np.nan_to_num(offset) if window.holes else offset)
+    facet = np.stack(facet_index(now, foot[:, 0], foot[:, 1]))
+    planes = facet_planes(facets, *np.concatenate([facet] * window.instants, axis=1))
+    _fill_holes(planes, window, balls)
+    return facets, facet.T, planes
+
+
+def _fits_under(window: Window, balls: Balls) -> Planes:
+    """Planes (t n,) fitted to the ground around the middles of windows."""
+    # From the body's size alone: what a plane leads to must not lead to another plane.
+    stride = np.minimum((0.25 * balls.radii / window.resolution).astype(np.int64) + 1, window.rings)
+    planes = _fitted(window, stride)
+    _fill_holes(planes, window, balls)
     return planes
 
 
-def _facet_below(facets: Facets, centres: FloatArray, lean: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The facets that bodies stand on, as by `facet_index`."""
-    foot = centres[:, :2] - lean
-    planes = facet_planes(facets, *facet_index(facets, foot[:, 0], foot[:, 1]))
-    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
-    offset = foot_offset(planes, centres)
-    foot = centres[:, :2] - (np.nan_to_num(offset) if facets.holes else offset)
-    return facet_index(facets, foot[:, 0], foot[:, 1])
-
-
-def _stand_on_facets(
-    choice: Choice, rows: IntArray, window: Window, balls: Balls, lean: FloatArray, limit: FloatArray
-) -> None:
-    """Chooses the facet under the body where no other that it can touch is far from its plane."""
-    inner, near = window.inner(rows, FACET_RINGS), balls.of(rows)
-    facets = facets_of(inner)
-    facet = _facet_below(facets, near.centres, lean[rows])
-    choice.facets[rows] = np.stack(facet, axis=1)
-    planes = facet_planes(facets, *facet)
-    deviation = facet_deviation(facets, planes, near)
-    if inner.ahead is not None:
-        later = facets_of(inner.at_next_look())
-        np.maximum(deviation, facet_deviation(later, facet_planes(later, *facet), near), out=deviation)
-    _take_planes(choice, rows, planes, deviation, limit, FACET, np.ones(len(rows), np.int64))
+def _fill_holes(planes: Planes, window: Window, balls: Balls) -> None:
+    """Puts level planes through the bodies where a hole leaves none."""
+    if window.holes:
+        hole = np.flatnonzero(np.isnan(planes.height))
+        planes.height[hole] = balls.centres[hole % len(balls.radii), 2]
+        planes.slope_x[hole] = planes.slope_y[hole] = 0.0
 
 
 def _stand_on_fits(
     choice: Choice, rows: IntArray, size: int, need: IntArray, window: Window, balls: Balls, limit: FloatArray
 ) -> None:
     """Chooses a plane fitted to the ground under the body where that is near enough to all that it can touch."""
-    inner, near = window.inner(rows, size), balls.of(rows)
+    inner = window.inner(rows, size)
     stride = np.maximum(need[rows] // 2, 1)
-    deviation = np.zeros(len(rows))
-    planes = []
-    for heights in inner.instants:
-        planes.append(fitted_planes(_nine(heights, stride), stride * window.resolution))
-        np.maximum(deviation, near_deviation(heights, inner, planes[-1], near), out=deviation)
-    _take_planes(choice, rows, planes[0], deviation, limit, FITTED, stride)
+    planes = _fitted(inner, stride)
+    deviation = near_deviation(inner, planes, balls.of(rows).repeated(inner.instants))
+    _take_planes(choice, rows, inner, planes, deviation, limit, FITTED, stride)
 
 
 def _take_planes(
     choice: Choice,
     rows: IntArray,
+    window: Window,
     planes: Planes,
     deviation: FloatArray,
     limit: FloatArray,
     state: int,
     stride: IntArray,
 ) -> None:
+    """Notes the ``planes`` (t m,) under bodies in ``rows`` (m,), and chooses them where they deviate little enough."""
+    repeated = _repeated(rows, len(choice.state), window.instants)
     for values, new in zip(choice.planes, planes, strict=True):
-        values[rows] = new
-    flat = (deviation <= limit[rows]) & (choice.state[rows] != NONE) & np.isfinite(planes.height + deviation)
+        values[repeated] = new
+    deviation = window.worst(deviation + 0.0 * planes.height)  # a plane over a hole is none
+    flat = (deviation <= limit[rows]) & (choice.state[rows] != NONE)
     taken = rows[flat]
     choice.state[taken] = state
     choice.deviation[taken] = deviation[flat]
     choice.stride[taken] = stride[flat]
 
 
+def _repeated(rows: IntArray, count: int, instants: int) -> IntArray | slice:
+    """Where the bodies in ``rows``, of ``count``, are among all instants one after the other."""
+    if len(rows) == count:
+        return slice(None)
+    return rows if instants == 1 else np.concatenate([rows + instant * count for instant in range(instants)])
+
+
 def foot_offset(planes: Planes, centres: FloatArray) -> FloatArray:
     """Horizontal offset of points (n, 3) from the feet of their perpendiculars on the planes (n, 2) [m]."""
-    share = planes.above(centres) / (1.0 + planes.slope_x**2 + planes.slope_y**2)
+    share = planes.above(centres) / (1.0 + planes.slope_x * planes.slope_x + planes.slope_y * planes.slope_y)
     return np.stack([-share * planes.slope_x, -share * planes.slope_y], axis=1)
 
 
-def _nine(heights: FloatArray, stride: IntArray) -> FloatArray:
-    """The 3 x 3 samples that are ``stride`` (n,) samples apart around the middle of windows (n, S, S), as (n, 9)."""
-    middle = heights.shape[1] // 2
-    step = middle + stride[:, None] * np.array([-1, 0, 1])
-    body = np.arange(len(heights))[:, None, None]
-    nine: FloatArray = heights[body, step[:, :, None], step[:, None, :]].reshape(len(heights), 9)
-    return nine
+def _fitted(window: Window, stride: IntArray) -> Planes:
+    """Planes (t n,) through the 3 x 3 samples that are ``stride`` (n,) samples apart around the middle of windows."""
+    step = window.rings + stride[:, None] * np.array([-1, 0, 1])
+    body = np.arange(len(stride))[:, None, None]
+    nine = window.heights[:, body, step[:, :, None], step[:, None, :]].reshape(-1, 9)
+    return fitted_planes(nine, np.concatenate([stride] * window.instants) * window.resolution)

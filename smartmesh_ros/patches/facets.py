@@ -25,7 +25,7 @@ class Facets(NamedTuple):
     resolution: float
     holes: bool
 
-    def of(self, rows: IntArray) -> Facets:
+    def of(self, rows: IntArray | slice) -> Facets:
         """Those of the windows in ``rows``."""
         return Facets(
             self.slope_x[rows], self.slope_y[rows], self.corner[rows], self.places, self.resolution, self.holes
@@ -33,8 +33,8 @@ class Facets(NamedTuple):
 
 
 def facets_of(window: Window) -> Facets:
-    """Facets of a window."""
-    z = window.heights
+    """Facets of windows, their instants one after the other."""
+    z = window.stacked
     along, across = np.diff(z, axis=2) / window.resolution, np.diff(z, axis=1) / window.resolution
     # Below the diagonal: (r, c), (r, c + 1), (r + 1, c + 1); above it: (r, c), (r + 1, c + 1), (r + 1, c).
     slope_x = np.stack([along[:, :-1], along[:, 1:]], axis=1)

@@ -16,40 +16,44 @@ SIZES = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
 class Window:
     """Samples around n bodies, ``rings`` on each side of a middle one, ``resolution`` [m] apart.
 
-    ``heights`` (n, S, S) [m], S = 2 rings + 1; ``ahead``: the same when the bodies are looked at next, None = no other.
+    ``heights`` (t, n, S, S) [m], S = 2 rings + 1: now and, where the ground moves, t = 2, when the bodies are looked at
+    next. Ground moves in a straight line between two looks, so what is linear in it is largest at one of them.
     ``holes``: whether any sample may be NaN.
     The frame is the grid's own with the middle sample as its origin: x along the columns, y along the rows, z as in the
-    world. Ground moves in a straight line between two looks, so what is linear in it is largest at one of them.
+    world.
     """
 
     heights: FloatArray
     rings: int
     resolution: float
-    ahead: FloatArray | None = None
     holes: bool = True
 
     @property
-    def instants(self) -> list[FloatArray]:
-        """Heights now and, where the ground moves, at the next look."""
-        return [self.heights] if self.ahead is None else [self.heights, self.ahead]
+    def instants(self) -> int:
+        """Number of instants t."""
+        return len(self.heights)
 
-    def at_next_look(self) -> Window:
-        """The window at that instant alone."""
-        assert self.ahead is not None
-        return Window(heights=self.ahead, rings=self.rings, resolution=self.resolution, holes=self.holes)
+    @property
+    def stacked(self) -> FloatArray:
+        """Heights with the instants one after the other (t n, S, S)."""
+        return self.heights.reshape(-1, *self.heights.shape[2:])
 
-    def inner(self, rows: IntArray | slice, rings: int) -> Window:
-        """The middle of the windows of the bodies in ``rows``."""
+    def inner(self, rows: IntArray, rings: int) -> Window:
+        """The middle of the windows of the bodies in ``rows``, ascending (m,)."""
         cut = slice(self.rings - rings, self.rings + rings + 1)
-        ahead = None if self.ahead is None else self.ahead[rows, cut, cut]
-        return Window(
-            heights=self.heights[rows, cut, cut], ahead=ahead, rings=rings, resolution=self.resolution, holes=self.holes
-        )
+        every = len(rows) == self.heights.shape[1]
+        heights = self.heights[:, :, cut, cut] if every else self.heights[:, rows, cut, cut]
+        return Window(heights=heights, rings=rings, resolution=self.resolution, holes=self.holes)
 
     def places(self) -> FloatArray:
         """x of the columns, or y of the rows (S,) [m]."""
         places: FloatArray = np.arange(-self.rings, self.rings + 1, dtype=np.float64) * self.resolution
         return places
+
+    def worst(self, values: FloatArray) -> FloatArray:
+        """The largest over the instants (n,) of values (t n,)."""
+        worst: FloatArray = values if self.instants == 1 else values.reshape(self.instants, -1).max(axis=0)
+        return worst
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,8 +69,19 @@ class Balls:
     lateral: FloatArray
 
     def of(self, rows: IntArray) -> Balls:
-        """Those in ``rows``."""
+        """Those in ``rows``, ascending (m,)."""
+        if len(rows) == len(self.radii):
+            return self
         return Balls(centres=self.centres[rows], radii=self.radii[rows], lateral=self.lateral[rows])
+
+    def repeated(self, times: int) -> Balls:
+        """The same so many times over, one after the other, as the instants of a window are."""
+        if times == 1:
+            return self
+        centres = np.concatenate([self.centres] * times)
+        return Balls(
+            centres=centres, radii=np.concatenate([self.radii] * times), lateral=np.concatenate([self.lateral] * times)
+        )
 
 
 def window_rings(reach: FloatArray, resolution: float) -> IntArray:

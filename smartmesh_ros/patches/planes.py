@@ -18,10 +18,19 @@ class Planes(NamedTuple):
     slope_x: FloatArray
     slope_y: FloatArray
 
+    def of(self, rows: IntArray | slice) -> Planes:
+        """Those in ``rows``."""
+        return Planes(self.height[rows], self.slope_x[rows], self.slope_y[rows])
+
+    def steepness(self) -> FloatArray:
+        """Length along each plane per horizontal length uphill (n,)."""
+        return np.sqrt(1.0 + self.slope_x * self.slope_x + self.slope_y * self.slope_y)
+
     def normals(self) -> FloatArray:
         """Unit normals, upward (n, 3)."""
-        normals = np.stack([-self.slope_x, -self.slope_y, np.ones_like(self.height)], axis=1)
-        normals /= np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
+        normals = np.empty((len(self.height), 3))
+        normals[:, 0], normals[:, 1], normals[:, 2] = -self.slope_x, -self.slope_y, 1.0
+        normals /= self.steepness()[:, None]
         return normals
 
     def above(self, points: FloatArray) -> FloatArray:
@@ -47,13 +56,13 @@ def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
     of the perpendicular from the ball's middle than the cell's square. A hole counts as ground of any height.
     """
     place = window.places()
-    steepness = np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    steepness = planes.steepness()
     cos = 1.0 / steepness
     sine = np.sqrt(np.maximum(1.0 - cos * cos, 0.0))
     distance = planes.above(balls.centres) * cos
     away_x = _away(balls.centres[:, 0] + distance * planes.slope_x * cos, place, balls.lateral)
     away_y = _away(balls.centres[:, 1] + distance * planes.slope_y * cos, place, balls.lateral)
-    z = window.heights if window.ahead is None else np.maximum(window.heights, window.ahead)
+    z = window.heights[0] if window.instants == 1 else window.heights.max(axis=0)
     over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
     over -= (planes.slope_x[:, None] * place)[:, None, :]
     if window.holes:
@@ -89,11 +98,11 @@ def _away(foot: FloatArray, place: FloatArray, lateral: FloatArray) -> FloatArra
     return away
 
 
-def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: Balls) -> FloatArray:
-    """How far each plane lies, vertically, from the mesh where a ball can touch either (n,) [m], at most.
+def near_deviation(window: Window, planes: Planes, balls: Balls) -> FloatArray:
+    """How far each plane lies, vertically, from the mesh where a ball can touch either (t n,) [m], at most.
 
-    ``heights`` (n, S, S) [m] is one instant of the window. All that the balls can touch must lie in it. Infinite where
-    a hole is near, or where the plane can be touched beyond the window.
+    Planes and balls are given for each instant of the window, one after the other. All that the balls can touch must
+    lie in it. Infinite where a hole is near, or where the plane can be touched beyond the window.
 
     Plane and facet differ by a linear function, so they differ most at a corner: it is enough to take the corners of
     all facets that are near. A point of a facet is no further up than its highest corner and no nearer to the foot of
@@ -101,7 +110,7 @@ def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: B
     near if the facet is; and where the facet is below the plane, the ball reaches no further than on the plane itself.
     """
     place = window.places()
-    steepness = np.sqrt(1.0 + planes.slope_x**2 + planes.slope_y**2)
+    steepness = planes.steepness()
     cos = 1.0 / steepness
     distance = planes.above(balls.centres) * cos
     foot_x = balls.centres[:, 0] + distance * planes.slope_x * cos
@@ -110,7 +119,7 @@ def near_deviation(heights: FloatArray, window: Window, planes: Planes, balls: B
     climb_x, climb_y = planes.slope_x[:, None] * u, planes.slope_y[:, None] * v
     climb = climb_x[:, None, :] + climb_y[:, :, None]
     base = planes.height + planes.slope_x * foot_x + planes.slope_y * foot_y
-    deviation = heights - base[:, None, None] - climb
+    deviation = window.stacked - base[:, None, None] - climb
     size = np.abs(deviation)
     if window.holes:
         hole = np.isnan(size)

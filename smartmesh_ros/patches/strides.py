@@ -11,10 +11,9 @@ from smartmesh_ros.patches.grid_window import Window
 from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
-# Rings a patch may have, cheapest first. The cost of a collider follows its samples.
 # A cheaper patch than a body has must keep this share of the tolerance.
 HYSTERESIS = 0.75
-
+# Rings a patch may have, cheapest first. The cost of a collider follows its samples.
 RINGS = (1, 2, 3, 4, 6, 8, 12, 16)
 
 
@@ -44,17 +43,15 @@ def stride_deviation(window: Window, rows: IntArray, rings: int, stride: int) ->
     if stride == 1:
         return np.zeros(len(rows))
     corners, weights = _interpolation(rings, stride)
-    worst = np.zeros(len(rows))
-    for instant in window.inner(rows, rings * stride).instants:
-        heights = instant.reshape(len(rows), -1)
-        difference = -heights
-        for corner, weight in zip(corners, weights, strict=True):
-            difference += heights[:, corner] * weight
-        np.abs(difference, out=difference)
-        if window.holes:
-            difference[np.isnan(difference)] = np.inf
-        np.maximum(worst, difference.max(axis=1), out=worst)
-    return worst
+    covered = window.inner(rows, rings * stride)
+    heights = covered.stacked.reshape(len(rows) * window.instants, -1)
+    difference = -heights
+    for corner, weight in zip(corners, weights, strict=True):
+        difference += heights[:, corner] * weight
+    np.abs(difference, out=difference)
+    if window.holes:
+        difference[np.isnan(difference)] = np.inf
+    return covered.worst(difference.max(axis=1))
 
 
 class Extents(NamedTuple):

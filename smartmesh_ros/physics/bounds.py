@@ -30,6 +30,15 @@ def bounding_radius(client: Any, body: int, link: int = -1) -> float:
     return reach
 
 
+def is_ball(client: Any, body: int, link: int = -1) -> bool:
+    """Whether a body or link is a sphere and nothing else, as far as PyBullet tells."""
+    try:
+        shapes = client.getCollisionShapeData(body, link)
+    except pb.error:
+        return False
+    return [shape[2] for shape in shapes] == [pb.GEOM_SPHERE]
+
+
 def _radius_of_bounds(client: Any, body: int, link: int) -> float:
     """The same from the axis-aligned bounds, for shapes whose size PyBullet does not tell."""
     low, high = (np.array(corner) for corner in client.getAABB(body, link))

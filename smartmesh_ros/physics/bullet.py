@@ -45,17 +45,19 @@ class BulletCalls:
         for body, twist in zip(bodies, twists, strict=True):
             reset(body, twist[:3], twist[3:], client)
 
-    def replace_heightfields(self, shapes: list[int], size: int, heights: list[list[float]], edge_filter: bool) -> None:
-        """Gives heightfields of ``size`` x ``size`` samples their new heights.
+    def replace_heightfields(
+        self, shapes: list[int], size: int, heights: list[list[float]], filters: list[bool]
+    ) -> None:
+        """Gives heightfields of ``size`` x ``size`` samples their new heights, and some a filter of their inner edges.
 
-        The flag is passed at every replacement; without it PyBullet drops the edges' data.
+        The filter's flag is passed at every replacement; without it PyBullet drops the edges' data.
         """
         create, client, kind = pb.createCollisionShape, self._client, pb.GEOM_HEIGHTFIELD
-        flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if edge_filter else 0
-        for shape, values in zip(shapes, heights, strict=True):
+        flags = (0, pb.GEOM_CONCAVE_INTERNAL_EDGE)
+        for shape, values, filtered in zip(shapes, heights, filters, strict=True):
             create(
                 kind,
-                flags=flags,
+                flags=flags[filtered],
                 heightfieldData=values,
                 numHeightfieldRows=size,
                 numHeightfieldColumns=size,

@@ -11,7 +11,7 @@ from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
-from smartmesh_ros.physics.bounds import bounding_radius
+from smartmesh_ros.physics.bounds import bounding_radius, is_ball
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
@@ -68,6 +68,7 @@ class Ground:
         self._prediction = Prediction()
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
+        self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._positions = np.empty((0, 3))
         self._moved = np.empty((0, 3))
         self._told: dict[int, FloatArray] = {}
@@ -105,17 +106,20 @@ class Ground:
         """Colliders that were built anew so far; PyBullet keeps some KiB of each."""
         return self._meshes.built
 
-    def attach(self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True) -> Follower:
+    def attach(
+        self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True, ball: bool | None = None
+    ) -> Follower:
         """Puts a patch under ``body`` (or its ``link``), whose sphere around its centre of mass has ``radius`` [m].
 
         Without a radius it is read off the body's bounds. ``solid=False`` computes the patch without a collider.
+        ``ball``: whether it is a sphere, None = PyBullet is asked. Spheres roll over inner edges without a filter.
         """
         if any(follower.body == body and follower.link == link for follower in self.followers):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
         size = bounding_radius(self._client, body, link) if radius is None else radius
         if not (np.isfinite(size) and size > 0.0):
             raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
-        follower = Follower(body, link, size, solid)
+        follower = Follower(body, link, size, solid, is_ball(self._client, body, link) if ball is None else ball)
         self._adopt([*self.followers, follower])
         return follower
 
@@ -133,6 +137,7 @@ class Ground:
             require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
             self._heightfields.forget_heights()
+        self._applied = []
         self.config = config
         self._tracker.configure(config)
 
@@ -144,15 +149,12 @@ class Ground:
         batches = self._tracker.update(positions, self._moved, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
-            supported = np.zeros(len(self.followers), bool)
             if kind == "whole_trimesh" or kind == "whole_heightfield":
                 self._whole.update(kind, time)
+                self._applied = []
             else:
                 self._whole.release()
-                for batch in batches:
-                    supported[self._apply(batch, time, dt)] = True
-            for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
-                self._release(index)
+                self._carry(batches, time, dt)
 
     def close(self) -> None:
         """Takes all colliders away."""
@@ -167,6 +169,7 @@ class Ground:
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
         carry_over(self, {"_positions": np.nan, "_held": _BARE}, kept)
         self.followers = followers
+        self._applied = []
         self._told.clear()
         self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
@@ -197,6 +200,23 @@ class Ground:
             moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
         return np.nan_to_num(moved)
 
+    def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
+        """Makes the colliders those of the batches. A batch that was there already has not changed."""
+        before = {id(batch): bodies for batch, bodies in self._applied}
+        if len(batches) == len(before) and all(id(batch) in before for batch in batches):
+            return
+        supported = np.zeros(len(self.followers), bool)
+        applied = []
+        for batch in batches:
+            carried = before.get(id(batch))
+            if carried is None:
+                carried = self._apply(batch, time, dt)
+            supported[carried] = True
+            applied.append((batch, carried))
+        self._applied = applied
+        for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
+            self._release(index)
+
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
         bodies, base = batch.bodies, batch.centres_w
@@ -216,11 +236,11 @@ class Ground:
                 self._make_room(bodies[rows], _PLANE)
                 rise = base[rows, 2] - batch.centres_w[rows, 2]
                 twist = None if twist is None else twist[rows]
-                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist)
+                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist, time)
             elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 self._make_room(bodies[rows], _FIELD)
                 twist = None if twist is None else twist[rows]
-                self._heightfields.apply(batch, rows, base[rows], twist, self.config.edge_filter)
+                self._heightfields.apply(batch, rows, base[rows], twist, time, self.config)
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
@@ -228,7 +248,7 @@ class Ground:
 
     def _predict(self, batch: PatchBatch, base: FloatArray, twist: FloatArray, time: float, dt: float) -> FloatArray:
         """Bases (n, 3) [m] and twists (n, 6), the latter in place, moved on by what the ground's acceleration adds."""
-        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch) else None
+        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch) else None
         if ahead is None:
             return base
         higher, faster = ahead

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -26,8 +26,11 @@ def below_ground(
     the ground above them (k,)."""
     suspects: list[IntArray] = []
     for batch in batches:
-        tops = batch.heights_w if isinstance(batch, GridBatch) else batch.vertices_w()[..., 2]
-        under = positions_w[batch.bodies, 2] < np.fmax.reduce(tops, axis=1)
+        if isinstance(batch, PlaneBatch):
+            under = np.einsum("ij,ij->i", positions_w[batch.bodies] - batch.points_w, batch.normals_w) < 0.0
+        else:
+            tops = batch.heights_w if isinstance(batch, GridBatch) else batch.vertices_w()[..., 2]
+            under = positions_w[batch.bodies, 2] < np.fmax.reduce(tops, axis=1)
         if under.any():
             suspects.append(batch.bodies[under])
     if not suspects:

@@ -91,9 +91,8 @@ class HeightfieldPool:
         return heightfield
 
     def forget_contacts(self, heightfield: Heightfield, body: int, link: int) -> None:
-        """Has PyBullet look for the contacts of a heightfield and its body anew."""
-        for touch in (0, 1):
-            pb.setCollisionFilterPair(heightfield.body, body, -1, link, touch, self._client_id)
+        """Has PyBullet look for the contacts of a heightfield and its body anew, as it does when told a pair's rule."""
+        pb.setCollisionFilterPair(heightfield.body, body, -1, link, 1, self._client_id)
 
     def give_back(self, heightfield: Heightfield, body: int, link: int) -> None:
         """Parks a heightfield that ``body`` or its ``link`` no longer needs."""

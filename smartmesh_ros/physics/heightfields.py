@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.template import PatchTemplate
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.carrying import elapsed_since, velocity_changed
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
 from smartmesh_ros.physics.pairs import Pairs
@@ -16,6 +20,10 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # Heights that differ by less than this from the collider's are not worth replacing it [m].
 SAME_HEIGHT = 1e-6
+# A collider that moves on with the ground's velocity may lie this share of the tolerance beside the ground.
+CARRIED = 0.5
+# A collider whose base is further aside than this share of its spacing stands on another vertex.
+ELSEWHERE = 0.01
 # PyBullet keeps the contacts of a heightfield that is replaced: a body stays up where the ground sank away under it.
 # They are dropped when any sample has sunk by more than this, seen from the collider's base [m].
 STALE = 5e-4
@@ -27,8 +35,11 @@ _FILLS = {
     "_colliders": -1,
     "_heights": np.nan,
     "_contact_heights": np.nan,
-    "_poses": np.nan,
+    "_bases": np.nan,
+    "_yaws": 0.0,
+    "_slopes": 0.0,
     "_twists": 0.0,
+    "_times": np.nan,
 }
 
 
@@ -41,17 +52,23 @@ class Heightfields:
         self._pool = HeightfieldPool(client, pairs)
         self._followers: list[Follower] = []
         self._fields: dict[Follower, Heightfield] = {}
+        self._balls = np.empty(0, bool)  # they need no edge filter
         # The followers' colliders, size 0 = none: samples on a side, their distance [m], shape and body.
         self._sizes = np.empty(0, np.int64)
         self._spacings = np.empty(0)
         self._shapes = np.empty(0, np.int64)
         self._colliders = np.empty(0, np.int64)
-        # What the colliders were last given: heights [m], base position [m] and yaw [rad], twist [m/s, rad/s].
-        # Heights when PyBullet last forgot their contacts.
-        self._contact_heights = np.empty((0, 81))
+        # What the colliders were last given: heights [m] and twist [m/s, rad/s].
         self._heights = np.empty((0, 81))
-        self._poses = np.empty((0, 4))
         self._twists = np.empty((0, 6))
+        # Where they are since: their base [m], yaw when placed [rad], how much they turned from level, as slope per row
+        # and per column of the grid, and when that was [s].
+        self._bases = np.empty((0, 3))
+        self._yaws = np.empty(0)
+        self._slopes = np.empty((0, 2))
+        self._times = np.empty(0)
+        # Heights when PyBullet last forgot their contacts [m].
+        self._contact_heights = np.empty((0, 81))
 
     @property
     def created(self) -> int:
@@ -62,27 +79,40 @@ class Heightfields:
         """Makes ``followers`` the ones there are; ``kept``: each one's index before, -1 = new."""
         carry_over(self, _FILLS, kept)
         self._followers = followers
+        self._balls = np.array([follower.ball for follower in followers], bool)
 
     def forget_heights(self) -> None:
         """Has every heightfield replaced at the next `apply`."""
         self._heights[:] = np.nan
 
     def apply(
-        self, batch: GridBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None, edge_filter: bool
-    ) -> None:
-        """Gives the followers in ``rows`` (m,) of a batch their colliders: at ``base`` (m, 3) [m], with the ground's
-        ``twist`` (m, 6), None = at rest."""
-        bodies, spacing = batch.bodies[rows], batch.spacing[rows]
+        self, batch: GridBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None, time: float,
+        config: PatchConfig,
+    ) -> None:  # fmt: skip
+        """Gives the followers in ``rows`` (m,) of a batch their colliders at ``time`` [s]: at ``base`` (m, 3) [m], with
+        the ground's ``twist`` (m, 6), None = at rest.
+
+        A collider that moved on with its velocity and still lies along the ground is left alone.
+        """
+        bodies, spacing, template = batch.bodies[rows], batch.spacing[rows], batch.template
         relative = batch.heights_w[rows] - base[:, 2:]
         if batch.may_have_holes:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
         np.clip(relative, -BOUND, BOUND, out=relative)
-        size = batch.template.size
-        unfit = (self._sizes[bodies] != size) | (self._spacings[bodies] != spacing)
+        unfit = (self._sizes[bodies] != template.size) | (self._spacings[bodies] != spacing)
         for index in np.flatnonzero(unfit).tolist():
-            self._fit(int(bodies[index]), size, float(spacing[index]))
-        self._replace(bodies, relative, size, edge_filter)
-        self._move(bodies, base, batch.heightmap.geometry.yaw, twist)
+            self._fit(int(bodies[index]), template.size, float(spacing[index]))
+        self._make_room(relative.shape[1])
+        yaw = batch.heightmap.geometry.yaw
+        self._advance(bodies, time, yaw)
+        off = self._distance(bodies, base, yaw, relative, spacing, template)
+        # The distance is NaN, and so not small, where the collider is new.
+        moves = self._twists[bodies].any(axis=1)
+        chosen = np.flatnonzero(~(off <= np.where(moves, CARRIED * config.tolerance, SAME_HEIGHT)))
+        if chosen.size:
+            self._replace(bodies[chosen], relative[chosen], template.size, config.edge_filter)
+            self._place(bodies[chosen], base[chosen], yaw)
+        self._push(bodies, np.zeros((len(bodies), 6)) if twist is None else twist)
 
     def release(self, index: int) -> None:
         """Takes a follower's heightfield away, if it has one."""
@@ -102,27 +132,64 @@ class Heightfields:
         self._sizes[index], self._spacings[index] = size, spacing
         self._shapes[index], self._colliders[index] = field.shape, field.body
         self._heights[index] = np.nan
-        self._poses[index] = np.nan
+        self._bases[index] = np.nan
         self._twists[index] = 0.0
 
-    def _replace(self, bodies: IntArray, relative: FloatArray, size: int, edge_filter: bool) -> None:
-        count = size * size
+    def _make_room(self, count: int) -> None:
+        """Makes room for patches of so many samples."""
         if count > self._heights.shape[1]:
             room = np.full((len(self._heights), count - self._heights.shape[1]), np.nan)
             self._heights = np.concatenate([self._heights, room], axis=1)
             self._contact_heights = np.concatenate([self._contact_heights, room], axis=1)
-        # The largest difference is NaN, and so not small, where the collider is new.
-        difference = np.abs(relative - self._heights[bodies, :count]).max(axis=1)
-        changed = np.flatnonzero(~(difference <= SAME_HEIGHT))
-        if changed.size:
-            self.replacements += len(changed)
-            new, bodies = relative[changed], bodies[changed]
+
+    def _advance(self, bodies: IntArray, time: float, yaw: float) -> None:
+        """Notes how far steps of PyBullet have moved and turned the colliders since."""
+        elapsed = elapsed_since(self._times[bodies], time)[:, None]
+        twist = self._twists[bodies]
+        self._bases[bodies] += twist[:, :3] * elapsed
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        per_row, per_column = cos * twist[:, 3] + sin * twist[:, 4], sin * twist[:, 3] - cos * twist[:, 4]
+        self._slopes[bodies, 0] += per_row * elapsed[:, 0]
+        self._slopes[bodies, 1] += per_column * elapsed[:, 0]
+        self._times[bodies] = time
+
+    def _distance(
+        self, bodies: IntArray, base: FloatArray, yaw: float, relative: FloatArray, spacing: FloatArray,
+        template: PatchTemplate,
+    ) -> FloatArray:  # fmt: skip
+        """How far the colliders are from where they should be (m,) [m], NaN = unknown."""
+        old = self._heights[bodies, : relative.shape[1]]
+        aside = self._bases[bodies] - base
+        slopes = self._slopes[bodies] * spacing[:, None]
+        off = old - relative
+        off += aside[:, 2:]
+        if slopes.any():
+            off += slopes[:, :1] * template.rows
+            off += slopes[:, 1:] * template.columns
+            # What is turned about its base also moves sideways, the more the higher it is.
+            grade = (relative @ template.fit)[:, 1:]
+            grade /= spacing[:, None] * spacing[:, None]
+            off += np.einsum("ij,ij->i", slopes, grade)[:, None] * old
+        np.abs(off, out=off)
+        distance: FloatArray = off.max(axis=1)
+        elsewhere = (np.abs(aside[:, :2]).max(axis=1) > ELSEWHERE * spacing) | (self._yaws[bodies] != yaw)
+        distance[elsewhere] = np.inf
+        return distance
+
+    def _replace(self, bodies: IntArray, new: FloatArray, size: int, edge_filter: bool) -> None:
+        """Gives colliders new heights (m, K) [m] where they differ from those they have."""
+        count = size * size
+        same = np.abs(new - self._heights[bodies, :count]).max(axis=1) <= SAME_HEIGHT
+        if same.any():
+            bodies, new = bodies[~same], new[~same]
+        if bodies.size:
+            self.replacements += len(bodies)
             self._heights[bodies, :count] = new
             fallen = (self._contact_heights[bodies, :count] - new).max(axis=1)
             self._drop_contacts(bodies[~(fallen <= STALE)], count)
-            self._calls.replace_heightfields(
-                self._shapes[bodies].tolist(), size, new[:, collider_order(size)].tolist(), edge_filter
-            )
+            shapes, heights = self._shapes[bodies].tolist(), new[:, collider_order(size)].tolist()
+            filters = (~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)).tolist()
+            self._calls.replace_heightfields(shapes, size, heights, filters)
 
     def _drop_contacts(self, bodies: IntArray, count: int) -> None:
         """Has PyBullet forget the contacts of colliders whose surface sank away from them."""
@@ -131,22 +198,15 @@ class Heightfields:
             follower = self._followers[index]
             self._pool.forget_contacts(self._fields[follower], follower.body, follower.link)
 
-    def _move(self, bodies: IntArray, base: FloatArray, yaw: float, twist: FloatArray | None) -> None:
-        """Puts colliders where they belong and gives them the ground's twist."""
-        pose = np.empty((len(base), 4))
-        pose[:, :3] = base
-        pose[:, 3] = yaw
-        old_twist = self._twists[bodies]
-        if twist is None:
-            twist = np.zeros_like(old_twist)
-        # A collider that carries a velocity is moved on by the step itself, so it is put back even if nothing changed;
-        # and PyBullet stops what is put somewhere.
-        carried = twist.any(axis=1)
-        moved = old_twist.any(axis=1) | (pose != self._poses[bodies]).any(axis=1)
-        turned = (moved & carried) | (twist != old_twist).any(axis=1)
-        if moved.any():
-            self._poses[bodies] = pose
-            self._calls.set_positions(self._colliders[bodies[moved]].tolist(), base[moved].tolist(), collider_yaw(yaw))
-        if turned.any():
-            self._twists[bodies] = twist
-            self._calls.set_velocities(self._colliders[bodies[turned]].tolist(), twist[turned].tolist())
+    def _place(self, bodies: IntArray, base: FloatArray, yaw: float) -> None:
+        """Puts colliders at ``base`` (m, 3) [m]. This stops them."""
+        self._calls.set_positions(self._colliders[bodies].tolist(), base.tolist(), collider_yaw(yaw))
+        self._bases[bodies], self._yaws[bodies], self._slopes[bodies], self._twists[bodies] = base, yaw, 0.0, 0.0
+
+    def _push(self, bodies: IntArray, twist: FloatArray) -> None:
+        """Gives colliders their twist (m, 6) [m/s, rad/s] where it is another than they have."""
+        changed = velocity_changed(self._twists[bodies], twist)
+        if changed.any():
+            chosen = bodies[changed]
+            self._twists[chosen] = twist[changed]
+            self._calls.set_velocities(self._colliders[chosen].tolist(), twist[changed].tolist())

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.carrying import cross
 from smartmesh_ros.physics.shapes import support
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -60,9 +61,9 @@ def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: Float
     """Bodies and the ground under them, where it is known; ``next_w`` (N, 3) [m]: where they will be after the step."""
     found = []
     for batch in batches:
-        if isinstance(batch, GridBatch) and batch.points_w is not None and batch.normals_w is not None:
+        if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None:
             index, normals = batch.bodies, batch.normals_w
-            ground = batch.linear_w + np.cross(batch.angular_w, batch.points_w - batch.centres_w)
+            ground = batch.linear_w + cross(batch.angular_w, batch.points_w - batch.centres_w)
             closing = positions_w[index] + ground * dt - next_w[index]
             distance = np.einsum("ij,ij->i", positions_w[index] - batch.points_w, normals)
             found.append(Approach(index, distance, np.einsum("ij,ij->i", closing, normals), normals, ground))

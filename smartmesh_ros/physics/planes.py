@@ -12,18 +12,20 @@ import pybullet as pb
 from smartmesh_ros.patches.batch import PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.carrying import cross, elapsed_since, velocity_changed
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.pairs import Pairs
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Where boxes wait that no body needs, far below and apart from one another [m].
 _PARK_DEPTH = -2.0e5
 _PARK_STEP = 1.0e3
 
-# A plane that turned or rose less than this is not worth moving the box for [-, m].
+# Boxes whose top lies so near to the plane are left where they are [m, -]; PyBullet moves them on with their velocity.
 SAME_PLANE = 1e-7
+CARRIED, CARRIED_TURN = 2e-5, 1e-4
 
-_FILLS = {"_sizes": 0.0, "_boxes": -1, "_points": np.nan, "_normals": np.nan, "_twists": 0.0}
+_FILLS = {"_sizes": 0.0, "_boxes": -1, "_bases": np.nan, "_normals": np.nan, "_twists": 0.0, "_times": np.nan}
 
 
 class Planes:
@@ -35,7 +37,6 @@ class Planes:
     """
 
     def __init__(self, client: Any, pairs: Pairs) -> None:
-        self.moves = 0
         self._client = client
         self._pairs = pairs
         self._calls = BulletCalls(client)
@@ -45,9 +46,11 @@ class Planes:
         # The followers' boxes: half of their edges [m], 0 = none, and bodies.
         self._sizes = np.empty(0)
         self._boxes = np.empty(0, np.int64)
-        # What they were last given: middle of the top [m], its normal, and the twist [m/s, rad/s].
-        self._points = np.empty((0, 3))
+        # Where they are: their middle [m] and the normal of their top, at what time [s]; the twist they were given
+        # [m/s, rad/s].
+        self._bases = np.empty((0, 3))
         self._normals = np.empty((0, 3))
+        self._times = np.empty(0)
         self._twists = np.empty((0, 6))
 
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
@@ -56,42 +59,57 @@ class Planes:
         self._followers = followers
 
     def apply(
-        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, rise: FloatArray, twist: FloatArray | None
-    ) -> None:
-        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes.
+        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, rise: FloatArray, twist: FloatArray | None,
+        time: float,
+    ) -> None:  # fmt: skip
+        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes at
+        ``time`` [s].
 
         ``rise`` (m,) [m]: how much higher they stand than the batch says; ``twist`` (m, 6): velocity of the ground at
         the patch's centre [m/s, rad/s], None = at rest.
         """
-        assert batch.points_w is not None
-        assert batch.normals_w is not None
         bodies, points, normals = batch.bodies[rows], batch.points_w[rows], batch.normals_w[rows]
         points[:, 2] += rise
         for place in np.flatnonzero(self._sizes[bodies] < 2.0 * radii).tolist():
             self._fit(int(bodies[place]), float(radii[place]))
-        sizes, old = self._sizes[bodies], self._points[bodies]
-        aside = points - old
-        off = np.einsum("ij,ij->i", aside, normals)
-        near = np.einsum("ij,ij->i", aside, aside) < (0.25 * sizes) ** 2
-        turned = np.abs(normals - self._normals[bodies]).max(axis=1)
-        same = near & (np.abs(off) <= SAME_PLANE) & (turned <= SAME_PLANE)
-        old_twist = self._twists[bodies]
+        self._advance(bodies, time)
+        sizes = self._sizes[bodies]
+        lower = sizes[:, None] * normals
+        astray = np.flatnonzero(~self._fits(bodies, points, normals, sizes))
+        if astray.size:
+            chosen, base = bodies[astray], points[astray] - lower[astray]
+            self._bases[chosen], self._normals[chosen], self._twists[chosen] = base, normals[astray], 0.0
+            turns = _orientations(normals[astray])
+            self._calls.set_poses(self._boxes[chosen].tolist(), base.tolist(), turns.tolist())
         if twist is None:
-            twist = np.zeros_like(old_twist)
-        moved = ~same | old_twist.any(axis=1)
-        if moved.any():
-            self.moves += int(moved.sum())
-            chosen = bodies[moved]
-            self._points[chosen], self._normals[chosen] = points[moved], normals[moved]
-            base = points[moved] - sizes[moved, None] * normals[moved]
-            self._calls.set_poses(self._boxes[chosen].tolist(), base.tolist(), _orientations(normals[moved]).tolist())
-        pushed = (moved & twist.any(axis=1)) | (twist != old_twist).any(axis=1)
+            twist = np.zeros((len(bodies), 6))
+        else:
+            twist = twist.copy()
+            twist[:, :3] += cross(twist[:, 3:], self._bases[bodies] - batch.centres_w[rows])
+        pushed = velocity_changed(self._twists[bodies], twist)
         if pushed.any():
-            chosen, base_twist = bodies[pushed], twist[pushed].copy()
+            chosen = bodies[pushed]
             self._twists[chosen] = twist[pushed]
-            arm = self._points[chosen] - sizes[pushed, None] * self._normals[chosen] - batch.centres_w[rows[pushed]]
-            base_twist[:, :3] += np.cross(base_twist[:, 3:], arm)
-            self._calls.set_velocities(self._boxes[chosen].tolist(), base_twist.tolist())
+            self._calls.set_velocities(self._boxes[chosen].tolist(), twist[pushed].tolist())
+
+    def _advance(self, bodies: IntArray, time: float) -> None:
+        """Notes how far steps of PyBullet have moved and turned the boxes since."""
+        elapsed, twist = elapsed_since(self._times[bodies], time)[:, None], self._twists[bodies]
+        self._bases[bodies] += twist[:, :3] * elapsed
+        normals = self._normals[bodies]
+        self._normals[bodies] = normals + cross(twist[:, 3:], normals) * elapsed
+        self._times[bodies] = time
+
+    def _fits(self, bodies: IntArray, points: FloatArray, normals: FloatArray, sizes: FloatArray) -> BoolArray:
+        """Whether the tops of the boxes lie along planes, given by points and normals (m, 3), and under the bodies."""
+        old = self._normals[bodies]
+        aside = points - self._bases[bodies] - sizes[:, None] * old
+        off = np.abs(np.einsum("ij,ij->i", aside, normals))
+        turned = np.abs(normals - old).max(axis=1)
+        moves = self._twists[bodies].any(axis=1)
+        # Not so either where a box is new.
+        fits = (off <= np.where(moves, CARRIED, SAME_PLANE)) & (turned <= np.where(moves, CARRIED_TURN, SAME_PLANE))
+        return np.asarray(fits & (np.einsum("ij,ij->i", aside, aside) < (0.25 * sizes) ** 2))
 
     def release(self, index: int) -> None:
         """Takes a follower's box away, if it has one."""
@@ -123,7 +141,7 @@ class Planes:
         self._pairs.join(box, follower.body, follower.link)
         follower.collider = box
         self._sizes[index], self._boxes[index] = size, box
-        self._points[index] = np.nan
+        self._bases[index] = np.nan
         self._normals[index] = np.nan
         self._twists[index] = 0.0
 

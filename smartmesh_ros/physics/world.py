@@ -20,7 +20,7 @@ from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import below_ground, put_back
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
-from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import BodySnapshot, Snapshot
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
@@ -370,7 +370,8 @@ class World:
             for link in body.links:
                 self.ground.attach(body.uid, link)
         else:
-            self.ground.attach(body.uid, radius=body.radius, solid=not body.tracked)
+            ball = isinstance(body.shape, Sphere)
+            self.ground.attach(body.uid, radius=body.radius, solid=not body.tracked, ball=ball)
         self._rename_followers()
 
     def _rename_followers(self) -> None:

@@ -1,5 +1,6 @@
 """The main mesh as a height map that deforms in place."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain import triangles
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
+from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionConfig, progress
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
@@ -168,6 +169,13 @@ class HeightMap:
     def moving(self, time: float) -> bool:
         """Whether any sample may move at ``time`` [s]."""
         return time < self._moves_until
+
+    @property
+    def steady_until(self) -> float:
+        """Until when every sample goes on with the velocity it has [s]; -inf where nothing can be said."""
+        if self.motion.mode != "extrapolate" or not self.alike:
+            return -math.inf
+        return self.time + PATIENCE * self.lifetime
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""

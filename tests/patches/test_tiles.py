@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, Sphere, Terrain, World
-from smartmesh_ros.patches.batch import GridBatch
+from smartmesh_ros.patches.batch import GridBatch, PlaneBatch
 from smartmesh_ros.patches.tracker import PatchTracker
 
 
@@ -101,7 +101,7 @@ def test_tiles_come_are_replaced_and_go() -> None:
         terrain.put("east", tile(0, -5, 101, 101, 0.1))
         world.refresh()
         east = next(batch for batch in world.ground.batches if batch.tile == "east")
-        assert isinstance(east, GridBatch)
+        assert isinstance(east, GridBatch | PlaneBatch)
         assert east.heightmap.geometry.resolution == 0.1
         world.step(24)
         assert world.below_ground() == []

@@ -16,6 +16,8 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.studies.bench.handing import Handing, handing
 from smartmesh_ros.studies.bench.measure import Bench, Case
 from smartmesh_ros.studies.bench.moving import (
+    BALL,
+    BOX,
     RADIUS,
     RESOLUTION,
     Player,
@@ -58,7 +60,7 @@ def measure_updates(bench: Bench) -> None:
     for rings in RINGS[:2] if bench.effort.quick else RINGS:
         for method, edge_filter in (("unfiltered", False), ("filtered", True)):
             patch = PatchConfig(kind="heightfield", rings=rings, edge_filter=edge_filter)
-            player = Player(waves, height_map(waves), patch, BATCH)
+            player = Player(waves, height_map(waves), patch, BATCH, shape=BOX if edge_filter else BALL)
             with player.world as world:
                 runs = {
                     Case("update", method, SIDE, BATCH, rings): world.refresh,
@@ -77,7 +79,7 @@ def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], No
 
     def run() -> None:
         heights.reverse()
-        calls.replace_heightfields([shape] * BATCH, size, [heights[0]] * BATCH, edge_filter)
+        calls.replace_heightfields([shape] * BATCH, size, [heights[0]] * BATCH, [edge_filter] * BATCH)
 
     return run
 

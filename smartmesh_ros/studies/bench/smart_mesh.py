@@ -9,7 +9,17 @@ import numpy as np
 from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.studies.bench.measure import Bench, Case
-from smartmesh_ros.studies.bench.moving import FRAME, RADIUS, RESOLUTION, Player, Waves, general_mesh, height_map
+from smartmesh_ros.studies.bench.moving import (
+    BALL,
+    BOX,
+    FRAME,
+    RADIUS,
+    RESOLUTION,
+    Player,
+    Waves,
+    general_mesh,
+    height_map,
+)
 from smartmesh_ros.studies.bench.report import LARGER, RINGS
 from smartmesh_ros.studies.engines.engine import Setup
 from smartmesh_ros.studies.engines.registry import build, missing
@@ -81,7 +91,7 @@ def measure_local_colliders(bench: Bench) -> None:
             ("heightfield_filtered", replace(plain, edge_filter=True)),
         ):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            player = Player(waves, mesh, config)
+            player = Player(waves, mesh, config, shape=BOX if config.edge_filter else BALL)
             with player.world as world:
                 bench.time(Case("local", method, SIDE, rings=rings), world.refresh, player.next_frame)
 

@@ -1,0 +1,179 @@
+"""What bodies stand on as it was chosen, and how it moves on with the ground until the next look."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, grid_twist
+from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, UNDECIDED
+from smartmesh_ros.patches.collect import CollectMethod
+from smartmesh_ros.patches.facets import facet_planes, facets_of
+from smartmesh_ros.patches.grid_collect import collect_inside
+from smartmesh_ros.patches.grid_window import Window
+from smartmesh_ros.patches.planes import Planes, fitted_planes
+from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.search.grid import Cells
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+# A plane that a new map puts further than this from where it was expected is looked at again [m].
+JUMP = 0.005
+
+_FILLS = {
+    "state": UNDECIDED,
+    "rows": 0,
+    "columns": 0,
+    "middles_w": 0.0,
+    "rings": 0,
+    "stride": 0,
+    "deviation": np.nan,
+    "facet": 0,
+    "plane": 0.0,
+    "rate": 0.0,
+    "read_at": 0.0,
+    "read_from": -1,
+    "until": -np.inf,
+}
+
+
+class Standing:
+    """The choices of N bodies.
+
+    ``state``: which, by the numbers in `choice`. The patch: its middle sample by ``rows`` and ``columns``, that one's
+    place ``middles_w`` (N, 2) [m], ``rings``, ``stride`` and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper
+    or lower, row and column of its cell by the middle sample. ``plane``, ``rate`` (N, 3): coefficients of a plane along
+    the ground in the frame of the middle sample and how they change a second, as read at ``read_at`` [s] from version
+    ``read_from`` of the map. ``until`` [s]: when to look again.
+    """
+
+    def __init__(self) -> None:
+        self.state = np.empty(0, np.int64)
+        self.rows, self.columns = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.middles_w = np.empty((0, 2))
+        self.rings, self.stride = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.deviation = np.empty(0)
+        self.facet = np.empty((0, 3), np.int64)
+        self.plane, self.rate = np.empty((0, 3)), np.empty((0, 3))
+        self.read_at, self.read_from = np.empty(0), np.empty(0, np.int64)
+        self.until = np.empty(0)
+
+    def set_bodies(self, kept: IntArray) -> None:
+        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        carry_over(self, _FILLS, kept)
+
+    def forget(self, bodies: IntArray | slice) -> None:
+        """Has bodies looked at anew."""
+        self.state[bodies] = UNDECIDED
+        self.until[bodies] = -np.inf
+
+    def follow(self, heightmap: HeightMap, bodies: IntArray, time: float, method: CollectMethod) -> None:
+        """Reads the planes under ``bodies`` (n,) anew where the ground does not move on as it was read."""
+        state = self.state[bodies]
+        stale = (state == FACET) | (state == FITTED)
+        if time <= heightmap.steady_until:
+            stale &= self.read_from[bodies] != heightmap.version
+        if not stale.any():
+            return
+        bodies = bodies[stale]
+        cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
+        ground = collect_inside(heightmap, patch_template(1), cells, stride, time, method)
+        resolution = heightmap.geometry.resolution
+        fitted, facets = state[stale] == FITTED, self.facet[bodies]
+        planes = _planes_of(ground.heights, fitted, facets, stride, resolution)
+        expected = self.plane[bodies] + self.rate[bodies] * (time - self.read_at[bodies])[:, None]
+        # Not so either where a hole came up.
+        jumped = ~(np.abs(planes[:, 0] - expected[:, 0]) <= JUMP)
+        self.plane[bodies], self.read_at[bodies], self.read_from[bodies] = planes, time, heightmap.version
+        self.rate[bodies] = 0.0
+        if ground.velocities is not None:
+            self.rate[bodies] = _planes_of(ground.velocities, fitted, facets, stride, resolution)
+        if jumped.any():
+            self.until[bodies[jumped]] = -np.inf
+
+    def batches(
+        self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float,
+        method: CollectMethod,
+    ) -> tuple[list[PatchBatch], IntArray]:  # fmt: skip
+        """Patches of ``bodies`` (n,) at ``positions_w`` (n, 3) [m] on the tile ``name`` at ``time`` [s], and which of
+        them are at its edge (m,)."""
+        state = self.state[bodies]
+        found: list[PatchBatch] = []
+        planes = np.flatnonzero((state == FACET) | (state == FITTED))
+        if planes.size:
+            found.append(self._planes(name, heightmap, bodies[planes], positions_w[planes], time))
+        fields = np.flatnonzero(state == FIELD)
+        if fields.size:
+            rings = self.rings[bodies[fields]]
+            for size in np.unique(rings).tolist():
+                of_size = fields[rings == size]
+                found.append(self._fields(name, heightmap, size, bodies[of_size], positions_w[of_size], time, method))
+        return found, np.flatnonzero(state == EDGE)
+
+    def _planes(
+        self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float
+    ) -> PlaneBatch:
+        template = patch_template(1)
+        centres_w, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
+        twist = np.zeros((2, len(bodies), 3))
+        if heightmap.moving(time):
+            grid_twist(self.rate[bodies][:, [0, 2, 1]], np.ones(1), heightmap.geometry.yaw, twist)
+        return PlaneBatch(
+            tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=self.rows[bodies],
+            columns=self.columns[bodies], stride=self.stride[bodies], centres_w=centres_w, linear_w=twist[0],
+            angular_w=twist[1], deviation=self.deviation[bodies], heightmap=heightmap, template=template,
+            normals_w=normals_w, points_w=points_w, time=time,
+        )  # fmt: skip
+
+    def _fields(
+        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, positions_w: FloatArray, time: float,
+        method: CollectMethod,
+    ) -> GridBatch:  # fmt: skip
+        template = patch_template(rings)
+        cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
+        ground = collect_inside(heightmap, template, cells, stride, time, method)
+        _, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
+        return GridBatch.of(
+            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self.deviation[bodies],
+            points_w=points_w, normals_w=normals_w,
+        )  # fmt: skip
+
+    def _ground(
+        self, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The plane under each body: its point over the middle sample and that nearest to the body (n, 3) [m], and its
+        upward normal (n, 3)."""
+        plane = self.plane[bodies]
+        if heightmap.moving(time):
+            plane += self.rate[bodies] * (time - self.read_at[bodies])[:, None]
+        centres_w = np.empty((len(bodies), 3))
+        centres_w[:, :2], centres_w[:, 2] = self.middles_w[bodies], plane[:, 0]
+        normals_w = turned(Planes(*plane.T).normals(), heightmap.geometry.yaw)
+        above = np.einsum("ij,ij->i", positions_w - centres_w, normals_w)
+        return centres_w, positions_w - above[:, None] * normals_w, normals_w
+
+
+def _planes_of(
+    samples: FloatArray, fitted: BoolArray, facets: IntArray, stride: IntArray, resolution: float
+) -> FloatArray:
+    """Planes (n, 3) through 3 x 3 ``samples`` (n, 9), fitted to all of them or those of ``facets`` (n, 3)."""
+    planes = np.empty((len(samples), 3))
+    spacing: FloatArray = np.multiply(stride, resolution, dtype=np.float64)
+    if fitted.any():
+        planes[fitted] = np.stack(fitted_planes(samples[fitted], spacing[fitted]), axis=1)
+    single = ~fitted
+    if single.any():
+        window = Window(heights=samples[single].reshape(1, -1, 3, 3), rings=1, resolution=resolution)
+        planes[single] = np.stack(facet_planes(facets_of(window), *facets[single].T), axis=1)
+    return planes
+
+
+def turned(vectors: FloatArray, yaw: float) -> FloatArray:
+    """Vectors (n, 3) of the grid's frame in the world's."""
+    if not yaw:
+        return vectors
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    x, y, z = vectors.T
+    return np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
