@@ -89,6 +89,7 @@ class GridBatch(PatchBatch):
         twist = np.zeros((2, len(bodies), 3))
         if ground.velocities is not None:
             grid_twist(ground.velocities @ template.fit, spacing, geometry.yaw, twist)
+            twist[0, :, :2] = heightmap.slide_w
         return cls(
             tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,
             stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1], deviation=deviation,

@@ -120,6 +120,7 @@ class Standing:
         twist = np.zeros((2, len(bodies), 3))
         if heightmap.moving(time):
             grid_twist(self.rate[bodies][:, [0, 2, 1]], np.ones(1), heightmap.geometry.yaw, twist)
+            twist[0, :, :2] = heightmap.slide_w
         return PlaneBatch(
             tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=self.rows[bodies],
             columns=self.columns[bodies], stride=self.stride[bodies], centres_w=centres_w, linear_w=twist[0],

@@ -228,34 +228,30 @@ class Ground:
             chosen &= grounded
         rows = np.flatnonzero(chosen)
         if rows.size:
-            twist = None
+            twist, rise = None, np.zeros(len(bodies))
             if self.config.carry_velocity:
                 twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
-                base = self._predict(batch, base, twist, time, dt)
+                rise = self._predict(batch, twist, time, dt)
+            pushed = None if twist is None else twist[rows]
             if isinstance(batch, PlaneBatch):
                 self._make_room(bodies[rows], _PLANE)
-                rise = base[rows, 2] - batch.centres_w[rows, 2]
-                twist = None if twist is None else twist[rows]
-                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise, twist, time)
+                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise[rows], pushed, time)
             elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 self._make_room(bodies[rows], _FIELD)
-                twist = None if twist is None else twist[rows]
-                self._heightfields.apply(batch, rows, base[rows], twist, time, self.config)
+                self._heightfields.apply(batch, rows, base[rows], rise[rows], pushed, time, self.config)
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
         return supported
 
-    def _predict(self, batch: PatchBatch, base: FloatArray, twist: FloatArray, time: float, dt: float) -> FloatArray:
-        """Bases (n, 3) [m] and twists (n, 6), the latter in place, moved on by what the ground's acceleration adds."""
+    def _predict(self, batch: PatchBatch, twist: FloatArray, time: float, dt: float) -> FloatArray:
+        """How much higher (n,) [m] the ground is by its acceleration; adds what that makes it faster to its twist."""
         ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch) else None
         if ahead is None:
-            return base
+            return np.zeros(len(twist))
         higher, faster = ahead
         twist[:, 2] += faster
-        base = base.copy()
-        base[:, 2] += higher
-        return base
+        return higher
 
     def _make_room(self, indices: IntArray, held: int) -> None:
         """Takes colliders of another kind from followers."""

@@ -86,11 +86,11 @@ class Heightfields:
         self._heights[:] = np.nan
 
     def apply(
-        self, batch: GridBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None, time: float,
-        config: PatchConfig,
+        self, batch: GridBatch, rows: IntArray, base: FloatArray, rise: FloatArray, twist: FloatArray | None,
+        time: float, config: PatchConfig,
     ) -> None:  # fmt: skip
-        """Gives the followers in ``rows`` (m,) of a batch their colliders at ``time`` [s]: at ``base`` (m, 3) [m], with
-        the ground's ``twist`` (m, 6), None = at rest.
+        """Gives the followers in ``rows`` (m,) of a batch their colliders at ``time`` [s]: at ``base`` (m, 3) [m], by
+        ``rise`` (m,) [m] higher than the batch says, with the ground's ``twist`` (m, 6), None = at rest.
 
         A collider that moved on with its velocity and still lies along the ground is left alone.
         """
@@ -99,6 +99,7 @@ class Heightfields:
         if batch.may_have_holes:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
         np.clip(relative, -BOUND, BOUND, out=relative)
+        base[:, 2] += rise
         unfit = (self._sizes[bodies] != template.size) | (self._spacings[bodies] != spacing)
         for index in np.flatnonzero(unfit).tolist():
             self._fit(int(bodies[index]), template.size, float(spacing[index]))

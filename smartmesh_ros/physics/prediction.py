@@ -36,7 +36,7 @@ class Prediction:
         of ``dt`` [s] from ``time`` [s] than the map's constant velocity has it; None where nothing can be said."""
         heightmap, bodies = batch.heightmap, batch.bodies
         interval, age = heightmap.lifetime, time - heightmap.time
-        steady = heightmap.alike and heightmap.moving(time) and 0.0 <= age <= PATIENCE * interval
+        steady = heightmap.alike and heightmap.moving(time) and 0.0 <= age <= PATIENCE * interval and interval > 0.0
         if heightmap.motion.mode != "extrapolate" or not steady:
             self._stamps[bodies] = np.nan
             self._changes[bodies] = self._accelerations[bodies] = 0.0

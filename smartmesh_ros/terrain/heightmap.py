@@ -81,6 +81,7 @@ class HeightMap:
         self.alike = True  # whether all blocks have the same clock
         self.velocity_given = False  # whether the last velocity was given, and not worked out
         self._moves_until = -np.inf
+        self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self.version = 0  # counts the updates
         self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
 
@@ -176,6 +177,12 @@ class HeightMap:
         if self.motion.mode != "extrapolate" or not self.alike:
             return -math.inf
         return self.time + PATIENCE * self.lifetime
+
+    def slide(self, velocity_w: tuple[float, float], interval: float) -> None:
+        """Has the ground carry a horizontal velocity [m/s] while maps come every ``interval`` [s], about."""
+        self.slide_w = velocity_w
+        if velocity_w != (0.0, 0.0):
+            self._moves_until = max(self._moves_until, self.time + REST * interval)
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""

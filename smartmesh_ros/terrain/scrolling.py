@@ -1,4 +1,4 @@
-"""Maps that travel with a robot: the same grid, moved by whole cells."""
+"""Maps whose origin moves: by whole cells they travel with a robot, else the ground itself slides."""
 
 from __future__ import annotations
 
@@ -44,6 +44,22 @@ def velocities_across(
     rise = heights[new_rows, new_columns] - before.heights[old_rows, old_columns]
     velocities[new_rows, new_columns] = rise / np.float32(interval)
     return velocities
+
+
+def sliding(before: HeightMap, after: HeightMap) -> tuple[float, float]:
+    """Horizontal velocity [m/s] of ground whose map came anew elsewhere; zero where it did not slide.
+
+    A map that travels with a robot is moved by whole cells, so that its samples stay where they were (as grid_map and
+    costmaps do); the same grid in another place has slid there.
+    """
+    interval = after.time - before.time
+    still = (0.0, 0.0)
+    if replace(after.geometry, origin=before.geometry.origin) != before.geometry:
+        return still
+    if cells_moved(before.geometry, after.geometry) is not None or not 0.0 < interval <= after.motion.max_interval:
+        return still
+    x, y = (b - a for a, b in zip(before.geometry.origin[:2], after.geometry.origin[:2], strict=True))
+    return (x / interval, y / interval) if math.hypot(x, y) <= after.motion.max_velocity * interval else still
 
 
 def _overlap(moved: int, size: int) -> tuple[slice, slice]:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.scrolling import sliding
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -27,7 +28,10 @@ class Terrain:
         return ground if isinstance(ground, Terrain) else cls(ground)
 
     def put(self, name: str, mesh: MainMesh) -> None:
-        """Adds a tile or takes the place of the one of that name."""
+        """Adds a tile or takes the place of the one of that name; what comes elsewhere may have slid there."""
+        old = self.tiles.get(name)
+        if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
+            mesh.slide(sliding(old, mesh), mesh.time - old.time)
         self.tiles[name] = mesh
 
     def remove(self, name: str) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
+from smartmesh_ros.terrain.scrolling import cells_moved, sliding, velocities_across
 
 
 def surface(geometry: GridGeometry, time: float) -> np.ndarray:
@@ -59,3 +59,19 @@ def test_maps_far_apart_in_space_or_time_tell_nothing() -> None:
     assert velocities_across(old, far, new, 0.1) is None
     assert velocities_across(old, near, new, 5.0) is None
     assert velocities_across(old, near, new, 0.0) is None
+
+
+def at(x: float, time: float, **geometry: float) -> HeightMap:
+    return HeightMap(np.zeros((8, 10)), resolution=0.1, origin=(x, 0.0), time=time, **geometry)  # type: ignore[arg-type]
+
+
+def test_ground_whose_map_comes_elsewhere_slides() -> None:
+    assert sliding(at(0.0, 1.0), at(0.03, 1.1)) == pytest.approx((0.3, 0.0))
+
+
+@pytest.mark.parametrize(
+    "after", [at(0.2, 1.1), at(0.03, 3.0), at(0.03, 1.0), at(0.03, 1.1, yaw=0.1), at(7.03, 1.1)],
+    ids=["by whole cells", "long ago", "at once", "another grid", "too far for a motion"],
+)  # fmt: skip
+def test_a_map_that_travels_or_jumps_does_not(after: HeightMap) -> None:
+    assert sliding(at(0.0, 1.0), after) == (0.0, 0.0)

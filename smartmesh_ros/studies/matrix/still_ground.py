@@ -66,11 +66,12 @@ def _rolled(method: PatchConfig) -> tuple[float, float]:
 
 
 def ripples_against_whole(method: PatchConfig) -> float:
-    """Largest distance [mm] after a second of eight balls rolling over 5 cm ripples from where a filtered collider of
-    the whole map takes them."""
+    """Error [mm] after a second of eight balls rolling over 5 cm ripples, beyond that of a filtered collider of the
+    whole map at the same steps; the truth is that collider at steps 8 times finer."""
     ground = {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}
     with Arena(method, ground, size=101, resolution=0.1) as arena:
-        starts = np.random.default_rng(3).uniform(-2.0, 2.0, (8, 2))
+        # Side by side, so that none rolls into another.
+        starts = np.stack([np.random.default_rng(3).uniform(-2.0, 2.0, 8), np.linspace(-2.13, 2.07, 8)], axis=1)
         surface = arena.surface()
         bodies = []
         for index, (x, y) in enumerate(starts.tolist()):
@@ -81,13 +82,16 @@ def ripples_against_whole(method: PatchConfig) -> float:
             bodies.append(
                 EngineBody(shape=Sphere(0.2), state=type(state)(shifted, linear=state.linear, angular=state.angular))
             )
-        setup = Setup(heights=surface.heights, resolution=0.1, bodies=bodies, dt=1.0 / 240.0)
-        with build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True)) as whole:
-            for _ in range(240):
-                whole.step()
-            expected = whole.positions() - (5.0, 5.0, 0.0)
+        ends = []
+        for rate in (240, 8 * 240):
+            setup = Setup(heights=surface.heights, resolution=0.1, bodies=bodies, dt=1.0 / rate)
+            with build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True)) as whole:
+                for _ in range(rate):
+                    whole.step()
+                ends.append(whole.positions() - (5.0, 5.0, 0.0))
         arena.settle(1.0)
-        return 1e3 * float(np.linalg.norm(arena.positions() - expected, axis=1).max())
+        whole_off, off = (np.linalg.norm(end - ends[1], axis=1).max() for end in (ends[0], arena.positions()))
+        return 1e3 * max(float(off - whole_off), 0.0)
 
 
 def slope_slides(method: PatchConfig) -> float:
@@ -198,11 +202,18 @@ def wide_box(method: PatchConfig) -> float:
     return 1e3 * worst
 
 
+_PLACES = 5
+
+
 def _sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float) -> Any:
     def figure(method: PatchConfig) -> float:
-        with Arena(method, ground, size=size, resolution=resolution) as arena:
-            arena.scatter(8, shape, spread, drop)
-            return deepest(arena, 1.5, 0.75)
+        """Penetration [mm], 99 %, where it is deepest of several places; one body at a time, so that none is pushed."""
+        found = []
+        for place in range(_PLACES):
+            with Arena(method, ground, size=size, resolution=resolution) as arena:
+                arena.scatter(1, shape, spread, drop, seed=place)
+                found.append(deepest(arena, 1.5, 0.75))
+        return max(found)
 
     return figure
 
@@ -246,7 +257,7 @@ ROWS = (
         figure=ripples_against_whole,
         limit=2.0,
         unit="mm",
-        source="filtered whole trimesh, 1 s",
+        source="beyond the whole trimesh's, 1 s",
     ),
     Row(name="contact normals", figure=normals, limit=2.8, unit="deg", source="the next facet, 99 %"),
     Row(name="sliding down 35 deg", figure=slope_slides, limit=2.0, unit="%", source="theory: g (sin - 0.5 cos)"),
