@@ -22,7 +22,7 @@ class PhysicsConfig:
     gravity: Vector = (0.0, 0.0, -9.81)
     friction: float = 0.5
     restitution: float = 0.0
-    contact_erp: float = 0.2
+    contact_erp: float = 0.3
     guard: bool = True
     landing: bool = True
 

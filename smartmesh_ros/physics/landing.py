@@ -9,6 +9,7 @@ same (spawned there, or the ground jumped) would be thrown out in proportion; it
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.carrying import cross
-from smartmesh_ros.physics.shapes import support
+from smartmesh_ros.physics.shapes import Sphere, support
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -26,8 +27,16 @@ ARRIVAL = 1e-4
 SHALLOW = 5e-4
 # The path of bodies that move further than this share of their radius in a step is looked at in so many places.
 FAR, PLACES = 0.25, 16
+# Balls within so many radii of the plane under them, and as near as they come in a step, are looked at closely.
+NEAR = 1.5
 # A body deeper than this leaves the ground no faster than that [m, m/s].
 DEEP, FASTEST_ESCAPE = 0.01, 1.0
+
+
+# Where the ground under a ball is sampled, in radii (33, 2).
+_TURNS = np.arange(8) * 0.25 * math.pi
+_CIRCLE = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
+_DISC = np.concatenate([np.zeros((1, 2)), *(share * _CIRCLE for share in (0.15, 0.3, 0.5, 0.7))])
 
 
 class Approach(NamedTuple):
@@ -88,10 +97,16 @@ def slow_down(
         if body is None or body.shape is None:
             continue
         path = next_w[index] - positions_w[index] - approach.ground_w[row] * dt
+        distance = float(approach.distance[row])
+        if isinstance(body.shape, Sphere) and distance <= NEAR * body.radius + closing:
+            # On curved ground the nearest point is not where the plane under the ball has it.
+            foot = positions_w[index] - distance * normal
+            distance, normal = nearest_ground(terrain, positions_w[index], foot, body.radius, time)
+            closing = -float(path @ normal)
         change = np.zeros(3)
-        if approach.distance[row] <= body.radius + closing:
+        if distance <= body.radius + closing:
             orientation = client.getBasePositionAndOrientation(body.uid)[1]
-            gap = float(approach.distance[row]) - support(body.shape, orientation, normal)
+            gap = distance - support(body.shape, orientation, normal)
             if gap > ARRIVAL and closing - gap > SHALLOW:
                 change = (closing - gap - ARRIVAL) / dt * normal
         if path @ path > (FAR * body.radius) ** 2:
@@ -101,6 +116,24 @@ def slow_down(
             _add_velocity(client, body.uid, change)
             landings.append(Landing(body.uid, int(index), -change))
     return landings
+
+
+def nearest_ground(
+    terrain: Terrain, centre: FloatArray, foot: FloatArray, radius: float, time: float
+) -> tuple[float, FloatArray]:
+    """Distance [m] of a ball's ``centre`` (3,) [m] from the ground below it and the unit normal (3,) there, from
+    samples within its ``radius`` [m] and at its ``foot`` (3,) on the plane under it."""
+    places = np.concatenate([foot[None, :2], centre[:2] + radius * _DISC])
+    points = np.column_stack([places, terrain.at(places, time).heights])
+    away = centre - points
+    distances = np.nan_to_num(np.sqrt(np.einsum("ij,ij->i", away, away)), nan=np.inf)
+    nearest = int(distances.argmin())
+    distance = float(distances[nearest])
+    if not 0.0 < distance < math.inf or away[nearest, 2] <= 0.0:
+        away_foot = centre - foot
+        length = math.sqrt(float(away_foot @ away_foot))
+        return length, away_foot / length if length else np.array([0.0, 0.0, 1.0])
+    return distance, away[nearest] / distance
 
 
 def speed_up(client: Any, landing: Landing) -> FloatArray:

@@ -15,7 +15,7 @@ from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.motion import PATIENCE
 
-_FILLS = {"_stamps": np.nan, "_rates": np.nan, "_changes": 0.0, "_accelerations": 0.0}
+_FILLS = {"_stamps": np.nan, "_centres": 0.0, "_twists": 0.0, "_changes": 0.0, "_accelerations": 0.0}
 
 
 class Prediction:
@@ -23,7 +23,9 @@ class Prediction:
 
     def __init__(self) -> None:
         self._stamps = np.empty(0)  # time of the map that was seen last [s]
-        self._rates = np.empty(0)  # vertical velocity then [m/s]
+        # How it moved then: the patch's centre [m], vertical velocity there [m/s] and turning about x and y [rad/s].
+        self._centres = np.empty((0, 3))
+        self._twists = np.empty((0, 3))
         self._changes = np.empty(0)  # acceleration from the map before to that one [m/s^2]
         self._accelerations = np.empty(0)  # what of it counts [m/s^2]
 
@@ -44,15 +46,29 @@ class Prediction:
         fresh = self._stamps[bodies] != heightmap.time
         if fresh.any():
             new = bodies[fresh]
-            rates = batch.linear_w[fresh, 2]
-            changes = (rates - self._rates[new]) / interval
+            # Both at the body's foot: its patch may have another centre than it had.
+            feet_w = batch.centres_w[fresh] if batch.points_w is None else batch.points_w[fresh]
+            centres = batch.centres_w[fresh]
+            twists = np.concatenate([batch.linear_w[fresh, 2:], batch.angular_w[fresh, :2]], axis=1)
+            rates, rates_before = (
+                _rates(twists, feet_w - centres),
+                _rates(self._twists[new], feet_w - self._centres[new]),
+            )
+            changes = (rates - rates_before) / interval
             changes[np.isnan(self._stamps[new] + changes)] = 0.0
             before = self._changes[new]
             agreed = np.where(
                 changes * before > 0.0, np.sign(changes) * np.minimum(np.abs(changes), np.abs(before)), 0.0
             )
             self._accelerations[new], self._changes[new] = agreed, changes
-            self._rates[new], self._stamps[new] = rates, heightmap.time
+            self._centres[new], self._twists[new], self._stamps[new] = centres, twists, heightmap.time
         acceleration = self._accelerations[bodies]
         lag = 0.0 if heightmap.velocity_given else interval
         return 0.5 * acceleration * age * (age + lag), acceleration * (0.5 * lag + age + 0.5 * dt)
+
+
+def _rates(twists: FloatArray, arms: FloatArray) -> FloatArray:
+    """Vertical velocity (n,) [m/s] of points at ``arms`` (n, 3) [m] from centres that move with ``twists`` (n, 3):
+    vertical velocity, turning about x and about y."""
+    rates: FloatArray = twists[:, 0] + twists[:, 1] * arms[:, 1] - twists[:, 2] * arms[:, 0]
+    return rates

@@ -8,7 +8,7 @@ from typing import ClassVar
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import World, WorldConfig
-from smartmesh_ros.studies.engines.bullet import CONTACT_ERP, body_arrays
+from smartmesh_ros.studies.engines.bullet import body_arrays
 from smartmesh_ros.studies.engines.engine import Engine, Setup
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -21,7 +21,7 @@ class SmartMeshOptions:
 
     patch: PatchConfig = field(default_factory=PatchConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
-    contact_erp: float = CONTACT_ERP
+    contact_erp: float = PhysicsConfig().contact_erp
 
 
 class SmartMesh(Engine):
