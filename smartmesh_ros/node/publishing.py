@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from time import monotonic
 from typing import Any, NamedTuple
@@ -29,6 +30,8 @@ from smartmesh_ros.physics.states import simulated_states
 
 # In incremental mode all patches are published at least so often [s].
 ALL_PATCHES_PERIOD = 5.0
+# So long after a subscriber was found it may not have found the node, and hear nothing [s].
+JOINING = 1.0
 RELIABLE = QoSProfile(depth=10)
 
 
@@ -54,15 +57,18 @@ class _Increments:
 
     def __init__(self) -> None:
         self._listeners = 0
-        self._all_due = 0.0
+        self._all_until = -math.inf
+        self._all_due = -math.inf
 
     def only_changed(self, listeners: int) -> bool:
-        """Whether this one need not; everything goes to whoever came since, and now and then for whoever missed
+        """Whether this one need not; everything goes to whoever came just now, and now and then for whoever missed
         something."""
         now = monotonic()
-        if listeners == self._listeners and now < self._all_due:
+        if listeners != self._listeners:
+            self._listeners, self._all_until = listeners, now + JOINING
+        if self._all_until <= now < self._all_due:
             return True
-        self._listeners, self._all_due = listeners, now + ALL_PATCHES_PERIOD
+        self._all_due = now + ALL_PATCHES_PERIOD
         return False
 
 
