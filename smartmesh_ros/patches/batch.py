@@ -78,23 +78,18 @@ class GridBatch(PatchBatch):
         stride: IntArray,
         ground: Collected,
         deviation: FloatArray,
-        twist: FloatArray | None = None,
+        twist: FloatArray,
         **planes: FloatArray,
     ) -> GridBatch:
         """Patches around ``cells`` from what was collected there, with ``points_w`` and ``normals_w`` if known.
 
-        ``twist`` (2, n, 3) [m/s, rad/s]: their velocity and turning, None = the rigid motion nearest to the samples'.
+        ``twist`` (2, n, 3): their velocity at the centre [m/s] and turning [rad/s].
         """
         geometry = heightmap.geometry
         spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2] = geometry.to_world(cells.rows, cells.columns)
         centres_w[:, 2] = ground.heights[:, template.centre]
-        if twist is None:
-            twist = np.zeros((2, len(bodies), 3))
-            if ground.velocities is not None:
-                grid_twist(ground.velocities @ template.fit, spacing, geometry.yaw, twist)
-                twist[0, :, :2] = heightmap.slide_w
         return cls(
             tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,
             stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1], deviation=deviation,

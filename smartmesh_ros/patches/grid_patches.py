@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from smartmesh_ros.patches.auto import AutoPatches, Moving
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, grid_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
-from smartmesh_ros.patches.grid_collect import collect_across, collect_inside, fit_in
+from smartmesh_ros.patches.facets import facet_index, facet_planes, facets_of
+from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
+from smartmesh_ros.patches.grid_window import Window
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
@@ -92,12 +96,12 @@ class GridPatches:
         rings = self._rings[bodies]
         first = int(rings[0])
         if (rings == first).all():
-            return [self._batch(name, heightmap, first, bodies, cells, time)]
+            return [self._batch(name, heightmap, first, bodies, grid, cells, time)]
         batches: list[PatchBatch] = []
         for size in np.unique(rings):
             of_size = rings == size
             part = Cells(cells.rows[of_size], cells.columns[of_size])
-            batches.append(self._batch(name, heightmap, int(size), bodies[of_size], part, time))
+            batches.append(self._batch(name, heightmap, int(size), bodies[of_size], grid[of_size], part, time))
         return batches
 
     def _set_extent(self, heightmap: HeightMap, bodies: IntArray, need: FloatArray) -> None:
@@ -113,7 +117,7 @@ class GridPatches:
         self._least[bodies], self._most[bodies] = extent.least, extent.most
 
     def _batch(
-        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, cells: Cells, time: float
+        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, grid: FloatArray, cells: Cells, time: float
     ) -> GridBatch:
         template, stride = patch_template(rings), self._stride[bodies]
         with self._stopwatch.stage("collect"):
@@ -123,4 +127,32 @@ class GridPatches:
             else:
                 ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
         unknown = np.full(len(bodies), np.nan)
-        return GridBatch.of(name, self._config.grid_kind, bodies, heightmap, template, cells, stride, ground, unknown)
+        twist = twist_under(heightmap, ground, cells, stride, grid)
+        return GridBatch.of(
+            name, self._config.grid_kind, bodies, heightmap, template, cells, stride, ground, unknown, twist
+        )
+
+
+def twist_under(
+    heightmap: HeightMap, ground: Collected, cells: Cells, stride: IntArray, grid: FloatArray
+) -> FloatArray:
+    """Velocity of patches at their centres and their turning (2, n, 3) [m/s, rad/s]: that of the facet under each body.
+
+    ``grid`` (n, 2): the bodies' fractional (row, column). The rigid motion nearest to the whole patch is another one
+    where the velocity is curved: a body would sink into the crest of a wave.
+    """
+    count = len(stride)
+    twist = np.zeros((2, count, 3))
+    if ground.velocities is None:
+        return twist
+    side = math.isqrt(ground.velocities.shape[1])
+    middle = slice(side // 2 - 1, side // 2 + 2)
+    nine = ground.velocities.reshape(1, count, side, side)[:, :, middle, middle]
+    facets = facets_of(Window(heights=nine, rings=1, resolution=1.0))
+    under = facet_index(facets, (grid[:, 1] - cells.columns) / stride, (grid[:, 0] - cells.rows) / stride)
+    rates = facet_planes(facets, *under)
+    spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
+    fit = np.stack([rates.height, rates.slope_y, rates.slope_x], axis=1)
+    grid_twist(np.nan_to_num(fit), spacing, heightmap.geometry.yaw, twist)
+    twist[0, :, :2] = heightmap.slide_w
+    return twist

@@ -44,9 +44,9 @@ class Standing:
 
     ``state``: which, by the numbers in `choice`. The patch: its middle sample by ``rows`` and ``columns``, that one's
     place ``middles_w`` (N, 2) [m], ``rings``, ``stride`` and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper
-    or lower, row and column of its cell by the middle sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a plane along
-    the ground in the frame of the middle sample and how they change a second, as read at ``read_at`` [s] from version
-    ``read_from`` of the map. ``until`` [s]: when to look again.
+    or lower, row and column of its cell by the middle sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a
+    plane along the ground in the frame of the middle sample and how they change a second, as read at ``read_at`` [s]
+    from version ``read_from`` of the map. ``until`` [s]: when to look again.
     """
 
     def __init__(self) -> None:

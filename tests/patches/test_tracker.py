@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -122,3 +122,26 @@ def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
     }
     size = template.size
     assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
+
+
+@pytest.mark.parametrize("kind", ["auto", "heightfield"])
+@pytest.mark.parametrize("rings", [0, 3])
+def test_a_patch_moves_as_the_ground_under_the_body_does(kind: PatchKind, rings: int) -> None:
+    """Where the velocity of the ground is curved, its mean over the patch is another one."""
+    rng = np.random.default_rng(4)
+    rows, columns = np.indices((60, 60))
+    speed = np.sin(0.5 * rows + 1.0) * np.cos(0.4 * columns)
+    heightmap = HeightMap(np.zeros((60, 60)), resolution=0.1, yaw=0.7)
+    heightmap.replace(0.01 * speed, time=0.01)
+    places = heightmap.geometry.to_world(*rng.uniform(10.0, 49.0, (2, 40)))
+    positions = np.column_stack([places, heightmap.at(places, 0.01).heights + 0.05])
+    tracker = PatchTracker(Terrain(heightmap), PatchConfig(kind=kind, rings=rings))
+    tracker.set_bodies(np.full(40, 0.05), np.full(40, -1))
+    checked = 0
+    for batch in tracker.update(positions, np.zeros((40, 3)), 0.01, 0.004):
+        for row, body in enumerate(batch.bodies.tolist()):
+            arm = np.append(places[body] - batch.centres_w[row, :2], 0.0)
+            rate = batch.linear_w[row, 2] + np.cross(batch.angular_w[row], arm)[2]
+            assert rate == pytest.approx(float(heightmap.at([places[body]], 0.01).velocities[0]), abs=1e-3)  # type: ignore[index]
+            checked += 1
+    assert checked == 40
