@@ -72,6 +72,7 @@ class Ground:
         self._positions = np.empty((0, 3))
         self._moved = np.empty((0, 3))
         self._told: dict[int, FloatArray] = {}
+        self._placed: set[int] = set()
         self._solid = np.empty(0, bool)
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
@@ -95,6 +96,11 @@ class Ground:
     def will_move(self, index: int, moved_w: FloatArray) -> None:
         """Says how far a follower will move in the next step (3,) [m] where the last one does not tell."""
         self._told[index] = moved_w
+
+    def placed(self, body: int | None = None) -> None:
+        """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
+        chosen = [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
+        self._placed.update(chosen)
 
     @property
     def replacements(self) -> int:
@@ -171,6 +177,7 @@ class Ground:
         self.followers = followers
         self._applied = []
         self._told.clear()
+        self._placed.clear()
         self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
         self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
@@ -192,6 +199,8 @@ class Ground:
         for index, told in self._told.items():
             moved[index] = told
         self._told.clear()
+        moved[list(self._placed)] = np.nan
+        self._placed.clear()
         for index in np.flatnonzero(np.isnan(moved[:, 0])).tolist():
             moved[index] = np.multiply(self._calls.velocity(self.followers[index].body), dt)
         travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))

@@ -18,7 +18,7 @@ from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.carrying import cross
 from smartmesh_ros.physics.shapes import Sphere, support
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 # Bodies arrive this deep in the ground, so that the next step finds them in contact [m].
@@ -66,17 +66,20 @@ class Escape(NamedTuple):
     ground: FloatArray
 
 
-def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> list[Approach]:
+def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> Approach | None:
     """Bodies and the ground under them, where it is known; ``next_w`` (N, 3) [m]: where they will be after the step."""
-    found = []
-    for batch in batches:
-        if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None:
-            index, normals = batch.bodies, batch.normals_w
-            ground = batch.linear_w + cross(batch.angular_w, batch.points_w - batch.centres_w)
-            closing = positions_w[index] + ground * dt - next_w[index]
-            distance = np.einsum("ij,ij->i", positions_w[index] - batch.points_w, normals)
-            found.append(Approach(index, distance, np.einsum("ij,ij->i", closing, normals), normals, ground))
-    return found
+    known = [
+        (batch.bodies, batch.points_w, batch.normals_w, batch.linear_w, batch.angular_w, batch.centres_w)
+        for batch in batches
+        if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None
+    ]
+    if not known:
+        return None
+    index, points, normals, linear, angular, centres = map(np.concatenate, zip(*known, strict=True))
+    ground = linear + cross(angular, points - centres)
+    closing = np.einsum("ij,ij->i", positions_w[index] + ground * dt - next_w[index], normals)
+    distance = np.einsum("ij,ij->i", positions_w[index] - points, normals)
+    return Approach(index, distance, closing, normals, ground)
 
 
 def slow_down(
@@ -91,22 +94,18 @@ def slow_down(
 ) -> list[Landing]:
     """Slows the bodies that would run into the ground in the coming step; ``bodies``: by index, None = not to be."""
     landings = []
-    for row in np.flatnonzero(approach.closing > SHALLOW).tolist():
-        index = approach.bodies[row]
+    approach = _of_rows(approach, approach.closing > SHALLOW)
+    if approach.bodies.size:
+        approach = _seen_closely(approach, bodies, terrain, positions_w, next_w, time, dt)
+    for row, index in enumerate(approach.bodies.tolist()):
         body, closing, normal = bodies[index], float(approach.closing[row]), approach.normals_w[row]
         if body is None or body.shape is None:
             continue
         path = next_w[index] - positions_w[index] - approach.ground_w[row] * dt
-        distance = float(approach.distance[row])
-        if isinstance(body.shape, Sphere) and distance <= NEAR * body.radius + closing:
-            # On curved ground the nearest point is not where the plane under the ball has it.
-            foot = positions_w[index] - distance * normal
-            distance, normal = nearest_ground(terrain, positions_w[index], foot, body.radius, time)
-            closing = -float(path @ normal)
         change = np.zeros(3)
-        if distance <= body.radius + closing:
+        if approach.distance[row] <= body.radius + closing:
             orientation = client.getBasePositionAndOrientation(body.uid)[1]
-            gap = distance - support(body.shape, orientation, normal)
+            gap = float(approach.distance[row]) - support(body.shape, orientation, normal)
             if gap > ARRIVAL and closing - gap > SHALLOW:
                 change = (closing - gap - ARRIVAL) / dt * normal
         if path @ path > (FAR * body.radius) ** 2:
@@ -114,26 +113,64 @@ def slow_down(
             change += (share - 1.0) * (path / dt + change)
         if change.any():
             _add_velocity(client, body.uid, change)
-            landings.append(Landing(body.uid, int(index), -change))
+            landings.append(Landing(body.uid, index, -change))
     return landings
 
 
+def _of_rows(approach: Approach, rows: BoolArray) -> Approach:
+    bodies, distance, closing, normals, ground = approach
+    return Approach(bodies[rows], distance[rows], closing[rows], normals[rows], ground[rows])
+
+
+def _seen_closely(
+    approach: Approach,
+    bodies: list[Body | None],
+    terrain: Terrain,
+    positions_w: FloatArray,
+    next_w: FloatArray,
+    time: float,
+    dt: float,
+) -> Approach:
+    """The same with the nearest point of the ground under balls that come near: on curved ground that is not where the
+    plane under them has it."""
+    rows = [
+        row
+        for row, (index, distance, closing) in enumerate(
+            zip(approach.bodies.tolist(), approach.distance.tolist(), approach.closing.tolist(), strict=True)
+        )
+        if (body := bodies[index]) is not None
+        and isinstance(body.shape, Sphere)
+        and distance <= NEAR * body.radius + closing
+    ]
+    if not rows:
+        return approach
+    index = approach.bodies[rows]
+    radii = np.array([body.radius for body in map(bodies.__getitem__, index.tolist()) if body is not None])
+    centres = positions_w[index]
+    feet = centres - approach.distance[rows, None] * approach.normals_w[rows]
+    distance, normals = nearest_ground(terrain, centres, feet, radii, time)
+    approach.distance[rows], approach.normals_w[rows] = distance, normals
+    path = next_w[index] - centres - approach.ground_w[rows] * dt
+    approach.closing[rows] = -np.einsum("ij,ij->i", path, normals)
+    return approach
+
+
 def nearest_ground(
-    terrain: Terrain, centre: FloatArray, foot: FloatArray, radius: float, time: float
-) -> tuple[float, FloatArray]:
-    """Distance [m] of a ball's ``centre`` (3,) [m] from the ground below it and the unit normal (3,) there, from
-    samples within its ``radius`` [m] and at its ``foot`` (3,) on the plane under it."""
-    places = np.concatenate([foot[None, :2], centre[:2] + radius * _DISC])
-    points = np.column_stack([places, terrain.at(places, time).heights])
-    away = centre - points
-    distances = np.nan_to_num(np.sqrt(np.einsum("ij,ij->i", away, away)), nan=np.inf)
-    nearest = int(distances.argmin())
-    distance = float(distances[nearest])
-    if not 0.0 < distance < math.inf or away[nearest, 2] <= 0.0:
-        away_foot = centre - foot
-        length = math.sqrt(float(away_foot @ away_foot))
-        return length, away_foot / length if length else np.array([0.0, 0.0, 1.0])
-    return distance, away[nearest] / distance
+    terrain: Terrain, centres: FloatArray, feet: FloatArray, radii: FloatArray, time: float
+) -> tuple[FloatArray, FloatArray]:
+    """Distance (k,) [m] of balls' ``centres`` (k, 3) [m] from the ground below them and its unit normals there (k, 3),
+    from samples within their ``radii`` (k,) [m] and at their ``feet`` (k, 3) on the planes under them."""
+    points = np.empty((len(centres), 1 + len(_DISC), 3))
+    points[:, 0, :2], points[:, 1:, :2] = feet[:, :2], centres[:, None, :2] + radii[:, None, None] * _DISC
+    points[..., 2] = terrain.at(points[..., :2].reshape(-1, 2), time).heights.reshape(points.shape[:2])
+    away = centres[:, None] - points
+    distances = np.nan_to_num(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), nan=np.inf)
+    body, nearest = np.arange(len(centres)), distances.argmin(axis=1)
+    distance, away = distances[body, nearest], away[body, nearest]
+    unclear = ~((distance > 0.0) & (distance < np.inf) & (away[:, 2] > 0.0))  # over a hole, or under the ground
+    away[unclear] = centres[unclear] - feet[unclear]
+    distance[unclear] = np.maximum(np.linalg.norm(away[unclear], axis=1), np.finfo(float).tiny)
+    return distance, away / distance[:, None]
 
 
 def speed_up(client: Any, landing: Landing) -> FloatArray:
@@ -141,7 +178,7 @@ def speed_up(client: Any, landing: Landing) -> FloatArray:
     return _add_velocity(client, landing.uid, landing.taken)
 
 
-def deep_bodies(client: Any, approach: Approach, bodies: list[Body | None], inner_radii: FloatArray) -> list[Escape]:
+def deep_bodies(approach: Approach, bodies: list[Body | None], inner_radii: FloatArray) -> list[Escape]:
     """Bodies that are deep in the ground; ``inner_radii`` (N,) [m]: of spheres inside them."""
     escapes = []
     for row in np.flatnonzero(approach.distance < inner_radii[approach.bodies] - DEEP).tolist():

@@ -195,6 +195,8 @@ class World:
         for body in self.bodies.values():
             if not body.tracked:
                 self._factory.place(body, body.initial)
+        self.ground.placed()
+        self.ground.configure(self.config.patch)  # what was chosen for them elsewhere has no say any more
 
     def move(self, name: str, state: BodyState) -> None:
         """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
@@ -202,6 +204,7 @@ class World:
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
+        self.ground.placed(body.uid)
 
     def state(self, name: str) -> BodyState:
         """Where a body is and how it moves."""
@@ -306,9 +309,9 @@ class World:
             ahead = positions + ground.moved_w + np.array(self.config.physics.gravity) * (dt * dt)
             found = landing.approaches(ground.batches, positions, ahead, dt)
             landings, escapes = [], []
-            for approach in found:
-                landings += landing.slow_down(client, approach, bodies, self.terrain, positions, ahead, self.time, dt)
-                escapes += landing.deep_bodies(client, approach, bodies, self._inner_radii)
+            if found is not None:
+                landings = landing.slow_down(client, found, bodies, self.terrain, positions, ahead, self.time, dt)
+                escapes = landing.deep_bodies(found, bodies, self._inner_radii)
             before = landing.velocities(client, escapes)
         self._step()
         for landed in landings:

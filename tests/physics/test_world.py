@@ -194,3 +194,20 @@ def test_settings_change_while_bodies_rest(world: World) -> None:
     assert world.time == pytest.approx(time + 1.0)
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
     assert sum(contact.normal_force for contact in world.contacts()) == pytest.approx(1.6, rel=0.02)
+
+
+def test_a_world_that_was_reset_goes_on_as_a_fresh_one() -> None:
+    rows, columns = np.indices((61, 61))
+    hills = 0.3 * np.sin(0.4 * rows) * np.cos(0.3 * columns)
+    ends = []
+    for steps in (0, 137):
+        with World(HeightMap(hills, resolution=0.25)) as world:
+            for index in range(6):
+                x, y = 3.0 + 1.7 * index, 5.0 + index
+                z = float(world.terrain.at([[x, y]], 0.0).heights[0])
+                world.spawn(f"ball_{index}", Sphere(0.2), 1.0, BodyState((x, y, z + 0.4), linear=(0.5, 0.0, 0.0)))
+            world.step(steps)
+            world.reset()
+            world.step(60)
+            ends.append([world.state(f"ball_{index}").position for index in range(6)])
+    assert ends[0] == ends[1]
