@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -22,6 +23,28 @@ class GroundContact:
     normal: tuple[float, float, float]
     depth: float
     normal_force: float
+
+
+def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[GroundContact]:
+    """Contacts with the ground in the last step, and those of tracked bodies with their patches as they are.
+
+    ``names``: of the ground's followers, in their order.
+    """
+    followers = ground.followers
+    colliders = {
+        follower.collider: name
+        for follower, name in zip(followers, names, strict=True)
+        if follower.collider is not None
+    }
+    contacts = contacts_of_step(client, colliders)
+    for batch in ground.batches:
+        members = [i for i, index in enumerate(batch.bodies) if not followers[index].solid]
+        if members:
+            bodies = batch.bodies[members]
+            radii = np.array([followers[index].radius for index in bodies])
+            chosen = [names[index] for index in bodies]
+            contacts += contacts_of_spheres(chosen, ground.positions_w[bodies], radii, batch, members)
+    return contacts
 
 
 def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundContact]:

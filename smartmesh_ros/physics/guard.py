@@ -12,11 +12,29 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 # Speed along the ground that a rescued body keeps at most [m/s].
 FASTEST_RESCUED = 5.0
+
+
+def rescue(client: Any, ground: Ground, bodies: list[Body | None], time: float) -> int:
+    """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
+    None = stays where it is, since its pose is dictated."""
+    lifts: dict[str, tuple[Body, float, float]] = {}
+    found = below_ground(ground.batches, ground.terrain, ground.positions_w, time)
+    for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
+        body, follower = bodies[index], ground.followers[index]
+        if body is not None:
+            lift = float(height - ground.positions_w[index, 2] + follower.radius)
+            if body.name not in lifts or lift > lifts[body.name][1]:  # a robot as far as its link that needs most
+                lifts[body.name] = (body, lift, rate)
+    for body, lift, rate in lifts.values():
+        put_back(client, body, lift, rate)
+        ground.placed(body.uid)
+    return len(lifts)
 
 
 def below_ground(

@@ -17,6 +17,8 @@ import numpy as np
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.carrying import cross
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.shapes import Sphere, support
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -64,6 +66,38 @@ class Escape(NamedTuple):
     uid: int
     normal: FloatArray
     ground: FloatArray
+
+
+class Meeting(NamedTuple):
+    """What was done before a step and is to be undone after it: slowed bodies, and bodies deep in the ground with
+    their velocities (3,) [m/s]."""
+
+    landings: list[Landing]
+    escapes: list[Escape]
+    before: list[FloatArray]
+
+
+def meet(
+    client: Any, ground: Ground, bodies: list[Body | None], inner_radii: FloatArray, time: float,
+    physics: PhysicsConfig,
+) -> Meeting | None:  # fmt: skip
+    """Has bodies arrive at the ground's surface in the coming step; ``bodies``, ``inner_radii`` (N,) [m]: by the
+    followers' indices. None where there is nothing to undo."""
+    dt, positions = physics.dt, ground.positions_w
+    ahead = positions + ground.moved_w + np.array(physics.gravity) * (dt * dt)
+    found = approaches(ground.batches, positions, ahead, dt)
+    if found is None:
+        return None
+    landings = slow_down(client, found, bodies, ground.terrain, positions, ahead, time, dt)
+    escapes = deep_bodies(found, bodies, inner_radii)
+    return Meeting(landings, escapes, velocities(client, escapes))
+
+
+def part(client: Any, ground: Ground, meeting: Meeting, dt: float) -> None:
+    """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly."""
+    for landed in meeting.landings:
+        ground.will_move(landed.follower, speed_up(client, landed) * dt)
+    hold_back(client, meeting.escapes, meeting.before)
 
 
 def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> Approach | None:

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
@@ -38,6 +39,16 @@ class BodySnapshot:
     restitution: float = 0.0
     joints: dict[str, tuple[float, float]]
     commands: dict[str, JointCommand]
+
+
+def body_snapshot(client: Any, body: Body, state: BodyState) -> BodySnapshot:
+    """A body as it is now, in a ``state``."""
+    joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
+    return BodySnapshot(
+        name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
+        urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
+        commands=dict(body.commands),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

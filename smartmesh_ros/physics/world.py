@@ -15,13 +15,13 @@ from smartmesh_ros.physics import landing
 from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.contacts import GroundContact, contacts_of_spheres, contacts_of_step
+from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.guard import below_ground, put_back
+from smartmesh_ros.physics.guard import rescue
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
 from smartmesh_ros.physics.shapes import Shape, Sphere
-from smartmesh_ros.physics.snapshot import BodySnapshot, Snapshot
+from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
@@ -169,14 +169,16 @@ class World:
         self.ground.update(self.time, dt)
         if self._drop_lost():
             self.ground.update(self.time, dt)
-        if self.config.physics.guard and self._rescue():
+        rescued = rescue(self.client, self.ground, self._of_followers, self.time) if self.config.physics.guard else 0
+        if rescued:
+            self.rescues += rescued
             self.ground.update(self.time, dt)
 
     def step(self, count: int = 1) -> None:
         """Runs physics steps, each on patches as the ground is at its start."""
         for _ in range(count):
             self.refresh()
-            self._step_softly() if self.config.physics.landing else self._step()
+            self._step()
             self.time += self.config.physics.dt
             self.stopwatch.lap()
 
@@ -222,7 +224,10 @@ class World:
 
     def snapshot(self) -> Snapshot:
         """The bodies as they are now."""
-        return Snapshot(time=self.time, bodies=tuple(self._snapshot_of(body) for body in self.bodies.values()))
+        return Snapshot(
+            time=self.time,
+            bodies=tuple(body_snapshot(self.client, body, self.state(name)) for name, body in self.bodies.items()),
+        )
 
     def save(self) -> Snapshot:
         """The bodies as they are now; this world goes on exactly as one will that is restored from them."""
@@ -250,39 +255,13 @@ class World:
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
 
-    def _snapshot_of(self, body: Body) -> BodySnapshot:
-        joints = {name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
-        return BodySnapshot(
-            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
-            shape=body.shape, urdf=body.urdf, friction=body.friction, restitution=body.restitution, joints=joints,
-            commands=dict(body.commands),
-        )  # fmt: skip
-
     def follower_names(self) -> list[str]:
         """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
         return self._follower_names
 
     def contacts(self) -> list[GroundContact]:
         """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
-        followers = self.ground.followers
-        colliders = {
-            follower.collider: name
-            for follower, name in zip(followers, self._follower_names, strict=True)
-            if follower.collider is not None
-        }
-        contacts = contacts_of_step(self.client, colliders)
-        for batch in self.ground.batches:
-            members = [i for i, index in enumerate(batch.bodies) if not followers[index].solid]
-            if members:
-                bodies = batch.bodies[members]
-                contacts += contacts_of_spheres(
-                    [self._follower_names[index] for index in bodies],
-                    self.ground.positions_w[bodies],
-                    np.array([followers[index].radius for index in bodies]),
-                    batch,
-                    members,
-                )
-        return contacts
+        return ground_contacts(self.client, self.ground, self._follower_names)
 
     def wrenches(self) -> list[GroundWrench]:
         """What the ground exerted in the last step on each simulated body and link that can touch it."""
@@ -296,27 +275,19 @@ class World:
         return [self._follower_names[index] for index in below if self.ground.followers[index].solid]
 
     def _step(self) -> None:
+        """Steps PyBullet, bodies meeting the ground softly where that is asked for."""
+        physics, meeting = self.config.physics, None
+        if physics.landing:
+            with self.stopwatch.stage("collider"):
+                meeting = landing.meet(
+                    self.client, self.ground, self._of_followers, self._inner_radii, self.time, physics
+                )
         with self.stopwatch.stage("step"):
             for (uid, index), effort in self._efforts.items():
                 apply_effort(self.client, uid, index, effort)
             self.client.stepSimulation()
-
-    def _step_softly(self) -> None:
-        """Steps so that bodies meet the ground at its surface and leave it slowly."""
-        ground, client, dt = self.ground, self.client, self.config.physics.dt
-        with self.stopwatch.stage("collider"):
-            positions, bodies = ground.positions_w, self._of_followers
-            ahead = positions + ground.moved_w + np.array(self.config.physics.gravity) * (dt * dt)
-            found = landing.approaches(ground.batches, positions, ahead, dt)
-            landings, escapes = [], []
-            if found is not None:
-                landings = landing.slow_down(client, found, bodies, self.terrain, positions, ahead, self.time, dt)
-                escapes = landing.deep_bodies(found, bodies, self._inner_radii)
-            before = landing.velocities(client, escapes)
-        self._step()
-        for landed in landings:
-            ground.will_move(landed.follower, landing.speed_up(client, landed) * dt)
-        landing.hold_back(client, escapes, before)
+        if meeting is not None:
+            landing.part(self.client, self.ground, meeting, physics.dt)
 
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
@@ -329,22 +300,6 @@ class World:
             self.remove(name)
             self.lost.append(name)
         return True
-
-    def _rescue(self) -> bool:
-        """Puts bodies that are below the ground back onto it; says whether there were any."""
-        ground = self.ground
-        lifts: dict[str, tuple[float, float]] = {}
-        found = below_ground(ground.batches, self.terrain, ground.positions_w, self.time)
-        for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
-            body, follower = self._of_followers[index], ground.followers[index]
-            if body is not None:  # not of a tracked body, which is where it is said to be
-                lift = float(height - ground.positions_w[index, 2] + follower.radius)
-                # A robot as far as the link of it that needs most.
-                lifts[body.name] = max(lifts.get(body.name, (0.0, rate)), (lift, rate))
-        for name, (lift, rate) in lifts.items():
-            put_back(self.client, self.bodies[name], lift, rate)
-        self.rescues += len(lifts)
-        return bool(lifts)
 
     def _apply_physics(self, physics: PhysicsConfig) -> None:
         self.client.setGravity(*physics.gravity)

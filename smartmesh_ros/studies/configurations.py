@@ -8,6 +8,7 @@ from typing import Any, Literal
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.studies.engines.registry import missing
 from smartmesh_ros.studies.engines.smartmesh import SmartMeshOptions
+from smartmesh_ros.studies.presets import read_presets
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX"]
 
@@ -55,6 +56,17 @@ REPORT = (
 )
 
 
+def presets() -> list[Configuration]:
+    """The parameter files that come with the package."""
+    return [
+        Configuration(
+            name=f"preset {preset.name}", family="ours", engine="smartmesh", rate=preset.rate,
+            options=SmartMeshOptions(patch=preset.patch),
+        )
+        for preset in read_presets()
+    ]  # fmt: skip
+
+
 def rivals() -> list[Configuration]:
     """Whole colliders and other engines, as far as they are installed."""
     found = [
@@ -84,4 +96,4 @@ def rivals() -> list[Configuration]:
 
 def configurations(quick: bool) -> list[Configuration]:
     """All points of the chart, or those of the quick run."""
-    return [one for one in (*OURS, *REPORT, *rivals()) if one.quick or not quick]
+    return [one for one in (*OURS, *presets(), *REPORT, *rivals()) if one.quick or not quick]

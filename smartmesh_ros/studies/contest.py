@@ -23,7 +23,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 # The run is timed in so many pieces, all engines taking turns; cost is their median.
 PIECES = 12
 # An engine that has used so much of the processor in one scene is stopped [s].
-PATIENCE = 4.0
+PATIENCE = 2.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import pytest
 from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.studies.clearance import clearances
 from smartmesh_ros.studies.grounds import GROUNDS, make_ground
+from smartmesh_ros.studies.presets import NAMES, read_presets
 from smartmesh_ros.studies.scene import read_scene, read_scenes
 
 SCENES = read_scenes()
@@ -61,3 +62,11 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
     for kind, settings in (("lava", {}), ("slope", {"steepness": 3})):
         with pytest.raises(InputError):
             make_ground(geometry, kind, **settings)
+
+
+def test_presets_are_points_of_the_chart() -> None:
+    found = {preset.name: preset for preset in read_presets()}
+    assert set(found) == set(NAMES)
+    assert found["fast"].rate == 120.0
+    assert not found["fast"].patch.edge_filter
+    assert found["rover"].rate == 240.0

@@ -1,0 +1,48 @@
+"""The presets that come with the package, as points of the chart."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+import smartmesh_ros
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+
+NAMES = ("accurate", "fast", "fleet", "quadruped", "rover")
+
+
+class Preset(NamedTuple):
+    """What a preset says of patches, and its rate of physics [Hz]."""
+
+    name: str
+    patch: PatchConfig
+    rate: float
+
+
+def folder() -> Path | None:
+    """Where the presets lie: in the source tree, or in the share folder of an installed package."""
+    package = Path(smartmesh_ros.__file__).parent
+    for above in package.parents:
+        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
+            if (candidate / "fast.yaml").is_file():
+                return candidate
+    return None
+
+
+def read_presets() -> list[Preset]:
+    """All presets; none where they are not installed."""
+    found = folder()
+    return [_read(found / f"{name}.yaml") for name in NAMES] if found else []
+
+
+def _read(path: Path) -> Preset:
+    nodes: dict[str, Any] = yaml.safe_load(path.read_text())
+    values = next(iter(nodes.values()))["ros__parameters"]
+    known = {field.name for field in fields(PatchConfig)}
+    patch = {name.removeprefix("patch."): value for name, value in values.items() if name.startswith("patch.")}
+    chosen = {name: value for name, value in patch.items() if name in known}
+    return Preset(path.stem, PatchConfig(**chosen), float(values.get("physics.rate", PhysicsConfig().rate)))
