@@ -76,6 +76,7 @@ class Ground:
         self._solid = np.empty(0, bool)
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
+        self._away = np.empty(0, bool)  # whose collider waits far away
         self._links: list[int] = []
 
     @property
@@ -173,7 +174,7 @@ class Ground:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
         before = {follower: index for index, follower in enumerate(self.followers)}
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
-        carry_over(self, {"_positions": np.nan, "_held": _BARE}, kept)
+        carry_over(self, {"_positions": np.nan, "_held": _BARE, "_away": False}, kept)
         self.followers = followers
         self._applied = []
         self._told.clear()
@@ -223,7 +224,15 @@ class Ground:
             supported[carried] = True
             applied.append((batch, carried))
         self._applied = applied
-        for index in np.flatnonzero(~supported & (self._held != _BARE)).tolist():
+        self._put_away(np.flatnonzero(~supported & (self._held != _BARE) & ~self._away))
+
+    def _put_away(self, indices: IntArray) -> None:
+        """Takes colliders from followers that need none now; the usual ones wait for when they do again."""
+        self._away[indices] = True
+        held = self._held[indices]
+        self._heightfields.put_away(indices[held == _FIELD])
+        self._planes.put_away(indices[held == _PLANE])
+        for index in indices[held == _MESH].tolist():
             self._release(index)
 
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
@@ -267,6 +276,7 @@ class Ground:
         for index in indices[self._held[indices] != held].tolist():
             self._release(index)
             self._held[index] = held
+        self._away[indices] = False
 
     def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None) -> None:
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"

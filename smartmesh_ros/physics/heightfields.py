@@ -115,6 +115,13 @@ class Heightfields:
             self._place(bodies[chosen], base[chosen], yaw)
         self._push(bodies, np.zeros((len(bodies), 6)) if twist is None else twist)
 
+    def put_away(self, indices: IntArray) -> None:
+        """Has the heightfields of followers wait far away until they are needed again."""
+        if indices.size:
+            parks = [self._fields[self._followers[index]].park_position for index in indices.tolist()]
+            self._place(indices, np.array(parks), 0.0)
+            self._bases[indices] = np.nan
+
     def release(self, index: int) -> None:
         """Takes a follower's heightfield away, if it has one."""
         follower = self._followers[index]

@@ -19,7 +19,7 @@ from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.carrying import cross
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.shapes import Sphere, support
+from smartmesh_ros.physics.shapes import support
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -31,6 +31,8 @@ SHALLOW = 5e-4
 FAR, PLACES = 0.25, 16
 # Balls within so many radii of the plane under them, and as near as they come in a step, are looked at closely.
 NEAR = 1.5
+# Ground that accelerates runs into bodies on it no further than this in a step [m].
+RESTING = 0.002
 # A body deeper than this leaves the ground no faster than that [m, m/s].
 DEEP, FASTEST_ESCAPE = 0.01, 1.0
 
@@ -43,13 +45,42 @@ _DISC = np.concatenate([np.zeros((1, 2)), *(share * _CIRCLE for share in (0.15, 
 
 class Approach(NamedTuple):
     """n bodies near the ground, by their index: distance of their middles from it and how much nearer they come in a
-    step (n,) [m], the ground's normal (n, 3) and velocity (n, 3) [m/s] there."""
+    step (n,) [m], the ground's normal (n, 3) and velocity (n, 3) [m/s] there, and the bodies' paths relative to it in
+    the step (n, 3) [m]."""
 
     bodies: IntArray
     distance: FloatArray
     closing: FloatArray
     normals_w: FloatArray
     ground_w: FloatArray
+    paths: FloatArray
+
+    def of(self, rows: BoolArray) -> Approach:
+        """Those in ``rows`` (n,)."""
+        return Approach(
+            self.bodies[rows], self.distance[rows], self.closing[rows], self.normals_w[rows], self.ground_w[rows],
+            self.paths[rows],
+        )  # fmt: skip
+
+    def direction(self, row: int) -> tuple[FloatArray, FloatArray]:
+        """The ground's normal and the path of one body (3,)."""
+        return self.normals_w[row], self.paths[row]
+
+
+class Radii(NamedTuple):
+    """Radii of spheres inside and around bodies, by the followers' indices (N,) [m]; of what is not slowed, such as
+    tracked bodies and links, -inf."""
+
+    inner: FloatArray
+    outer: FloatArray
+
+    @classmethod
+    def of(cls, bodies: list[Body | None]) -> Radii:
+        """Of simulated bodies; None = not to be slowed."""
+        shapes = [None if body is None else body.shape for body in bodies]
+        inner = [-math.inf if shape is None else shape.inner_radius for shape in shapes]
+        outer = [-math.inf if shape is None else shape.bounding_radius for shape in shapes]
+        return cls(np.array(inner, np.float64), np.array(outer, np.float64))
 
 
 class Landing(NamedTuple):
@@ -78,18 +109,17 @@ class Meeting(NamedTuple):
 
 
 def meet(
-    client: Any, ground: Ground, bodies: list[Body | None], inner_radii: FloatArray, time: float,
-    physics: PhysicsConfig,
-) -> Meeting | None:  # fmt: skip
-    """Has bodies arrive at the ground's surface in the coming step; ``bodies``, ``inner_radii`` (N,) [m]: by the
-    followers' indices. None where there is nothing to undo."""
+    client: Any, ground: Ground, bodies: list[Body | None], radii: Radii, time: float, physics: PhysicsConfig
+) -> Meeting | None:
+    """Has bodies arrive at the ground's surface in the coming step; ``bodies``, ``radii`` (N,): by the followers'
+    indices. None where there is nothing to undo."""
     dt, positions = physics.dt, ground.positions_w
     ahead = positions + ground.moved_w + np.array(physics.gravity) * (dt * dt)
     found = approaches(ground.batches, positions, ahead, dt)
     if found is None:
         return None
-    landings = slow_down(client, found, bodies, ground.terrain, positions, ahead, time, dt)
-    escapes = deep_bodies(found, bodies, inner_radii)
+    landings = slow_down(client, found, bodies, radii, ground.terrain, positions, time, dt)
+    escapes = deep_bodies(found, bodies, radii)
     return Meeting(landings, escapes, velocities(client, escapes))
 
 
@@ -111,31 +141,35 @@ def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: Float
         return None
     index, points, normals, linear, angular, centres = map(np.concatenate, zip(*known, strict=True))
     ground = linear + cross(angular, points - centres)
-    closing = np.einsum("ij,ij->i", positions_w[index] + ground * dt - next_w[index], normals)
+    paths = next_w[index] - positions_w[index] - ground * dt
     distance = np.einsum("ij,ij->i", positions_w[index] - points, normals)
-    return Approach(index, distance, closing, normals, ground)
+    return Approach(index, distance, -np.einsum("ij,ij->i", paths, normals), normals, ground, paths)
 
 
 def slow_down(
     client: Any,
     approach: Approach,
     bodies: list[Body | None],
+    radii: Radii,
     terrain: Terrain,
     positions_w: FloatArray,
-    next_w: FloatArray,
     time: float,
     dt: float,
 ) -> list[Landing]:
-    """Slows the bodies that would run into the ground in the coming step; ``bodies``: by index, None = not to be."""
-    landings = []
-    approach = _of_rows(approach, approach.closing > SHALLOW)
-    if approach.bodies.size:
-        approach = _seen_closely(approach, bodies, terrain, positions_w, next_w, time, dt)
+    """Slows the bodies that would run into the ground in the coming step; ``bodies``, ``radii``: by index."""
+    landings: list[Landing] = []
+    approach = approach.of((approach.closing > SHALLOW) & (radii.outer[approach.bodies] > 0.0))
+    if not approach.bodies.size:
+        return landings
+    approach = _seen_closely(approach, radii, terrain, positions_w, time)
+    inner, outer = radii.inner[approach.bodies], radii.outer[approach.bodies]
+    lands = (approach.distance - inner > ARRIVAL) & (approach.closing - approach.distance + outer > SHALLOW)
+    goes_far = np.einsum("ij,ij->i", approach.paths, approach.paths) > (FAR * outer) ** 2
+    approach = approach.of(lands | goes_far)
     for row, index in enumerate(approach.bodies.tolist()):
-        body, closing, normal = bodies[index], float(approach.closing[row]), approach.normals_w[row]
-        if body is None or body.shape is None:
-            continue
-        path = next_w[index] - positions_w[index] - approach.ground_w[row] * dt
+        body, closing, normal, path = bodies[index], float(approach.closing[row]), *approach.direction(row)
+        assert body is not None
+        assert body.shape is not None
         change = np.zeros(3)
         if approach.distance[row] <= body.radius + closing:
             orientation = client.getBasePositionAndOrientation(body.uid)[1]
@@ -151,41 +185,20 @@ def slow_down(
     return landings
 
 
-def _of_rows(approach: Approach, rows: BoolArray) -> Approach:
-    bodies, distance, closing, normals, ground = approach
-    return Approach(bodies[rows], distance[rows], closing[rows], normals[rows], ground[rows])
-
-
-def _seen_closely(
-    approach: Approach,
-    bodies: list[Body | None],
-    terrain: Terrain,
-    positions_w: FloatArray,
-    next_w: FloatArray,
-    time: float,
-    dt: float,
-) -> Approach:
+def _seen_closely(approach: Approach, radii: Radii, terrain: Terrain, positions_w: FloatArray, time: float) -> Approach:
     """The same with the nearest point of the ground under balls that come near: on curved ground that is not where the
     plane under them has it."""
-    rows = [
-        row
-        for row, (index, distance, closing) in enumerate(
-            zip(approach.bodies.tolist(), approach.distance.tolist(), approach.closing.tolist(), strict=True)
-        )
-        if (body := bodies[index]) is not None
-        and isinstance(body.shape, Sphere)
-        and distance <= NEAR * body.radius + closing
-    ]
-    if not rows:
-        return approach
-    index = approach.bodies[rows]
-    radii = np.array([body.radius for body in map(bodies.__getitem__, index.tolist()) if body is not None])
-    centres = positions_w[index]
-    feet = centres - approach.distance[rows, None] * approach.normals_w[rows]
-    distance, normals = nearest_ground(terrain, centres, feet, radii, time)
-    approach.distance[rows], approach.normals_w[rows] = distance, normals
-    path = next_w[index] - centres - approach.ground_w[rows] * dt
-    approach.closing[rows] = -np.einsum("ij,ij->i", path, normals)
+    inner, outer = radii.inner[approach.bodies], radii.outer[approach.bodies]
+    near = (inner == outer) & (approach.distance <= NEAR * outer + approach.closing)
+    # What rests on the ground comes nearer to it only by the ground's acceleration.
+    near &= (approach.distance - outer > ARRIVAL) | (approach.closing > RESTING)
+    rows = np.flatnonzero(near)
+    if rows.size:
+        index = approach.bodies[rows]
+        feet = positions_w[index] - approach.distance[rows, None] * approach.normals_w[rows]
+        distance, normals = nearest_ground(terrain, positions_w[index], feet, radii.outer[index], time)
+        approach.distance[rows], approach.normals_w[rows] = distance, normals
+        approach.closing[rows] = -np.einsum("ij,ij->i", approach.paths[rows], normals)
     return approach
 
 
@@ -212,10 +225,10 @@ def speed_up(client: Any, landing: Landing) -> FloatArray:
     return _add_velocity(client, landing.uid, landing.taken)
 
 
-def deep_bodies(approach: Approach, bodies: list[Body | None], inner_radii: FloatArray) -> list[Escape]:
-    """Bodies that are deep in the ground; ``inner_radii`` (N,) [m]: of spheres inside them."""
+def deep_bodies(approach: Approach, bodies: list[Body | None], radii: Radii) -> list[Escape]:
+    """Bodies that are deep in the ground."""
     escapes = []
-    for row in np.flatnonzero(approach.distance < inner_radii[approach.bodies] - DEEP).tolist():
+    for row in np.flatnonzero(approach.distance < radii.inner[approach.bodies] - DEEP).tolist():
         body = bodies[approach.bodies[row]]
         if body is not None and body.shape is not None:
             escapes.append(Escape(body.uid, approach.normals_w[row], approach.ground_w[row]))

@@ -111,6 +111,13 @@ class Planes:
         fits = (off <= np.where(moves, CARRIED, SAME_PLANE)) & (turned <= np.where(moves, CARRIED_TURN, SAME_PLANE))
         return np.asarray(fits & (np.einsum("ij,ij->i", aside, aside) < (0.25 * sizes) ** 2))
 
+    def put_away(self, indices: IntArray) -> None:
+        """Has the boxes of followers wait far away until they are needed again."""
+        if indices.size:
+            boxes = self._boxes[indices].tolist()
+            self._calls.set_positions(boxes, [[box * _PARK_STEP, 0.0, _PARK_DEPTH] for box in boxes], [0, 0, 0, 1])
+            self._bases[indices], self._twists[indices] = np.nan, 0.0
+
     def release(self, index: int) -> None:
         """Takes a follower's box away, if it has one."""
         size = float(self._sizes[index])

@@ -19,6 +19,7 @@ from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import rescue
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
+from smartmesh_ros.physics.landing import Radii
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
@@ -71,7 +72,7 @@ class World:
         self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
         self._follower_names: list[str] = []
         self._of_followers: list[Body | None] = []  # simulated bodies by the followers' indices
-        self._inner_radii = np.empty(0)
+        self._radii = Radii.of([])
 
     def __enter__(self) -> World:
         return self
@@ -279,9 +280,7 @@ class World:
         physics, meeting = self.config.physics, None
         if physics.landing:
             with self.stopwatch.stage("collider"):
-                meeting = landing.meet(
-                    self.client, self.ground, self._of_followers, self._inner_radii, self.time, physics
-                )
+                meeting = landing.meet(self.client, self.ground, self._of_followers, self._radii, self.time, physics)
         with self.stopwatch.stage("step"):
             for (uid, index), effort in self._efforts.items():
                 apply_effort(self.client, uid, index, effort)
@@ -342,5 +341,4 @@ class World:
         self._follower_names = [names[follower.body, follower.link] for follower in followers]
         simulated = {body.uid: body for body in self.bodies.values() if not body.tracked}
         self._of_followers = [simulated.get(follower.body) for follower in followers]
-        shapes = [body.shape if body is not None else None for body in self._of_followers]
-        self._inner_radii = np.array([-np.inf if shape is None else shape.inner_radius for shape in shapes])
+        self._radii = Radii.of(self._of_followers)
