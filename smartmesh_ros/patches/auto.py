@@ -200,7 +200,7 @@ class AutoPatches:
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
-            standing.state[bodies], standing.rings[bodies], standing.stride[bodies],
+            standing.state[bodies], standing.rings[bodies], standing.stride[bodies], standing.spare[bodies],
         )  # fmt: skip
         self._note(bodies, choice, centres, moving.radii, geometry.yaw)
         standing.rate[bodies], self._rise[bodies] = 0.0, rise
@@ -233,6 +233,7 @@ class AutoPatches:
         standing, planes = self._standing, choice.planes_at(0)
         standing.state[bodies] = choice.state
         standing.rings[bodies], standing.stride[bodies] = choice.rings, choice.stride
+        standing.spare[bodies] = choice.spare
         standing.deviation[bodies], standing.facet[bodies] = choice.deviation, choice.facets
         standing.plane[bodies] = np.stack(planes, axis=1)
         offsets = foot_offset(planes, centres)

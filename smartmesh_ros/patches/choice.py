@@ -11,7 +11,7 @@ from smartmesh_ros.patches.facets import Facets, facet_deviation, facet_index, f
 from smartmesh_ros.patches.grid_window import SIZES, Balls, Window
 from smartmesh_ros.patches.planes import Planes, fitted_planes, near_deviation, rings_touched
 from smartmesh_ros.patches.strides import HYSTERESIS, cheapest_extents
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # What a body stands on, as numbers in arrays.
 UNDECIDED, NONE, FACET, FITTED, FIELD, EDGE = -1, 0, 1, 2, 3, 4
@@ -19,8 +19,9 @@ UNDECIDED, NONE, FACET, FITTED, FIELD, EDGE = -1, 0, 1, 2, 3, 4
 # How far above the ground a body loses its collider, beyond what it may move [m].
 LEAVING = 0.002
 
-# A patch keeps its size while the body needs more than this share of it.
-ROOMY = 0.6
+# A patch keeps its size while the body needs more than this share of it, and for so many looks in any case: changing
+# it costs more than some samples.
+ROOMY, LOOKS = 0.6, 4
 
 # Where only the cells around one sample can be touched, the facet under the body is the plane; else one fitted to many.
 FACET_RINGS = 1
@@ -32,8 +33,8 @@ SMALL_WINDOW = 2
 class Choice:
     """What n bodies get, shapes (n,): what to stand on (see above), rings and stride of the patch, how far it lies from
     the mesh where the body can touch it, at most [m]; a plane along the ground under the body at each of t instants,
-    one after the other (t n,); which facet it is (n, 3), as by `facet_index` in a window of one
-    ring, -1 = none but a plane fitted to many."""
+    one after the other (t n,); which facet it is (n, 3), as by `facet_index` in a window of one ring, -1 = none but a
+    plane fitted to many; for how many looks on end a smaller patch would have done (n,)."""
 
     state: IntArray
     rings: IntArray
@@ -41,6 +42,7 @@ class Choice:
     deviation: FloatArray
     planes: Planes
     facets: IntArray
+    spare: IntArray
 
     def planes_at(self, instant: int) -> Planes:
         """The planes at one of the instants."""
@@ -56,12 +58,13 @@ def choose(
     state: IntArray,
     rings: IntArray,
     stride: IntArray,
+    spare: IntArray,
 ) -> Choice:
     """Chooses for n bodies.
 
     ``lean`` (n, 2) [m]: horizontal offset of each body's middle from the point of the ground that is nearest to it, as
-    far as known. ``state``, ``rings``, ``stride`` (n,): what they have now. A cheaper collider must keep a share of the
-    tolerance [m], so that no body changes back and forth.
+    far as known. ``state``, ``rings``, ``stride``, ``spare`` (n,): what they have now. A cheaper collider must keep a
+    share of the tolerance [m], so that no body changes back and forth.
     """
     count = len(state)
     ones, facets = np.ones(count, np.int64), None
@@ -70,10 +73,15 @@ def choose(
     else:
         facet, planes = np.full((count, 3), -1), _fits_under(window, balls)
     now = planes.of(slice(count))
-    need = _steady(rings_touched(window, now, balls), now, balls, state, rings * stride, window.rings)
+    need = rings_touched(window, now, balls)
+    covered = np.where((state == FIELD) | (state == NONE), rings * stride, 0)
+    smaller = (need < covered) & (covered <= window.rings)
+    roomy = smaller & (need > 0) & ((need > ROOMY * covered) | (spare < LOOKS))
+    need = np.where(_leaving(need, now, balls, state), 1, np.where(roomy, covered, need))
     choice = Choice(
-        state=np.where(need == 0, NONE, FIELD), rings=ones, stride=ones.copy(), deviation=np.zeros(count),
-        planes=planes, facets=facet,
+        state=np.where(need == 0, NONE, FIELD), rings=np.where(need == 0, rings, 1),
+        stride=np.where(need == 0, stride, 1), deviation=np.zeros(count), planes=planes, facets=facet,
+        spare=np.where(smaller, spare + 1, 0),
     )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
@@ -99,15 +107,10 @@ def choose(
     return choice
 
 
-def _steady(need: IntArray, planes: Planes, balls: Balls, state: IntArray, covered: IntArray, most: int) -> IntArray:
-    """``need`` where bodies on the border of another choice keep what they have.
-
-    A body that just left the ground keeps its collider, and a patch somewhat too large keeps its size.
-    """
+def _leaving(need: IntArray, planes: Planes, balls: Balls, state: IntArray) -> BoolArray:
+    """Which bodies just left the ground (n,): they keep a collider, so that none changes back and forth."""
     distance = planes.above(balls.centres) / planes.steepness()
-    leaving = (need == 0) & (state > NONE) & (distance <= balls.radii + LEAVING)
-    roomy = (state == FIELD) & (covered <= most) & (need < covered) & (need > ROOMY * covered)
-    return np.where(leaving, 1, np.where(roomy, covered, need))
+    return np.asarray((need == 0) & (state > NONE) & (distance <= balls.radii + LEAVING))
 
 
 def _facets_under(window: Window, balls: Balls, lean: FloatArray) -> tuple[Facets, IntArray, Planes]:

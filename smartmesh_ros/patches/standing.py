@@ -29,6 +29,7 @@ _FILLS = {
     "middles_w": 0.0,
     "rings": 0,
     "stride": 0,
+    "spare": 0,
     "deviation": np.nan,
     "facet": 0,
     "plane": 0.0,
@@ -43,10 +44,11 @@ class Standing:
     """The choices of N bodies.
 
     ``state``: which, by the numbers in `choice`. The patch: its middle sample by ``rows`` and ``columns``, that one's
-    place ``middles_w`` (N, 2) [m], ``rings``, ``stride`` and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper
-    or lower, row and column of its cell by the middle sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a
-    plane along the ground in the frame of the middle sample and how they change a second, as read at ``read_at`` [s]
-    from version ``read_from`` of the map. ``until`` [s]: when to look again.
+    place ``middles_w`` (N, 2) [m], ``rings``, ``stride``, for how many looks a smaller one would have done (``spare``)
+    and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper or lower, row and column of its cell by the middle
+    sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a plane along the ground in the frame of the middle
+    sample and how they change a second, as read at ``read_at`` [s] from version ``read_from`` of the map. ``until``
+    [s]: when to look again.
     """
 
     def __init__(self) -> None:
@@ -54,6 +56,7 @@ class Standing:
         self.rows, self.columns = np.empty(0, np.int64), np.empty(0, np.int64)
         self.middles_w = np.empty((0, 2))
         self.rings, self.stride = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.spare = np.empty(0, np.int64)
         self.deviation = np.empty(0)
         self.facet = np.empty((0, 3), np.int64)
         self.plane, self.rate = np.empty((0, 3)), np.empty((0, 3))

@@ -29,6 +29,9 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 # Faster bodies do not get larger patches; a teleport is not a speed [m/s].
 FASTEST = 50.0
 
+# A body so far from the plane under it touches nothing of its patch [m].
+APART = 0.01
+
 # Which collider a follower has.
 _BARE, _FIELD, _PLANE, _MESH = range(4)
 
@@ -256,11 +259,20 @@ class Ground:
                 self._planes.apply(batch, rows, self._radii[bodies[rows]], rise[rows], pushed, time)
             elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 self._make_room(bodies[rows], _FIELD)
-                self._heightfields.apply(batch, rows, base[rows], rise[rows], pushed, time, self.config)
+                touching = self._touching(batch, rows)
+                self._heightfields.apply(batch, rows, base[rows], rise[rows], pushed, touching, time, self.config)
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
         return supported
+
+    def _touching(self, batch: GridBatch, rows: IntArray) -> BoolArray:
+        """Which of the bodies in ``rows`` of a batch are so near to the ground that they may have contacts with it."""
+        if batch.points_w is None or batch.normals_w is None:
+            return np.ones(len(rows), bool)
+        bodies = batch.bodies[rows]
+        distance = np.einsum("ij,ij->i", self._positions[bodies] - batch.points_w[rows], batch.normals_w[rows])
+        return np.asarray(distance <= self._radii[bodies] + APART)
 
     def _predict(self, batch: PatchBatch, twist: FloatArray, time: float, dt: float) -> FloatArray:
         """How much higher (n,) [m] the ground is by its acceleration; adds what that makes it faster to its twist."""

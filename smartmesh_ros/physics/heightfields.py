@@ -16,7 +16,7 @@ from smartmesh_ros.physics.carrying import elapsed_since, velocity_changed
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
 from smartmesh_ros.physics.pairs import Pairs
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Heights that differ by less than this from the collider's are not worth replacing it [m].
 SAME_HEIGHT = 1e-6
@@ -40,6 +40,7 @@ _FILLS = {
     "_slopes": 0.0,
     "_twists": 0.0,
     "_times": np.nan,
+    "_touched": False,
 }
 
 
@@ -67,8 +68,9 @@ class Heightfields:
         self._yaws = np.empty(0)
         self._slopes = np.empty((0, 2))
         self._times = np.empty(0)
-        # Heights when PyBullet last forgot their contacts [m].
+        # Heights when PyBullet last forgot their contacts [m], and which may have some.
         self._contact_heights = np.empty((0, 81))
+        self._touched = np.empty(0, bool)
 
     @property
     def created(self) -> int:
@@ -87,10 +89,11 @@ class Heightfields:
 
     def apply(
         self, batch: GridBatch, rows: IntArray, base: FloatArray, rise: FloatArray, twist: FloatArray | None,
-        time: float, config: PatchConfig,
+        touching: BoolArray, time: float, config: PatchConfig,
     ) -> None:  # fmt: skip
         """Gives the followers in ``rows`` (m,) of a batch their colliders at ``time`` [s]: at ``base`` (m, 3) [m], by
         ``rise`` (m,) [m] higher than the batch says, with the ground's ``twist`` (m, 6), None = at rest.
+        ``touching`` (m,): which bodies may have contacts from now on.
 
         A collider that moved on with its velocity and still lies along the ground is left alone.
         """
@@ -111,8 +114,10 @@ class Heightfields:
         moves = self._twists[bodies].any(axis=1)
         chosen = np.flatnonzero(~(off <= np.where(moves, CARRIED * config.tolerance, SAME_HEIGHT)))
         if chosen.size:
-            self._replace(bodies[chosen], relative[chosen], template.size, config.edge_filter)
+            touched = (touching | self._touched[bodies])[chosen]
+            self._replace(bodies[chosen], relative[chosen], template.size, touched, config.edge_filter)
             self._place(bodies[chosen], base[chosen], yaw)
+        self._touched[bodies] = touching
         self._push(bodies, np.zeros((len(bodies), 6)) if twist is None else twist)
 
     def put_away(self, indices: IntArray) -> None:
@@ -184,24 +189,25 @@ class Heightfields:
         distance[elsewhere] = np.inf
         return distance
 
-    def _replace(self, bodies: IntArray, new: FloatArray, size: int, edge_filter: bool) -> None:
+    def _replace(self, bodies: IntArray, new: FloatArray, size: int, touched: BoolArray, edge_filter: bool) -> None:
         """Gives colliders new heights (m, K) [m] where they differ from those they have."""
         count = size * size
         same = np.abs(new - self._heights[bodies, :count]).max(axis=1) <= SAME_HEIGHT
         if same.any():
-            bodies, new = bodies[~same], new[~same]
+            bodies, new, touched = bodies[~same], new[~same], touched[~same]
         if bodies.size:
             self.replacements += len(bodies)
             self._heights[bodies, :count] = new
             fallen = (self._contact_heights[bodies, :count] - new).max(axis=1)
-            self._drop_contacts(bodies[~(fallen <= STALE)], count)
+            stale = ~(fallen <= STALE)
+            self._contact_heights[bodies[stale], :count] = new[stale]
+            self._drop_contacts(bodies[stale & touched])
             shapes, heights = self._shapes[bodies].tolist(), new[:, collider_order(size)].tolist()
             filters = (~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)).tolist()
             self._calls.replace_heightfields(shapes, size, heights, filters)
 
-    def _drop_contacts(self, bodies: IntArray, count: int) -> None:
+    def _drop_contacts(self, bodies: IntArray) -> None:
         """Has PyBullet forget the contacts of colliders whose surface sank away from them."""
-        self._contact_heights[bodies, :count] = self._heights[bodies, :count]
         for index in bodies.tolist():
             follower = self._followers[index]
             self._pool.forget_contacts(self._fields[follower], follower.body, follower.link)
