@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import EDGE, FACET, NONE, SMALL_WINDOW, Choice, choose, foot_offset
+from smartmesh_ros.patches.choice import EDGE, FACET, FITTED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import Collected, collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
@@ -211,6 +211,8 @@ class AutoPatches:
             standing.until[bodies] = time + (horizon - 0.5) * dt
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
+        if ground.velocities is None and not ground.holes:
+            slide = np.maximum(slide, self._room(bodies, window, choice, balls, centres))
         self._drop[bodies], self._slide[bodies] = drop, slide
         clear = choice.state == NONE
         if clear.any():
@@ -218,6 +220,19 @@ class AutoPatches:
             top = np.nan_to_num(window.heights[0, clear], nan=np.inf).max(axis=(1, 2))
             room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
             self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
+
+    def _room(self, bodies: IntArray, window: Window, choice: Choice, balls: Balls, centres: FloatArray) -> FloatArray:
+        """How far bodies may slide (n,) [m] before they touch ground at rest that is not shown to lie along the plane
+        that was chosen for them; 0 = no plane, or not all of the window lies along it."""
+        planes, places = choice.planes_at(0), window.places()
+        off = window.heights[0] - planes.height[:, None, None] - planes.slope_x[:, None, None] * places
+        off -= planes.slope_y[:, None, None] * places[:, None]
+        deviation = np.abs(off, out=off).max(axis=(1, 2))
+        along = ((choice.state == FACET) | (choice.state == FITTED)) & (deviation <= self.config.plane_tolerance)
+        room = places[-1] - np.abs(centres[:, :2]).max(axis=1) - balls.radii
+        known = self._standing.deviation
+        known[bodies] = np.where(along, np.maximum(deviation, known[bodies]), known[bodies])
+        return np.where(along, np.clip(room, 0.0, balls.radii), 0.0)
 
     def _swerve(self, bodies: IntArray, rise: FloatArray | float, time: float, ahead: float) -> FloatArray:
         """How far ground gets, in the time ``ahead`` [s], from where its velocity ``rise`` (n,) [m/s] leads,

@@ -105,6 +105,22 @@ def test_what_is_left_out_lies_within_the_bound(seed: int, kind: str, tolerance:
 
 @settings(max_examples=30, deadline=None, report_multiple_bugs=False)
 @given(st.integers(0, 10**6), st.sampled_from(TERRAINS), st.sampled_from([0.1, 0.02]))
+def test_the_bound_holds_while_bodies_move_over_ground_at_rest(seed: int, kind: str, resolution: float) -> None:
+    rng = np.random.default_rng(seed)
+    heightmap = HeightMap(terrain_of(kind, rng), resolution=resolution)
+    centres, radii = bodies_near(heightmap, 12, rng)
+    speeds = rng.normal(size=(12, 3)) * [1.0, 1.0, 0.1] * rng.choice([0.1, 1.0, 3.0], (12, 1))
+    config = PatchConfig()
+    tracker = PatchTracker(Terrain(heightmap), config)
+    tracker.set_bodies(radii, np.full(12, -1))
+    for step in range(60):
+        batches = tracker.update(centres, speeds * DT, step * DT, DT)
+        check(heightmap, batches, centres, radii, config, rng, 0.0)
+        centres = centres + speeds * DT
+
+
+@settings(max_examples=30, deadline=None, report_multiple_bugs=False)
+@given(st.integers(0, 10**6), st.sampled_from(TERRAINS), st.sampled_from([0.1, 0.02]))
 def test_the_bound_holds_until_the_next_look(seed: int, kind: str, resolution: float) -> None:
     """Bodies move, the ground moves on between maps, and new maps come."""
     rng = np.random.default_rng(seed)
