@@ -202,7 +202,7 @@ class AutoPatches:
             window, balls, self._lean[bodies], self.config,
             standing.state[bodies], standing.rings[bodies], standing.stride[bodies], standing.spare[bodies],
         )  # fmt: skip
-        self._note(bodies, choice, centres, moving.radii, geometry.yaw)
+        known = self._note(bodies, choice, centres, moving.radii, geometry.yaw)
         standing.rate[bodies], self._rise[bodies] = 0.0, rise
         standing.until[bodies] = np.inf
         if ground.velocities is not None:
@@ -213,13 +213,15 @@ class AutoPatches:
         self._where[bodies], self._since[bodies] = moving.positions_w, time
         if ground.velocities is None and not ground.holes:
             slide = np.maximum(slide, self._room(bodies, window, choice, balls, centres))
-        self._drop[bodies], self._slide[bodies] = drop, slide
         clear = choice.state == NONE
         if clear.any():
             # As much approach as there is room above all ground around.
             top = np.nan_to_num(window.heights[0, clear], nan=np.inf).max(axis=(1, 2))
             room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
-            self._drop[bodies[clear]] = np.maximum(self._drop[bodies[clear]], room)
+            drop[clear] = np.maximum(drop[clear], room)
+            known[clear] |= room > 0.0
+        # Where the ground's normal is not known, sliding may be an approach.
+        self._drop[bodies], self._slide[bodies] = drop, np.where(known, slide, np.minimum(slide, drop))
 
     def _room(self, bodies: IntArray, window: Window, choice: Choice, balls: Balls, centres: FloatArray) -> FloatArray:
         """How far bodies may slide (n,) [m] before they touch ground at rest that is not shown to lie along the plane
@@ -242,9 +244,9 @@ class AutoPatches:
         change = np.abs(rise - self._rise[bodies])
         return np.where(recent, 0.5 * ahead * ahead * np.minimum(change / np.where(recent, since, 1.0), SWERVE), 0.0)
 
-    def _note(self, bodies: IntArray, choice: Choice, centres: FloatArray, radii: FloatArray, yaw: float) -> None:
+    def _note(self, bodies: IntArray, choice: Choice, centres: FloatArray, radii: FloatArray, yaw: float) -> BoolArray:
         """Notes what was chosen for ``bodies`` (n,) at ``centres`` (n, 3) [m] of their windows, and how the ground
-        runs."""
+        runs; says for which bodies that is known (n,)."""
         standing, planes = self._standing, choice.planes_at(0)
         standing.state[bodies] = choice.state
         standing.rings[bodies], standing.stride[bodies] = choice.rings, choice.stride
@@ -252,11 +254,13 @@ class AutoPatches:
         standing.deviation[bodies], standing.facet[bodies] = choice.deviation, choice.facets
         standing.plane[bodies] = np.stack(planes, axis=1)
         offsets = foot_offset(planes, centres)
-        known = (np.einsum("ij,ij->i", offsets, offsets) < (2.0 * radii) ** 2)[:, None]  # not where there is a hole
+        near = np.asarray(np.einsum("ij,ij->i", offsets, offsets) < (2.0 * radii) ** 2)  # not where there is a hole
+        known = near[:, None]
         self._normal[bodies] = np.where(known, turned(planes.normals(), yaw), (0.0, 0.0, 1.0))
         # On curved ground the foot decides over the plane and the plane over the foot: half a step each time settles.
         lean, half = self._lean[bodies], np.where(choice.state == FACET, 1.0, 0.5)[:, None]
         self._lean[bodies] = np.where(known, lean + half * (offsets - lean), 0.0)
+        return near
 
 
 def _window(geometry: GridGeometry, size: int, ground: Collected, ahead: float) -> Window:

@@ -62,7 +62,8 @@ def facet_planes(facets: Facets, upper: IntArray, row: IntArray, column: IntArra
 
 def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
     """How far each plane may lie, vertically, from the facets where a ball can touch either (n,) [m]; infinite where a
-    hole is near. All that the balls can touch must lie in the window.
+    hole is near, or where the plane can be touched beyond the window. What of the facets the balls can touch must lie
+    in it.
 
     A bound, not an estimate: facet and plane differ by a linear function. Where the ball can touch the facet
     (within a disc around the foot of the perpendicular from the ball's middle) or the plane (likewise) it lies between
@@ -95,6 +96,9 @@ def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
         if facets.holes:
             worst[np.isnan(worst)] = 0.0
         np.maximum(deviation, worst.max(axis=(1, 2, 3)), out=deviation)
+    # The last of the two were the planes themselves.
+    aside = np.maximum(np.abs(foot_x), np.abs(foot_y)) + disc
+    deviation[(aside > 0.5 * len(places) * spacing)[:, 0, 0, 0] & (distance <= radii)[:, 0, 0, 0]] = np.inf
     if facets.holes:
         holes = np.isnan(slope_x)
         away_x = np.maximum(np.maximum(places - x, x - places - spacing), 0.0)
