@@ -14,7 +14,7 @@ from typing import Any
 from smartmesh_ros.studies.bench.machine import describe
 from smartmesh_ros.studies.chart import draw_all, draw_scene
 from smartmesh_ros.studies.configurations import configurations
-from smartmesh_ros.studies.contest import PIECES, run_scene
+from smartmesh_ros.studies.contest import PIECES, Result, run_scene
 from smartmesh_ros.studies.matrix.picture import draw_matrix, matrix_table
 from smartmesh_ros.studies.matrix.row import METHODS
 from smartmesh_ros.studies.matrix.run import run_matrix
@@ -59,23 +59,36 @@ def _save(path: Path, data: dict[str, Any]) -> None:
     path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
 
 
+def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
+    """The results of scenes that an earlier run wrote."""
+    scenes = json.loads(path.read_text()).get("scenes", {}) if path.exists() else {}
+    return {
+        scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
+        for scene, found in scenes.items()
+    }
+
+
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
+    path = images.parent.parent / "accuracy.json"
     scenes = [scene for scene in read_scenes() if scene.quick or not options.quick]
+    results: dict[str, dict[str, Result]] = {}
     if options.scenes:
+        results = _measured_before(path)
         scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
     chosen = configurations(options.quick)
     known = {configuration.name: configuration for configuration in chosen}
-    results = {}
-    parts = []
-    data["scenes"] = {}
     for scene in scenes:
         results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
         draw_scene(images / f"{scene.name}.png", scene, results[scene.name], known)
-        data["scenes"][scene.name] = {name: asdict(result) for name, result in results[scene.name].items()}
-        _save(images.parent.parent / "accuracy.json", data)
-        parts.append(
-            f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
-        )
+        data["scenes"] = {
+            name: {one: asdict(result) for one, result in found.items()} for name, found in results.items()
+        }
+        _save(path, data)
+    scenes = [scene for scene in read_scenes() if scene.name in results]
+    parts = [
+        f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
+        for scene in scenes
+    ]
     draw_all(images / "all.png", scenes, results, known)
     blocks["summary"] = summary_table(scenes, results, known)
     head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
@@ -88,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="studies", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
     parser.add_argument("--out", type=Path, help="folder to write to (docs, or out/studies with --quick)")
-    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only")
+    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only; what was measured of others stays")
     parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")

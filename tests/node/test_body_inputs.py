@@ -177,10 +177,15 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
         probe.wait_for(lambda: bodies(probe) == {"post"})
         patch_near(probe, "post", -5.0, -5.0, lambda: None)
         # One that is impossible is refused by itself.
-        bad, good = (transform(probe, "odom", "robot1/base_link", x, 0.0) for x in (math.nan, 3.0))
+        bad = transform(probe, "odom", "robot1/base_link", math.nan, 0.0)
         moving.publish(TFMessage(transforms=[*bad.transforms, *transform(probe, "map", "odom", 1.0, 1.0).transforms]))
         probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, /tf: non_finite") == "1")
-        patch_near(probe, "robot1.base_link", 4.0, 1.0, lambda: moving.publish(good))
+
+        def publish_good() -> None:  # stamped anew each time: the diagnostics may have taken longer than the time-out
+            moving.publish(transform(probe, "map", "odom", 1.0, 1.0))
+            moving.publish(transform(probe, "odom", "robot1/base_link", 3.0, 0.0))
+
+        patch_near(probe, "robot1.base_link", 4.0, 1.0, publish_good)
         assert "Traceback" not in process.output
 
 
