@@ -112,6 +112,8 @@ class Demo(Node):
         """Two dozen mixed bodies in a ring, and a wheeled robot beside them."""
         self.wait_for(lambda: "heightmap" in self._latest, "map")
         self.wait_for(self._spawner.service_is_ready, "spawn service")
+        # Without ground in the node the bodies would fall, and be found below it when it comes.
+        self.wait_for(lambda: "diagnostics" in self._latest and int(self._value("terrain", "tiles")), "map in the node")
         terrain = self.terrain()
         for index in range(BODIES):
             angle = 2.0 * math.pi * index / BODIES
@@ -127,9 +129,12 @@ class Demo(Node):
 
     def lost(self) -> int:
         """Bodies and links whose centre is below the ground, by the node's own diagnostics, or off the terrain."""
-        [bodies] = [status for status in self.latest("diagnostics").status if status.name.endswith(": bodies")]
-        values = {pair.key: pair.value for pair in bodies.values}
-        return int(values["below ground"]) + int(values["put back onto the ground"])
+        return int(self._value("bodies", "below ground")) + int(self._value("bodies", "put back onto the ground"))
+
+    def _value(self, task: str, key: str) -> str:
+        """A value of the node's diagnostics."""
+        [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
+        return next(str(pair.value) for pair in status.values if pair.key == key)
 
     def line(self) -> str:
         """How things are, in one line."""

@@ -77,6 +77,7 @@ class AutoPatches:
         self._search = search
         self._stopwatch = stopwatch
         self._standing = Standing()
+        self._time = -np.inf
         # What ground at rest gave, by tile.
         self._at_rest: dict[str, tuple[IntArray, list[PatchBatch], IntArray]] = {}
         # The ground under the body: normal in the world, offset of the body from its foot in the grid's frame [m], and
@@ -105,6 +106,10 @@ class AutoPatches:
         """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` are so near to
         the tile's edge that they need a patch that ends there (m,)."""
         bodies, standing, method = moving.bodies, self._standing, self.config.collect
+        if time < self._time:  # the clock was set anew: what holds until some time holds no more
+            self.forget(slice(None))
+            self._at_rest.clear()
+        self._time = time
         moves = heightmap.moving(time)
         rest = None if moves else self._at_rest.get(name)
         if moves:

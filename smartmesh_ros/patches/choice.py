@@ -77,7 +77,9 @@ def choose(
     covered = np.where((state == FIELD) | (state == NONE), rings * stride, 0)
     smaller = (need < covered) & (covered <= window.rings)
     roomy = smaller & (need > 0) & ((need > ROOMY * covered) | (spare < LOOKS))
-    need = np.where(_leaving(need, now, balls, state), 1, np.where(roomy, covered, need))
+    # Who is below the ground touches none of it, but has to be found there.
+    kept = _leaving(need, now, balls, state) | ((need == 0) & (now.above(balls.centres) < 0.0))
+    need = np.where(kept, 1, np.where(roomy, covered, need))
     choice = Choice(
         state=np.where(need == 0, NONE, FIELD), rings=np.where(need == 0, rings, 1),
         stride=np.where(need == 0, stride, 1), deviation=np.zeros(count), planes=planes, facets=facet,

@@ -177,3 +177,35 @@ def test_bodies_ride_on_ground_that_accelerates() -> None:
                 gaps.append(world.state("ball").position[2] - 0.2 + rise * math.cos(rate * world.time))
         # Little more than half the lag of a constant velocity, which is a T^2.
         assert np.percentile(np.abs(gaps), 95) < 0.6 * rise * rate**2 * 0.05**2
+
+
+def test_bodies_land_although_the_clock_is_set_back_while_they_fall() -> None:
+    def ground(time: float) -> np.ndarray:
+        return np.full((41, 41), 0.4 * time)
+
+    heightmap = HeightMap(ground(0.0), resolution=0.25, origin=(-5.0, -5.0))
+    with World(heightmap) as world:
+        rise = 0.0
+        for step in range(240):
+            if step == 60:
+                rise = world.time
+                world.reset_time()
+            if step % 8 == 0:
+                heightmap.replace(ground(world.time + rise), time=world.time)
+            if step == 48:
+                world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 1.1)))
+            world.step()
+        assert world.rescues == 0
+        clearance = world.state("ball").position[2] - 0.2 - float(world.terrain.at([[0.0, 0.0]], world.time).heights[0])
+        assert abs(clearance) < 0.005
+
+
+@pytest.mark.parametrize("depth", [0.5, 9.0])
+def test_the_guard_finds_bodies_far_below_the_ground(depth: float) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 0.2)))
+        world.step(10)
+        world.move("ball", BodyState((0.01, 0.02, -depth)))
+        world.step(10)
+        assert world.rescues == 1
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=0.01)
