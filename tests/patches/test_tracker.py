@@ -20,7 +20,7 @@ def tracker_for(heightmap: HeightMap, radii: list[float], config: PatchConfig | 
     return tracker
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 10**6), st.floats(-3.1, 3.1), st.sampled_from([(3, 3), (5, 9), (40, 30), (200, 150)]))
 def test_every_vertex_is_a_sample_of_the_map(seed: int, yaw: float, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)

@@ -40,7 +40,7 @@ def test_outside_and_over_holes_there_is_no_ground() -> None:
     np.testing.assert_array_equal(np.isnan(heightmap.at(points, 0.0).heights), [True, True, True, False, False])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(1, 12), st.sampled_from([(3, 3), (40, 70), (65, 64), (130, 200)]))
 def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)
