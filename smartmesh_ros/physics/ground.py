@@ -161,7 +161,7 @@ class Ground:
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
                 self._whole.update(kind, time)
-                self._applied = []
+                self._carry([], time, dt)
             else:
                 self._whole.release()
                 self._carry(batches, time, dt)
@@ -216,7 +216,7 @@ class Ground:
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
         before = {id(batch): bodies for batch, bodies in self._applied}
-        if len(batches) == len(before) and all(id(batch) in before for batch in batches):
+        if batches and len(batches) == len(before) and all(id(batch) in before for batch in batches):
             return
         supported = np.zeros(len(self.followers), bool)
         applied = []

@@ -235,3 +235,33 @@ def test_a_body_that_gets_a_colliders_old_number_is_not_haunted_by_it() -> None:
         world.configure(config("whole_trimesh"))
         world.step(240)
         assert world.state("crate").position[2] == pytest.approx(0.15, abs=3e-3)
+
+
+def colliders_near(world: World, x: float, y: float) -> int:
+    """Colliders, of patches or of the whole mesh, around a place of the ground."""
+    found = world.client.getOverlappingObjects((x - 0.3, y - 0.3, -0.5), (x + 0.3, y + 0.3, 0.5)) or ()
+    return len({uid for uid, _ in found} - {body.uid for body in world.bodies.values()})
+
+
+@pytest.mark.parametrize("kind", ["auto", "heightfield"])
+def test_no_patch_stays_under_a_body_that_stands_on_the_whole_mesh(kind: PatchKind) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.25), WorldConfig(patch=PatchConfig(kind=kind))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((5.01, 5.02, 0.2)))
+        world.step(20)
+        assert colliders_near(world, 5.01, 5.02) == 1
+        world.configure(WorldConfig(patch=PatchConfig(kind="whole_heightfield")))
+        world.step(20)
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+        assert colliders_near(world, 5.01, 5.02) == 1
+
+
+@pytest.mark.parametrize("kind", ["auto", "heightfield"])
+def test_no_patch_stays_where_a_body_was_when_others_come(kind: PatchKind) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.25), WorldConfig(patch=PatchConfig(kind=kind))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((5.01, 5.02, 0.2)))
+        world.step(20)
+        world.move("ball", BodyState((-50.0, 0.0, 5.0)))
+        world.spawn("beside", Sphere(0.2), 1.0, BodyState((-60.0, 0.0, 5.0)))
+        world.step(2)
+        assert not world.ground.batches
+        assert colliders_near(world, 5.01, 5.02) == 0
