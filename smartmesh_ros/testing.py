@@ -65,6 +65,8 @@ _OUTPUTS = {
     f"{COLLIDER}/timing": Timing,
     "/diagnostics": DiagnosticArray,
 }
+# How the diagnostics name the number of publishers of a topic.
+_PUBLISHERS = "publishers of "
 _INPUTS = {
     "heightmap": Heightmap,
     "heightmap_update": HeightmapUpdate,
@@ -169,19 +171,41 @@ class Probe:
                 messages.clear()
 
     def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Any:
-        """A publisher of messages ``kind`` on ``topic`` (a name below /terrain_collider, or a whole one) that somebody
-        subscribes to."""
+        """A publisher of messages ``kind`` on ``topic`` (a name below /terrain_collider, or a whole one) that is
+        connected with somebody, and with the collider if it listens there."""
         name = topic if topic.startswith("/") else f"{COLLIDER}/{topic}"
         publisher = self.node.create_publisher(kind, name, qos)
-        self.wait_for(publisher.get_subscription_count)
+        self.wait_for(lambda: publisher.get_subscription_count() and self._heard([publisher]))
         return publisher
 
     def connected(self) -> bool:
         """Whether the collider has met every publisher and subscription of the probe."""
         count = self.node.count_publishers
-        return all(publisher.get_subscription_count() for publisher in self.publishers.values()) and all(
-            count(topic) for topic in _OUTPUTS
+        publishers = list(self.publishers.values())
+        return (
+            all(publisher.get_subscription_count() for publisher in publishers)
+            and all(count(topic) for topic in _OUTPUTS)
+            and bool(self._counts())
+            and self._heard(publishers)
         )
+
+    def _heard(self, publishers: Sequence[Any]) -> bool:
+        """Whether the collider says that it is connected to publishers on the topics of these, as far as it listens
+        there.
+
+        That a publisher has found a subscription is not enough: until that has found the publisher too, what is
+        published without guarantee (the bodies' poses) is lost.
+        """
+        counts = self._counts()
+        return all(counts.get(_PUBLISHERS + publisher.topic_name, 1) for publisher in publishers)
+
+    def _counts(self) -> dict[str, int]:
+        """Numbers of publishers by topic in the collider's newest diagnostics, empty before the first."""
+        for message in reversed(self.received["/diagnostics"]):
+            for status in message.status:
+                if status.name.endswith(": connections"):
+                    return {pair.key: int(pair.value) for pair in status.values if pair.key.startswith(_PUBLISHERS)}
+        return {}
 
     def spin(self, seconds: float = 0.02) -> None:
         """Handles what has arrived."""

@@ -1,4 +1,4 @@
-"""``/diagnostics``: how the node is doing, once a second."""
+"""``/diagnostics``: how the node is doing, once a second and whenever a publisher comes or goes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ class Health:
     """What the diagnostics say beyond the world itself.
 
     ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
-    publishers on the topics that bring them. ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers
-    whose QoS does not fit, by topic.
+    publishers on the topics that bring them. ``publishers``: those that the node is connected to, by topic.
+    ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers whose QoS does not fit, by topic.
     """
 
     map_age: float | None
     maps: int
     map_sources: int
+    publishers: dict[str, int]
     real_time_factor: float
     deadline_misses: int
     paused: bool
@@ -115,11 +116,12 @@ def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
 
 
 def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
-    values: dict[str, Any] = {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}
+    values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in health.publishers.items()}
+    values |= {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}
     if health.rival_clocks:
         values["/clock is also published by"] = ", ".join(health.rival_clocks)
         return DiagnosticStatus.ERROR, f"silent on /clock, which {health.rival_clocks[0]} publishes", values
-    if values:
+    if health.incompatible:
         return DiagnosticStatus.WARN, f"incompatible QoS on {', '.join(health.incompatible)}", values
     return DiagnosticStatus.OK, "no incompatible QoS", values
 

@@ -89,7 +89,8 @@ SPECS = (
     Spec("raster.zero_is_hole", _RASTER.zero_is_hole, "In images and plain files zero means no ground."),
     Spec("terrain.map_depth", _D.map_depth, "Whole maps that may wait to be taken.", 1, 1000, read_only=True),
     Spec("terrain.update_depth", _D.update_depth, "Updates that may wait.", 1, 100_000, read_only=True),
-    Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone [s].", 0.01, 3600.0),
+    Spec("bodies.timeout", _D.body_timeout, "A tracked body not heard of for so long is gone; it stops "
+         "after half a second [s].", 0.01, 3600.0),
     Spec("bodies.default_radius", _D.default_radius, "Radius of tracked bodies that give none [m].", 0.001, 100.0),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
     Spec("bodies.most", _D.most_bodies, "Tracked and simulated bodies there may be; more are refused.", 1, 1_000_000),

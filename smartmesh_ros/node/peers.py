@@ -1,4 +1,4 @@
-"""Who is on the other end of the node's topics, and cannot be talked to."""
+"""Who is on the other end of the node's topics, and who of them cannot be talked to."""
 
 from __future__ import annotations
 
@@ -35,6 +35,11 @@ def incompatible_peers(node: Node, subscriptions: Iterable[Any], publishers: Ite
                 [(peer, mine, peer) for peer in node.get_subscriptions_info_by_topic(topic) for mine in ours],
             )
     return {topic: "; ".join(peers) for topic, peers in found.items()}
+
+
+def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
+    """How many publishers the subscriptions are connected to, by topic."""
+    return {endpoint.topic_name: endpoint.get_publisher_count() for endpoint in subscriptions}
 
 
 def _of(endpoints: list[Any], node: tuple[str, str]) -> list[Any]:

@@ -24,7 +24,7 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.clock_publishing import ClockPublishing
-from smartmesh_ros.node.peers import incompatible_peers
+from smartmesh_ros.node.peers import incompatible_peers, publishers_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import simulated_states
 
@@ -32,6 +32,8 @@ from smartmesh_ros.physics.states import simulated_states
 ALL_PATCHES_PERIOD = 5.0
 # So long after a subscriber was found it may not have found the node, and hear nothing [s].
 JOINING = 1.0
+# Diagnostics come so often, and so soon after a publisher came or went [s].
+DIAGNOSTICS_PERIOD, NOTICING = 1.0, 0.1
 RELIABLE = QoSProfile(depth=10)
 
 
@@ -110,7 +112,8 @@ class Publishing:
             name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
             for place, name in enumerate(self._outputs)
         }
-        self._diagnostics_due = 0.0
+        self._diagnostics_due, self._connections_due = 0.0, 0.0
+        self._connections: dict[str, int] = {}
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
         self._refused_before = 0
@@ -131,9 +134,14 @@ class Publishing:
                         for message in made if isinstance(made, list) else [made]:
                             output.publisher.publish(message)
         self._clock.publish(time)
-        if time >= self._diagnostics_due:
-            self._diagnostics_due = time + 1.0
+        if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
+            self._diagnostics_due = time + DIAGNOSTICS_PERIOD
             self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def _connections_changed(self) -> bool:
+        self._connections_due = monotonic() + NOTICING
+        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
+        return self._connections != before
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
         return _Output(self._node.create_publisher(kind, topic, self._qos), make)
@@ -199,6 +207,7 @@ class Publishing:
             deadline_misses=session.pacer.misses,
             paused=session.paused,
             refusals=session.refusals.counts,
+            publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             incompatible=incompatible_peers(
                 self._node, session.subscriptions, [output.publisher for output in self._outputs.values()]

@@ -167,18 +167,19 @@ def _grid_vertices(
     return vertices
 
 
-def grid_twist(fit: FloatArray, spacing: FloatArray, yaw: float, twist: FloatArray) -> None:
-    """Fills the ``twist`` (2, n, 3) of rigid patches from the fit of their velocities (n, 3): at the centre, per row
-    and per column.
+def plane_twist(heightmap: HeightMap, rates: FloatArray) -> FloatArray:
+    """Velocity of planes at the middles of their windows, and their turning (2, n, 3) [m/s, rad/s], from how their
+    coefficients (height, slope along x, slope along y) change a second (n, 3).
 
-    A point at (x, y) of a patch that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
+    A point at (x, y) of a plane that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
     """
+    twist = np.zeros((2, len(rates), 3))
     linear, angular = twist
-    linear[:, 2] = fit[:, 0]
-    per_row, per_column = fit[:, 1] / spacing, fit[:, 2] / spacing
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    angular[:, 0] = per_column * sin + per_row * cos
-    angular[:, 1] = per_row * sin - per_column * cos
+    linear[:, :2], linear[:, 2] = heightmap.slide_w, rates[:, 0]
+    cos, sin = math.cos(heightmap.geometry.yaw), math.sin(heightmap.geometry.yaw)
+    angular[:, 0] = rates[:, 1] * sin + rates[:, 2] * cos
+    angular[:, 1] = rates[:, 2] * sin - rates[:, 1] * cos
+    return twist
 
 
 def mesh_twist(offsets: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:

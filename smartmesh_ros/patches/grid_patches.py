@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from smartmesh_ros.patches.auto import AutoPatches, Moving
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, grid_twist
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
@@ -142,9 +142,8 @@ def twist_under(
     where the velocity is curved: a body would sink into the crest of a wave.
     """
     count = len(stride)
-    twist = np.zeros((2, count, 3))
     if ground.velocities is None:
-        return twist
+        return np.zeros((2, count, 3))
     side = math.isqrt(ground.velocities.shape[1])
     middle = slice(side // 2 - 1, side // 2 + 2)
     nine = ground.velocities.reshape(1, count, side, side)[:, :, middle, middle]
@@ -152,7 +151,5 @@ def twist_under(
     under = facet_index(facets, (grid[:, 1] - cells.columns) / stride, (grid[:, 0] - cells.rows) / stride)
     rates = facet_planes(facets, *under)
     spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
-    fit = np.stack([rates.height, rates.slope_y, rates.slope_x], axis=1)
-    grid_twist(np.nan_to_num(fit), spacing, heightmap.geometry.yaw, twist)
-    twist[0, :, :2] = heightmap.slide_w
-    return twist
+    coefficients = np.stack([rates.height, rates.slope_x / spacing, rates.slope_y / spacing], axis=1)
+    return plane_twist(heightmap, np.nan_to_num(coefficients))

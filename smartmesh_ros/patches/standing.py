@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, grid_twist
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, UNDECIDED
 from smartmesh_ros.patches.collect import CollectMethod
@@ -146,11 +146,9 @@ class Standing:
 
     def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
         """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""
-        twist = np.zeros((2, len(bodies), 3))
-        if heightmap.moving(time):
-            grid_twist(self.rate[bodies][:, [0, 2, 1]], np.ones(1), heightmap.geometry.yaw, twist)
-            twist[0, :, :2] = heightmap.slide_w
-        return twist
+        if not heightmap.moving(time):
+            return np.zeros((2, len(bodies), 3))
+        return plane_twist(heightmap, self.rate[bodies])
 
     def _ground(
         self, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float

@@ -15,8 +15,8 @@ class PatchTemplate:
 
     ``rows``, ``columns``: offsets of the samples from the centre (K,), row by row, in units of the stride.
     ``triangles``: corners of its triangles (T, 3), counter-clockwise from above.
-    ``fit``: (K, 3) so that ``velocities @ fit`` is the velocity at the centre and its slope per row and per column of
-    the patch, by least squares weighted towards the centre, where the body is.
+    ``fit``: (K, 3) so that ``samples @ fit`` is the plane through samples: its value at the centre and its slopes per
+    row and per column of the patch, by least squares weighted towards the centre, where the body is.
     """
 
     rings: int

@@ -35,8 +35,6 @@ NEAR = 1.5
 RESTING = 0.002
 # A body deeper than this leaves the ground no faster than that [m, m/s].
 DEEP, FASTEST_ESCAPE = 0.01, 1.0
-
-
 # Where the ground under a ball is sampled, in radii (33, 2).
 _TURNS = np.arange(8) * 0.25 * math.pi
 _CIRCLE = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -61,10 +59,6 @@ class Approach(NamedTuple):
             self.bodies[rows], self.distance[rows], self.closing[rows], self.normals_w[rows], self.ground_w[rows],
             self.paths[rows],
         )  # fmt: skip
-
-    def direction(self, row: int) -> tuple[FloatArray, FloatArray]:
-        """The ground's normal and the path of one body (3,)."""
-        return self.normals_w[row], self.paths[row]
 
 
 class Radii(NamedTuple):
@@ -167,7 +161,8 @@ def slow_down(
     goes_far = np.einsum("ij,ij->i", approach.paths, approach.paths) > (FAR * outer) ** 2
     approach = approach.of(lands | goes_far)
     for row, index in enumerate(approach.bodies.tolist()):
-        body, closing, normal, path = bodies[index], float(approach.closing[row]), *approach.direction(row)
+        body, closing = bodies[index], float(approach.closing[row])
+        normal, path = approach.normals_w[row], approach.paths[row]
         assert body is not None
         assert body.shape is not None
         change = np.zeros(3)

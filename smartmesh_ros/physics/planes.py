@@ -124,8 +124,7 @@ class Planes:
         if size:
             follower, box = self._followers[index], int(self._boxes[index])
             self._pairs.part(box, follower.body, follower.link)
-            self._client.resetBasePositionAndOrientation(box, [box * _PARK_STEP, 0.0, _PARK_DEPTH], [0, 0, 0, 1])
-            self._client.resetBaseVelocity(box, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            self.put_away(np.array([index]))
             self._free[size].append(box)
             self._sizes[index] = 0.0
             follower.collider = None

@@ -12,7 +12,7 @@ from smartmesh_ros.physics.state import BodyState, Quaternion, Vector
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.grid import FloatArray
 
-# Poses further apart than this say nothing about velocity [s].
+# Poses further apart than this say nothing about velocity, and a body goes no farther without another pose [s].
 LONGEST_INTERVAL = 0.5
 
 
@@ -20,6 +20,7 @@ LONGEST_INTERVAL = 0.5
 class _Seen:
     state: BodyState
     time: float
+    moving: bool
 
 
 class Tracking:
@@ -46,7 +47,7 @@ class Tracking:
                 if max(map(abs, linear)) <= FASTEST and max(map(abs, angular)) <= FASTEST_SPIN:  # else it has jumped
                     dictated = replace(state, linear=linear, angular=angular)
         self._world.track(name, radius, dictated)
-        self._seen[name] = _Seen(state, time)
+        self._seen[name] = _Seen(state, time, any(dictated.linear) or any(dictated.angular))
 
     def forget(self, name: str) -> None:
         """Takes a tracked body out of the world."""
@@ -54,7 +55,13 @@ class Tracking:
             self._world.remove(name)
 
     def expire(self, time: float) -> list[str]:
-        """Takes out the bodies that were not heard of for the time-out; returns their names."""
+        """Takes out the bodies that were not heard of for the time-out; returns their names. Those that were not heard
+        of for a while, but may still be, stop where they are."""
+        for name, seen in self._seen.items():
+            if seen.moving and time - seen.time > LONGEST_INTERVAL and name in self._world.bodies:
+                state = self._world.state(name)
+                self._world.track(name, self._world.bodies[name].radius, BodyState(state.position, state.orientation))
+                seen.moving = False
         gone = [name for name, seen in self._seen.items() if time - seen.time > self.timeout]
         for name in gone:
             self.forget(name)

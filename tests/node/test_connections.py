@@ -48,7 +48,13 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
     with probe.running():
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
         with stubborn_process():
-            values = probe.wait_for(lambda: len(v := probe.diagnostics("connections")) == 3 and v)
+            values = probe.wait_for(
+                lambda: (
+                    "incompatible QoS on" in (v := probe.diagnostics("connections"))["message"]
+                    and sum(key.startswith("incompatible QoS on") for key in v) == 2
+                    and v
+                )
+            )
             maps = values[f"incompatible QoS on {COLLIDER}/heightmap"]
             assert "/stubborn" in maps
             assert "reliable" in maps

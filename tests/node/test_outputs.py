@@ -176,6 +176,14 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
     assert_same(mine, received)
 
 
+def changing_batches(turn: int, holes: bool, rng: np.random.Generator) -> list[PatchBatch]:
+    """Patches of twenty bodies that change their sizes now and then, or move and lose some of them."""
+    batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
+    if turn % 3 == 0:
+        batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+    return batches
+
+
 @pytest.mark.parametrize("holes", [False, True])
 def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
     """A viewer that keeps markers by id sees after each incremental message what a full one would show it."""
@@ -185,9 +193,7 @@ def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
     rng = np.random.default_rng(3)
     sizes = []
     for turn in range(12):
-        batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
-        if turn % 3 == 0:
-            batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+        batches = changing_batches(turn, holes, rng)
         message = deserialize_message(writer.write(HEADER, batches, names, only_changed=turn != 5), MarkerArray)
         sizes.append(len(message.markers))
         for marker in message.markers:
@@ -210,9 +216,7 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
     rng = np.random.default_rng(3)
     sizes = []
     for turn in range(16):
-        batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
-        if turn % 3 == 0:
-            batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+        batches = changing_batches(turn, holes, rng)
         if turn % 5 == 1:  # alike in shape, and of another speed or precision
             batches = [replace(batch, linear_w=batch.linear_w + rng.normal()) for batch in batches]
         if turn % 5 == 2:

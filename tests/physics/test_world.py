@@ -173,6 +173,22 @@ def test_tracking_estimates_velocity_and_forgets_what_it_does_not_hear_of(world:
     assert world.bodies == {}
 
 
+def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
+    """However long its time-out is: its last velocity says nothing about so much later."""
+    tracking = Tracking(world, timeout=60.0)
+    tracking.update("rover", 0.3, BodyState((0.0, 0.0, 0.3), linear=(0.5, 0.0, 0.0)), 10.0)
+    places = []
+    for step in range(480):
+        assert tracking.expire(10.0 + step / 240.0) == []
+        world.step()
+        places.append(world.state("rover").position[0])
+    assert places[-1] == pytest.approx(0.25, abs=0.005)
+    assert world.state("rover").linear == (0.0, 0.0, 0.0)
+    tracking.update("rover", 0.3, BodyState((1.0, 0.0, 0.3), linear=(0.5, 0.0, 0.0)), 12.0)
+    world.step(24)
+    assert world.state("rover").position[0] == pytest.approx(1.05, abs=0.005)
+
+
 def test_reset_puts_bodies_back_and_the_time_to_zero(world: World) -> None:
     start = BodyState((0.0, 0.0, 1.0), linear=(1.0, 0.0, 0.0))
     world.spawn("ball", Sphere(0.2), 1.0, start)

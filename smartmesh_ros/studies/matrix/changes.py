@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.studies.matrix.arena import Arena, square
 from smartmesh_ros.studies.matrix.row import Row
@@ -91,33 +93,39 @@ def teleports(method: PatchConfig) -> float:
         return 1e3 * worst
 
 
-def maps_change(method: PatchConfig) -> float:
-    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
+def _disturbed(method: PatchConfig, changes: Iterable[Callable[[Arena], None]], steps: int) -> float:
+    """Largest rise or fall [mm] of a box at rest while changes are made, so many ``steps`` after each other."""
     with Arena(method) as arena:
         arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
         arena.settle(1.0)
         before, worst = arena.positions()[0, 2], 0.0
-        for size, resolution in ((101, 0.1), (41, 0.3), (151, 0.05), (31, 0.5)):
-            level = HeightMap(np.zeros((size, size)), geometry=square(size, resolution), time=arena.world.time)
-            arena.world.terrain.put("", level)
-            for _ in range(30):
-                arena.world.step()
+        for change in changes:
+            change(arena)
+            for _ in arena.run(steps / 240.0):
                 worst = max(worst, abs(arena.positions()[0, 2] - before))
         return 1e3 * worst
+
+
+def maps_change(method: PatchConfig) -> float:
+    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
+
+    def put(arena: Arena, size: int, resolution: float) -> None:
+        level = HeightMap(np.zeros((size, size)), geometry=square(size, resolution), time=arena.world.time)
+        arena.world.terrain.put("", level)
+
+    maps = ((101, 0.1), (41, 0.3), (151, 0.05), (31, 0.5))
+    return _disturbed(method, [partial(put, size=size, resolution=resolution) for size, resolution in maps], 30)
 
 
 def kinds_change(method: PatchConfig) -> float:
     """Largest rise or fall [mm] of a box at rest while its collider changes to others and back."""
-    with Arena(method) as arena:
-        arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
-        arena.settle(1.0)
-        before, worst = arena.positions()[0, 2], 0.0
-        for kind in ("heightfield", None, "trimesh", None, "prisms", None, "auto", None):
-            other = method if kind is None else replace(method, kind=kind)
-            arena.world.configure(replace(arena.world.config, patch=other))
-            for _ in arena.run(20 / 240.0):
-                worst = max(worst, abs(arena.positions()[0, 2] - before))
-        return 1e3 * worst
+
+    def configure(arena: Arena, patch: PatchConfig) -> None:
+        arena.world.configure(replace(arena.world.config, patch=patch))
+
+    kinds: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "auto")
+    patches = [patch for kind in kinds for patch in (replace(method, kind=kind), method)]
+    return _disturbed(method, [partial(configure, patch=patch) for patch in patches], 20)
 
 
 def sinks_beside(method: PatchConfig) -> float:
