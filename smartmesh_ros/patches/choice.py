@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.facets import Facets, facet_deviation, facet_index, facet_planes, facets_of
+from smartmesh_ros.patches.facets import facet_deviation, facets_of
 from smartmesh_ros.patches.grid_window import SIZES, Balls, Window
-from smartmesh_ros.patches.planes import Planes, fitted_planes, near_deviation, rings_touched
+from smartmesh_ros.patches.planes import ALL_NINE, Planes, facet_under, near_deviation, planes_through, rings_touched
 from smartmesh_ros.patches.strides import HYSTERESIS, cheapest_extents
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
@@ -33,8 +33,8 @@ SMALL_WINDOW = 2
 class Choice:
     """What n bodies get, shapes (n,): what to stand on (see above), rings and stride of the patch, how far it lies from
     the mesh where the body can touch it, at most [m]; a plane along the ground under the body at each of t instants,
-    one after the other (t n,); which facet it is (n, 3), as by `facet_index` in a window of one ring, -1 = none but a
-    plane fitted to many; for how many looks on end a smaller patch would have done (n,)."""
+    one after the other (t n,); which facet it is (n,), as by `facet_under`, or `ALL_NINE`; for how many looks on end a
+    smaller patch would have done (n,)."""
 
     state: IntArray
     rings: IntArray
@@ -67,11 +67,8 @@ def choose(
     share of the tolerance [m], so that no body changes back and forth.
     """
     count = len(state)
-    ones, facets = np.ones(count, np.int64), None
-    if window.rings <= SMALL_WINDOW:
-        facets, facet, planes = _facets_under(window, balls, lean)
-    else:
-        facet, planes = np.full((count, 3), -1), _fits_under(window, balls)
+    small = window.rings <= SMALL_WINDOW
+    facet, planes = _facets_under(window, balls, lean) if small else _fits_under(window, balls)
     now = planes.of(slice(count))
     need = rings_touched(window, now, balls)
     covered = np.where((state == FIELD) | (state == NONE), rings * stride, 0)
@@ -87,15 +84,15 @@ def choose(
     )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
-    planar = window.instants == 1 or window.rings > SMALL_WINDOW or config.kind == "plane"
+    planar = window.instants == 1 or not small or config.kind == "plane"
     if few.size and planar:
-        if facets is None:
-            facets, choice.facets[few], under = _facets_under(window.inner(few, FACET_RINGS), balls.of(few), lean[few])
+        inner, touching = window.inner(few, FACET_RINGS), balls.of(few)
+        if small:
+            under = planes.of(_repeated(few, count, window.instants))
         else:
-            repeated = _repeated(few, count, window.instants)
-            facets, under = facets.of(repeated), planes.of(repeated)
-        deviation = facet_deviation(facets, under, balls.of(few).repeated(window.instants))
-        _take_planes(choice, few, window, under, deviation, limit, FACET, ones[few])
+            choice.facets[few], under = _facets_under(inner, touching, lean[few])
+        deviation = facet_deviation(facets_of(inner), under, touching.repeated(window.instants))
+        _take_planes(choice, few, window, under, deviation, limit, FACET, np.ones_like(few))
     if few.size < count:
         many = np.flatnonzero(need > FACET_RINGS)
         sizes = SIZES[np.searchsorted(SIZES, need[many])]
@@ -115,29 +112,29 @@ def _leaving(need: IntArray, planes: Planes, balls: Balls, state: IntArray) -> B
     return np.asarray((need == 0) & (state > NONE) & (distance <= balls.radii + LEAVING))
 
 
-def _facets_under(window: Window, balls: Balls, lean: FloatArray) -> tuple[Facets, IntArray, Planes]:
-    """The facets around the middles of windows, which of them (n, 3) the bodies stand on, and its planes (t n,)."""
-    count = len(balls.radii)
-    facets = facets_of(window.inner(np.arange(count), FACET_RINGS))
-    now = facets if window.instants == 1 else facets.of(slice(count))
-    foot = balls.centres[:, :2] - lean
-    planes = facet_planes(now, *facet_index(now, foot[:, 0], foot[:, 1]))
+def _facets_under(window: Window, balls: Balls, lean: FloatArray) -> tuple[IntArray, Planes]:
+    """Which of the facets around the middles of windows the bodies stand on (n,), and its planes (t n,)."""
+    count, resolution = len(balls.radii), window.resolution
+    nine = window.inner(np.arange(count), FACET_RINGS).heights.reshape(window.instants, count, 9)
+    foot = (balls.centres[:, :2] - lean) / resolution
+    which = facet_under(foot[:, 0], foot[:, 1])
+    planes = _as_planes(planes_through(nine[0], which, resolution, holes=window.holes))
     # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
     offset = foot_offset(planes, balls.centres)
-    foot = balls.centres[:, :2] - (np.nan_to_num(offset) if window.holes else offset)
-    facet = np.stack(facet_index(now, foot[:, 0], foot[:, 1]))
-    planes = facet_planes(facets, *np.concatenate([facet] * window.instants, axis=1))
+    foot = (balls.centres[:, :2] - (np.nan_to_num(offset) if window.holes else offset)) / resolution
+    which = facet_under(foot[:, 0], foot[:, 1])
+    planes = _as_planes(planes_through(nine, which, resolution, holes=window.holes))
     _fill_holes(planes, window, balls)
-    return facets, facet.T, planes
+    return which, planes
 
 
-def _fits_under(window: Window, balls: Balls) -> Planes:
-    """Planes (t n,) fitted to the ground around the middles of windows."""
+def _fits_under(window: Window, balls: Balls) -> tuple[IntArray, Planes]:
+    """Planes (t n,) fitted to the ground around the middles of windows; they are no facets'."""
     # From the body's size alone: what a plane leads to must not lead to another plane.
     stride = np.minimum((0.25 * balls.radii / window.resolution).astype(np.int64) + 1, window.rings)
     planes = _fitted(window, stride)
     _fill_holes(planes, window, balls)
-    return planes
+    return np.full(len(stride), ALL_NINE), planes
 
 
 def _fill_holes(planes: Planes, window: Window, balls: Balls) -> None:
@@ -198,5 +195,11 @@ def _fitted(window: Window, stride: IntArray) -> Planes:
     """Planes (t n,) through the 3 x 3 samples that are ``stride`` (n,) samples apart around the middle of windows."""
     step = window.rings + stride[:, None] * np.array([-1, 0, 1])
     body = np.arange(len(stride))[:, None, None]
-    nine = window.heights[:, body, step[:, :, None], step[:, None, :]].reshape(-1, 9)
-    return fitted_planes(nine, np.concatenate([stride] * window.instants) * window.resolution)
+    nine = window.heights[:, body, step[:, :, None], step[:, None, :]].reshape(window.instants, -1, 9)
+    all_nine = np.full(len(stride), ALL_NINE)
+    return _as_planes(planes_through(nine, all_nine, stride * window.resolution, holes=window.holes))
+
+
+def _as_planes(coefficients: FloatArray) -> Planes:
+    """Planes (t n,) from their coefficients (..., n, 3)."""
+    return Planes(*np.ascontiguousarray(coefficients.reshape(-1, 3).T))

@@ -42,24 +42,6 @@ def facets_of(window: Window) -> Facets:
     return Facets(slope_x, slope_y, z[:, :-1, :-1], window.places()[:-1], window.resolution, window.holes)
 
 
-def facet_index(facets: Facets, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The facet under each of n points (n,) [m]: which of its cell's two, row and column of the cell (n,); points
-    outside the window get the nearest cell's."""
-    cells = len(facets.places)
-    u, v = x / facets.resolution + cells // 2, y / facets.resolution + cells // 2
-    column: IntArray = np.clip(np.floor(u), 0, cells - 1).astype(np.int64)
-    row: IntArray = np.clip(np.floor(v), 0, cells - 1).astype(np.int64)
-    return (v - row > u - column).astype(np.int64), row, column
-
-
-def facet_planes(facets: Facets, upper: IntArray, row: IntArray, column: IntArray) -> Planes:
-    """The planes of facets given as by `facet_index`."""
-    body = np.arange(len(row))
-    slope_x, slope_y = facets.slope_x[body, upper, row, column], facets.slope_y[body, upper, row, column]
-    height = facets.corner[body, row, column] - slope_x * facets.places[column] - slope_y * facets.places[row]
-    return Planes(height, slope_x, slope_y)
-
-
 def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
     """How far each plane may lie, vertically, from the facets where a ball can touch either (n,) [m]; infinite where a
     hole is near, or where the plane can be touched beyond the window. What of the facets the balls can touch must lie

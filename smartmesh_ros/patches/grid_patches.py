@@ -11,10 +11,9 @@ from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
-from smartmesh_ros.patches.facets import facet_index, facet_planes, facets_of
 from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
-from smartmesh_ros.patches.grid_window import Window
+from smartmesh_ros.patches.planes import facet_under, planes_through
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
@@ -144,12 +143,10 @@ def twist_under(
     count = len(stride)
     if ground.velocities is None:
         return np.zeros((2, count, 3))
-    side = math.isqrt(ground.velocities.shape[1])
-    middle = slice(side // 2 - 1, side // 2 + 2)
-    nine = ground.velocities.reshape(1, count, side, side)[:, :, middle, middle]
-    facets = facets_of(Window(heights=nine, rings=1, resolution=1.0))
-    under = facet_index(facets, (grid[:, 1] - cells.columns) / stride, (grid[:, 0] - cells.rows) / stride)
-    rates = facet_planes(facets, *under)
-    spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
-    coefficients = np.stack([rates.height, rates.slope_x / spacing, rates.slope_y / spacing], axis=1)
-    return plane_twist(heightmap, np.nan_to_num(coefficients))
+    nine, side = ground.velocities, math.isqrt(ground.velocities.shape[1])
+    if side > 3:
+        middle = slice(side // 2 - 1, side // 2 + 2)
+        nine = nine.reshape(count, side, side)[:, middle, middle].reshape(count, 9)
+    under = facet_under((grid[:, 1] - cells.columns) / stride, (grid[:, 0] - cells.rows) / stride)
+    rates = planes_through(nine, under, stride * heightmap.geometry.resolution, holes=False)
+    return plane_twist(heightmap, rates)

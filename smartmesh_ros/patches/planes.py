@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smartmesh_ros.patches.grid_window import Balls, Window
 from smartmesh_ros.patches.template import patch_template
@@ -39,13 +40,48 @@ class Planes(NamedTuple):
         return above
 
 
-def fitted_planes(samples: FloatArray, spacing: FloatArray) -> Planes:
-    """Planes through 3 x 3 samples (n, 9) [m] that are ``spacing`` (n,) [m] apart, by weighted least squares.
+def facet_under(u: FloatArray, v: FloatArray) -> IntArray:
+    """Which of the eight facets of 3 x 3 samples lies under points ``u`` columns and ``v`` rows from the middle (n,):
+    4 if it is above its cell's diagonal, and 2 and 1 if its cell is that of the later row and column. Points beyond
+    the samples get the nearest cell's."""
+    column, row = u >= 0.0, v >= 0.0
+    return np.asarray(4 * (v - row > u - column) + 2 * row + column)
+
+
+def planes_through(samples: FloatArray, which: IntArray, spacing: ArrayLike, *, holes: bool) -> FloatArray:
+    """Coefficients (..., n, 3) - height at the middle, slopes along x and y - of planes through 3 x 3 ``samples``
+    (..., n, 9) [m] that are ``spacing`` (n,) [m] apart: through the facets ``which`` (n,), as by `facet_under`, or
+    `ALL_NINE`. With ``holes``, samples may be NaN.
 
     Linear in the samples: velocities give the velocity of the plane.
     """
-    fit = samples @ patch_template(1).fit
-    return Planes(fit[:, 0], fit[:, 2] / spacing, fit[:, 1] / spacing)
+    weights = _WEIGHTS[which]
+    planes: FloatArray = np.einsum("...nk,nkc->...nc", np.nan_to_num(samples) if holes else samples, weights)
+    planes[..., 1:] /= np.reshape(spacing, (-1, 1))
+    if holes:
+        planes[np.einsum("...nk,nk->...n", np.isnan(samples), weights.any(axis=2)).astype(bool)] = np.nan
+    return planes
+
+
+def _plane_weights() -> FloatArray:
+    """Weights (9, 9, 3) of 3 x 3 samples in the planes through each facet and through all: height at the middle, and
+    how much higher a column and a row further on."""
+    weights = np.zeros((9, 3, 3, 3))
+    for facet in range(8):
+        upper, row, column = facet >> 2, facet >> 1 & 1, facet & 1
+        along, across = row + upper, column + 1 - upper  # the row and column where both slopes are seen
+        weights[facet, along, column : column + 2, 1] = -1.0, 1.0
+        weights[facet, row : row + 2, across, 2] = -1.0, 1.0
+        weights[facet, row, column, 0] = 1.0
+        # From the cell's first sample on to the middle.
+        weights[facet, ..., 0] += (1 - column) * weights[facet, ..., 1] + (1 - row) * weights[facet, ..., 2]
+    weights[ALL_NINE] = patch_template(1).fit[:, [0, 2, 1]].reshape(3, 3, 3)
+    return weights.reshape(9, 9, 3)
+
+
+# In the place of a facet's number: a plane fitted to all of 3 x 3 samples, by weighted least squares.
+ALL_NINE = 8
+_WEIGHTS = _plane_weights()
 
 
 def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:

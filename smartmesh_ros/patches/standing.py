@@ -10,13 +10,11 @@ from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, plane
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, UNDECIDED
 from smartmesh_ros.patches.collect import CollectMethod
-from smartmesh_ros.patches.facets import facet_planes, facets_of
 from smartmesh_ros.patches.grid_collect import collect_inside
-from smartmesh_ros.patches.grid_window import Window
-from smartmesh_ros.patches.planes import Planes, fitted_planes
+from smartmesh_ros.patches.planes import ALL_NINE, Planes, planes_through
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A plane that a new map puts further than this from where it was expected is looked at again [m].
@@ -31,7 +29,7 @@ _FILLS = {
     "stride": 0,
     "spare": 0,
     "deviation": np.nan,
-    "facet": 0,
+    "facet": ALL_NINE,
     "plane": 0.0,
     "rate": 0.0,
     "read_at": 0.0,
@@ -45,10 +43,9 @@ class Standing:
 
     ``state``: which, by the numbers in `choice`. The patch: its middle sample by ``rows`` and ``columns``, that one's
     place ``middles_w`` (N, 2) [m], ``rings``, ``stride``, for how many looks a smaller one would have done (``spare``)
-    and ``deviation`` from the mesh [m]. ``facet`` (N, 3): upper or lower, row and column of its cell by the middle
-    sample, -1 = none. ``plane``, ``rate`` (N, 3): coefficients of a plane along the ground in the frame of the middle
-    sample and how they change a second, as read at ``read_at`` [s] from version ``read_from`` of the map. ``until``
-    [s]: when to look again.
+    and ``deviation`` from the mesh [m]. ``facet``: that under the body, as by `facet_under`, or `ALL_NINE`. ``plane``,
+    ``rate`` (N, 3): coefficients of a plane along the ground in the frame of the middle sample and how they change a
+    second, as read at ``read_at`` [s] from version ``read_from`` of the map. ``until`` [s]: when to look again.
     """
 
     def __init__(self) -> None:
@@ -58,7 +55,7 @@ class Standing:
         self.rings, self.stride = np.empty(0, np.int64), np.empty(0, np.int64)
         self.spare = np.empty(0, np.int64)
         self.deviation = np.empty(0)
-        self.facet = np.empty((0, 3), np.int64)
+        self.facet = np.empty(0, np.int64)
         self.plane, self.rate = np.empty((0, 3)), np.empty((0, 3))
         self.read_at, self.read_from = np.empty(0), np.empty(0, np.int64)
         self.until = np.empty(0)
@@ -83,17 +80,16 @@ class Standing:
         bodies = bodies[stale]
         cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
         ground = collect_inside(heightmap, patch_template(1), cells, stride, time, method)
-        resolution = heightmap.geometry.resolution
-        facets = self.facet[bodies]
-        fitted = (state[stale] == FITTED) | (facets[:, 0] < 0)
-        planes = _planes_of(ground.heights, fitted, facets, stride, resolution)
+        which = np.where(state[stale] == FITTED, ALL_NINE, self.facet[bodies])
+        spacing = stride * heightmap.geometry.resolution
+        planes = planes_through(ground.heights, which, spacing, holes=ground.holes)
         expected = self.plane[bodies] + self.rate[bodies] * (time - self.read_at[bodies])[:, None]
         # Not so either where a hole came up.
         jumped = ~(np.abs(planes[:, 0] - expected[:, 0]) <= JUMP)
         self.plane[bodies], self.read_at[bodies], self.read_from[bodies] = planes, time, heightmap.version
         self.rate[bodies] = 0.0
         if ground.velocities is not None:
-            self.rate[bodies] = _planes_of(ground.velocities, fitted, facets, stride, resolution)
+            self.rate[bodies] = planes_through(ground.velocities, which, spacing, holes=False)
         if jumped.any():
             self.until[bodies[jumped]] = -np.inf
 
@@ -163,21 +159,6 @@ class Standing:
         normals_w = turned(Planes(*plane.T).normals(), heightmap.geometry.yaw)
         above = np.einsum("ij,ij->i", positions_w - centres_w, normals_w)
         return centres_w, positions_w - above[:, None] * normals_w, normals_w
-
-
-def _planes_of(
-    samples: FloatArray, fitted: BoolArray, facets: IntArray, stride: IntArray, resolution: float
-) -> FloatArray:
-    """Planes (n, 3) through 3 x 3 ``samples`` (n, 9), fitted to all of them or those of ``facets`` (n, 3)."""
-    planes = np.empty((len(samples), 3))
-    spacing: FloatArray = np.multiply(stride, resolution, dtype=np.float64)
-    if fitted.any():
-        planes[fitted] = np.stack(fitted_planes(samples[fitted], spacing[fitted]), axis=1)
-    single = ~fitted
-    if single.any():
-        window = Window(heights=samples[single].reshape(1, -1, 3, 3), rings=1, resolution=resolution)
-        planes[single] = np.stack(facet_planes(facets_of(window), *facets[single].T), axis=1)
-    return planes
 
 
 def turned(vectors: FloatArray, yaw: float) -> FloatArray:

@@ -39,6 +39,22 @@ class BulletCalls:
         linear: tuple[float, float, float] = pb.getBaseVelocity(body, self._client)[0]
         return linear
 
+    def orientation(self, body: int) -> tuple[float, float, float, float]:
+        """Orientation (x, y, z, w) of a body."""
+        turn: tuple[float, float, float, float] = pb.getBasePositionAndOrientation(body, self._client)[1]
+        return turn
+
+    def add_velocities(self, bodies: list[int], changes: list[list[float]]) -> list[list[float]]:
+        """Changes the linear velocities of bodies by so much; returns what they are then, three numbers each [m/s]."""
+        get, reset, client = pb.getBaseVelocity, pb.resetBaseVelocity, self._client
+        found = []
+        for body, (x, y, z) in zip(bodies, changes, strict=True):
+            (u, v, w), angular = get(body, client)
+            linear = [u + x, v + y, w + z]
+            reset(body, linear, angular, client)
+            found.append(linear)
+        return found
+
     def set_velocities(self, bodies: list[int], twists: list[list[float]]) -> None:
         """Gives bodies their linear and angular velocities, six numbers each [m/s, rad/s]."""
         reset, client = pb.resetBaseVelocity, self._client

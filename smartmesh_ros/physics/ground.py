@@ -74,7 +74,7 @@ class Ground:
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._positions = np.empty((0, 3))
         self._moved = np.empty((0, 3))
-        self._told: dict[int, FloatArray] = {}
+        self._told: list[tuple[list[int], FloatArray]] = []
         self._placed: set[int] = set()
         self._solid = np.empty(0, bool)
         self._radii = np.empty(0)
@@ -97,9 +97,9 @@ class Ground:
         """How far the followers moved in the last step (N, 3) [m]."""
         return self._moved
 
-    def will_move(self, index: int, moved_w: FloatArray) -> None:
-        """Says how far a follower will move in the next step (3,) [m] where the last one does not tell."""
-        self._told[index] = moved_w
+    def will_move(self, indices: list[int], moved_w: FloatArray) -> None:
+        """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
+        self._told.append((indices, moved_w))
 
     def placed(self, body: int | None = None) -> None:
         """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
@@ -200,8 +200,8 @@ class Ground:
     def _motion(self, positions: FloatArray, dt: float) -> FloatArray:
         """How far bodies will move in a step: as far as in the last one, or as their velocity says if they are new."""
         moved = positions - self._positions
-        for index, told in self._told.items():
-            moved[index] = told
+        for indices, told in self._told:
+            moved[indices] = told
         self._told.clear()
         moved[list(self._placed)] = np.nan
         self._placed.clear()

@@ -16,6 +16,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.carrying import cross
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.ground import Ground
@@ -77,11 +78,11 @@ class Radii(NamedTuple):
         return cls(np.array(inner, np.float64), np.array(outer, np.float64))
 
 
-class Landing(NamedTuple):
-    """A body that is slowed for one step, its index, and the velocity taken from it (3,) [m/s]."""
+class Landings(NamedTuple):
+    """Bodies that are slowed for one step, their indices, and the velocities taken from them (n, 3) [m/s]."""
 
-    uid: int
-    follower: int
+    uids: list[int]
+    followers: list[int]
     taken: FloatArray
 
 
@@ -97,7 +98,7 @@ class Meeting(NamedTuple):
     """What was done before a step and is to be undone after it: slowed bodies, and bodies deep in the ground with
     their velocities (3,) [m/s]."""
 
-    landings: list[Landing]
+    landings: Landings
     escapes: list[Escape]
     before: list[FloatArray]
 
@@ -112,15 +113,17 @@ def meet(
     found = approaches(ground.batches, positions, ahead, dt)
     if found is None:
         return None
-    landings = slow_down(client, found, bodies, radii, ground.terrain, positions, time, dt)
+    landings = slow_down(BulletCalls(client), found, bodies, radii, ground.terrain, positions, time, dt)
     escapes = deep_bodies(found, bodies, radii)
     return Meeting(landings, escapes, velocities(client, escapes))
 
 
 def part(client: Any, ground: Ground, meeting: Meeting, dt: float) -> None:
     """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly."""
-    for landed in meeting.landings:
-        ground.will_move(landed.follower, speed_up(client, landed) * dt)
+    uids, followers, taken = meeting.landings
+    if uids:
+        given_back = BulletCalls(client).add_velocities(uids, taken.tolist())
+        ground.will_move(followers, np.multiply(given_back, dt))
     hold_back(client, meeting.escapes, meeting.before)
 
 
@@ -141,7 +144,7 @@ def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: Float
 
 
 def slow_down(
-    client: Any,
+    calls: BulletCalls,
     approach: Approach,
     bodies: list[Body | None],
     radii: Radii,
@@ -149,35 +152,36 @@ def slow_down(
     positions_w: FloatArray,
     time: float,
     dt: float,
-) -> list[Landing]:
+) -> Landings:
     """Slows the bodies that would run into the ground in the coming step; ``bodies``, ``radii``: by index."""
-    landings: list[Landing] = []
     approach = approach.of((approach.closing > SHALLOW) & (radii.outer[approach.bodies] > 0.0))
     if not approach.bodies.size:
-        return landings
+        return Landings([], [], np.empty((0, 3)))
     approach = _seen_closely(approach, radii, terrain, positions_w, time)
     inner, outer = radii.inner[approach.bodies], radii.outer[approach.bodies]
     lands = (approach.distance - inner > ARRIVAL) & (approach.closing - approach.distance + outer > SHALLOW)
-    goes_far = np.einsum("ij,ij->i", approach.paths, approach.paths) > (FAR * outer) ** 2
-    approach = approach.of(lands | goes_far)
-    for row, index in enumerate(approach.bodies.tolist()):
-        body, closing = bodies[index], float(approach.closing[row])
-        normal, path = approach.normals_w[row], approach.paths[row]
+    far = np.einsum("ij,ij->i", approach.paths, approach.paths) > (FAR * outer) ** 2
+    slowed = lands | far
+    approach, inner, outer, far = approach.of(slowed), inner[slowed], outer[slowed], far[slowed]
+    reach = outer.copy()
+    for row in np.flatnonzero(inner != outer).tolist():  # what is no ball reaches as far as it is turned
+        body = bodies[approach.bodies[row]]
         assert body is not None
         assert body.shape is not None
-        change = np.zeros(3)
-        if approach.distance[row] <= body.radius + closing:
-            orientation = client.getBasePositionAndOrientation(body.uid)[1]
-            gap = float(approach.distance[row]) - support(body.shape, orientation, normal)
-            if gap > ARRIVAL and closing - gap > SHALLOW:
-                change = (closing - gap - ARRIVAL) / dt * normal
-        if path @ path > (FAR * body.radius) ** 2:
-            share = _free_share(terrain, positions_w[index], path + change * dt, body.radius, normal, time)
-            change += (share - 1.0) * (path / dt + change)
-        if change.any():
-            _add_velocity(client, body.uid, change)
-            landings.append(Landing(body.uid, index, -change))
-    return landings
+        reach[row] = support(body.shape, calls.orientation(body.uid), approach.normals_w[row])
+    gap = approach.distance - reach
+    lands = (gap > ARRIVAL) & (approach.closing - gap > SHALLOW)
+    changes = np.where(lands, (approach.closing - gap - ARRIVAL) / dt, 0.0)[:, None] * approach.normals_w
+    for row in np.flatnonzero(far).tolist():
+        start, path = positions_w[approach.bodies[row]], approach.paths[row]
+        normal = approach.normals_w[row]
+        share = _free_share(terrain, start, path + changes[row] * dt, float(outer[row]), normal, time)
+        changes[row] += (share - 1.0) * (path / dt + changes[row])
+    chosen = changes.any(axis=1)
+    followers, changes = approach.bodies[chosen].tolist(), changes[chosen]
+    uids = [body.uid for body in (bodies[index] for index in followers) if body is not None]
+    calls.add_velocities(uids, changes.tolist())
+    return Landings(uids, followers, -changes)
 
 
 def _seen_closely(approach: Approach, radii: Radii, terrain: Terrain, positions_w: FloatArray, time: float) -> Approach:
@@ -213,11 +217,6 @@ def nearest_ground(
     away[unclear] = centres[unclear] - feet[unclear]
     distance[unclear] = np.maximum(np.linalg.norm(away[unclear], axis=1), np.finfo(float).tiny)
     return distance, away / distance[:, None]
-
-
-def speed_up(client: Any, landing: Landing) -> FloatArray:
-    """Gives a body back, after the step, what was taken from it; returns its velocity then (3,) [m/s]."""
-    return _add_velocity(client, landing.uid, landing.taken)
 
 
 def deep_bodies(approach: Approach, bodies: list[Body | None], radii: Radii) -> list[Escape]:
@@ -262,10 +261,3 @@ def _free_share(
         return 0.0 if clearance[1] < clearance[0] else 1.0
     over, under = float(clearance[last - 1]), float(clearance[last])
     return float(shares[last - 1] + (shares[last] - shares[last - 1]) * max(over, 0.0) / max(over - under, 1e-12))
-
-
-def _add_velocity(client: Any, uid: int, change: FloatArray) -> FloatArray:
-    linear, angular = client.getBaseVelocity(uid)
-    new: FloatArray = linear + change
-    client.resetBaseVelocity(uid, new.tolist(), angular)
-    return new

@@ -15,20 +15,19 @@ class Cells(NamedTuple):
     columns: IntArray
 
 
-def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: IntArray | int = 1) -> Cells:
+def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: int = 1) -> Cells:
     """Vertices horizontally nearest to points given as fractional (row, column), shape (N, 2) (see
     `GridGeometry.to_grid`), at least ``rim`` samples away from the map's edge.
 
     Leaving out the rim keeps the topology of every patch constant (the report's Chapter 3, Figure 7); bodies beyond it
     get the nearest vertex inside. Assumes a uniform grid, where rounding finds the nearest vertex itself and no
-    best-first step is left to take. Ties go to the lower row and column. ``rim`` may differ per body, shape (N,).
+    best-first step is left to take. Ties go to the lower row and column.
     """
-    nearest = np.ceil(grid_rc - 0.5).T
-    rows, columns = nearest.astype(np.int64)
-    np.minimum(rows, geometry.rows - 1 - rim, out=rows)
-    np.maximum(rows, rim, out=rows)
-    np.minimum(columns, geometry.columns - 1 - rim, out=columns)
-    np.maximum(columns, rim, out=columns)
+    nearest = grid_rc - 0.5
+    np.ceil(nearest, out=nearest)
+    np.minimum(nearest, geometry.last - rim, out=nearest)
+    np.maximum(nearest, rim, out=nearest)
+    rows, columns = nearest.T.astype(np.int64)
     return Cells(rows, columns)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,8 +64,21 @@ class GridGeometry:
         """Number of samples."""
         return self.rows * self.columns
 
+    @cached_property
+    def last(self) -> FloatArray:
+        """Row and column of the last sample (2,)."""
+        return np.array([self.rows - 1.0, self.columns - 1.0])
+
+    @cached_property
+    def _corner(self) -> FloatArray:
+        return np.array([self.origin[1], self.origin[0]])
+
     def to_grid(self, xy_w: FloatArray) -> FloatArray:
         """Fractional (row, column) of points; shape (..., 2) in [m] to shape (..., 2) in samples."""
+        if not self.yaw:
+            offset: FloatArray = xy_w[..., 1::-1] - self._corner
+            offset *= 1.0 / self.resolution
+            return offset
         cos, sin = math.cos(self.yaw) / self.resolution, math.sin(self.yaw) / self.resolution
         dx = xy_w[..., 0] - self.origin[0]
         dy = xy_w[..., 1] - self.origin[1]

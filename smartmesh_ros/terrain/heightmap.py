@@ -1,7 +1,7 @@
 """The main mesh as a height map that deforms in place."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,6 +83,8 @@ class HeightMap:
         self._moves_until = -np.inf
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self.version = 0  # counts the updates
+        self._progress_key: tuple[float, int, str] | None = None  # what the progress was worked out for
+        self._progress_known = (np.inf, 0.0, 0.0)
         self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
 
     @property
@@ -187,6 +189,7 @@ class HeightMap:
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
         self._time += by
+        self._progress_key = None
         self._moves_until += by
 
     def sample(self, indices: IntArray, centres: IntArray, time: float) -> Samples:
@@ -198,34 +201,41 @@ class HeightMap:
         velocities = None
         if self.moving(time):
             velocities = heights - self._before.reshape(-1).take(indices)
-            if self.alike:
-                # One age for all: scalars broadcast, and cost a tenth of what an array per body does.
-                interval, age, lifetime = self._interval[:1, :1], time - self._time[:1, :1], self._lifetime[:1, :1]
-            else:
-                row, column = np.divmod(centres, self.geometry.columns)
-                block = (row // BLOCK, column // BLOCK)
-                interval, age, lifetime = (
-                    values[:, None]
-                    for values in (self._interval[block], time - self._time[block], self._lifetime[block])
-                )
+            interval, offset, rate = self._progress(centres, time)
             velocities /= interval
             fastest = np.abs(velocities).max(initial=0.0)
             if not fastest <= self.motion.max_velocity:
                 # NaN where the sample was or is a hole; too fast is a jump, not a motion.
                 velocities[~(np.abs(velocities) <= self.motion.max_velocity)] = 0.0
-            offset, rate = progress(self.motion.mode, age, lifetime)
             heights += velocities * offset
             velocities *= rate
         if self.geometry.origin[2]:
             heights += self.geometry.origin[2]
         return Samples(heights, velocities)
 
+    def _progress(self, centres: IntArray, time: float) -> tuple[Any, Any, Any]:
+        """What velocities are divided by [s], and how far the ground is along them at ``time`` [s]: offset [s] and rate,
+        each one number for all of ``centres`` (n,) or an array (n, 1)."""
+        mode = self.motion.mode
+        if not self.alike:
+            row, column = np.divmod(centres, self.geometry.columns)
+            block = (row // BLOCK, column // BLOCK)
+            offset, rate = progress(mode, time - self._time[block], self._lifetime[block])
+            return self._interval[block][:, None], offset[:, None], rate[:, None]
+        # Asked for several times a step.
+        key = (time, self.version, mode)
+        if self._progress_key != key:
+            offset, rate = progress(mode, time - self._time[0, :1], self._lifetime[0, :1])
+            self._progress_key = key
+            self._progress_known = float(self._interval[0, 0]), float(offset[0]), float(rate[0])
+        return self._progress_known
+
     def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside, and where they are as
         fractional (row, column) (N, 2)."""
         geometry = self.geometry
         grid = geometry.to_grid(xy_w)
-        over = np.maximum(-grid, grid - (geometry.rows - 1, geometry.columns - 1)).max(axis=1)
+        over = np.maximum(-grid, grid - geometry.last).max(axis=1)
         # A point on the edge is inside, whatever rounding says.
         return (over - EDGE) * geometry.resolution, grid
 

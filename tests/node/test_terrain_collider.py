@@ -151,6 +151,24 @@ def test_a_region_lifts_what_stands_on_it(probe: Probe) -> None:
         probe.wait_for(lifted)
 
 
+def test_ground_that_slides_takes_a_box_along(probe: Probe) -> None:
+    """The same map comes farther on each time, by fractions of a cell."""
+    with probe.running():
+        probe.publish_map(np.zeros((60, 60)))
+        spawn(probe, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
+        probe.wait_for(probe.patches)
+        position, start = state(probe, "box"), probe.node.get_clock().now()
+
+        def taken_along() -> bool:
+            now = probe.node.get_clock().now()
+            slid = 0.2e-9 * (now - start).nanoseconds
+            probe.publish_map(np.zeros((60, 60)), origin=(slid, 0.0, 0.0), stamp=now.to_msg())
+            p = position()
+            return p is not None and slid > 0.5 and p == pytest.approx((2.0 + slid, 3.0, 0.1), abs=0.05)
+
+        probe.wait_for(taken_along)
+
+
 def test_pause_step_and_reset(probe: Probe) -> None:
     with probe.running():
         probe.publish_map(np.zeros((60, 60)))

@@ -40,9 +40,3 @@ def test_ties_go_to_the_lower_row_and_column() -> None:
     found = nearest_vertices(geometry, np.array([[6.5, 4.5], [3.5, 5.5]]))
     np.testing.assert_array_equal(found.rows, [6, 3])
     np.testing.assert_array_equal(found.columns, [4, 5])
-
-
-def test_the_rim_may_differ_per_body() -> None:
-    geometry = GridGeometry(rows=20, columns=20, resolution=1.0)
-    found = nearest_vertices(geometry, np.zeros((3, 2)), np.array([1, 2, 4]))
-    np.testing.assert_array_equal(found.rows, [1, 2, 4])
