@@ -106,10 +106,7 @@ class Standing:
             found.append(self._planes(name, heightmap, bodies[planes], positions_w[planes], time))
         fields = np.flatnonzero(state == FIELD)
         if fields.size:
-            rings = self.rings[bodies[fields]]
-            for size in np.unique(rings).tolist():
-                of_size = fields[rings == size]
-                found.append(self._fields(name, heightmap, size, bodies[of_size], positions_w[of_size], time, method))
+            found += self._fields(name, heightmap, bodies[fields], positions_w[fields], time, method)
         return found, np.flatnonzero(state == EDGE)
 
     def _planes(
@@ -126,19 +123,30 @@ class Standing:
         )  # fmt: skip
 
     def _fields(
-        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, positions_w: FloatArray, time: float,
+        self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float,
         method: CollectMethod,
-    ) -> GridBatch:  # fmt: skip
-        template = patch_template(rings)
-        cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
-        ground = collect_inside(heightmap, template, cells, stride, time, method)
-        _, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
+    ) -> list[PatchBatch]:  # fmt: skip
+        """A batch per size."""
+        rings = self.rings[bodies]
+        order = np.argsort(rings, kind="stable")
+        bodies, rings = bodies[order], rings[order]
+        _, points_w, normals_w = self._ground(heightmap, bodies, positions_w[order], time)
         # That of the ground under the body: the mean over the patch is another one where the velocity is curved.
         twist = self._twist(heightmap, bodies, time)
-        return GridBatch.of(
-            name, "heightfield", bodies, heightmap, template, cells, stride, ground, self.deviation[bodies], twist,
-            points_w=points_w, normals_w=normals_w,
-        )  # fmt: skip
+        rows, columns, stride = self.rows[bodies], self.columns[bodies], self.stride[bodies]
+        deviation = self.deviation[bodies]
+        ends = [*(np.flatnonzero(np.diff(rings)) + 1).tolist(), len(bodies)]
+        batches: list[PatchBatch] = []
+        for start, end in zip([0, *ends], ends, strict=False):
+            part = slice(start, end)
+            template, cells = patch_template(int(rings[start])), Cells(rows[part], columns[part])
+            ground = collect_inside(heightmap, template, cells, stride[part], time, method)
+            batch = GridBatch.of(
+                name, "heightfield", bodies[part], heightmap, template, cells, stride[part], ground, deviation[part],
+                twist[:, part], points_w=points_w[part], normals_w=normals_w[part],
+            )  # fmt: skip
+            batches.append(batch)
+        return batches
 
     def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
         """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""

@@ -13,6 +13,7 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.fields import Fields, groups
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
 from smartmesh_ros.physics.mesh_colliders import MeshColliders
@@ -219,13 +220,19 @@ class Ground:
         if batches and len(batches) == len(before) and all(id(batch) in before for batch in batches):
             return
         supported = np.zeros(len(self.followers), bool)
-        applied = []
+        applied = [(batch, before[id(batch)]) for batch in batches if id(batch) in before]
+        fields = []
         for batch in batches:
-            carried = before.get(id(batch))
-            if carried is None:
-                carried = self._apply(batch, time, dt)
+            if id(batch) in before:
+                continue
+            if batch.kind == "heightfield" and isinstance(batch, GridBatch):
+                fields.append(batch)
+            else:
+                applied.append((batch, self._apply(batch, time, dt)))
+        for group in groups(fields):
+            applied += zip(group, self._apply_fields(group, time, dt), strict=True)
+        for _, carried in applied:
             supported[carried] = True
-            applied.append((batch, carried))
         self._applied = applied
         self._put_away(np.flatnonzero(~supported & (self._held != _BARE) & ~self._away))
 
@@ -257,26 +264,44 @@ class Ground:
             if isinstance(batch, PlaneBatch):
                 self._make_room(bodies[rows], _PLANE)
                 self._planes.apply(batch, rows, self._radii[bodies[rows]], rise[rows], pushed, time)
-            elif batch.kind == "heightfield" and isinstance(batch, GridBatch):
-                self._make_room(bodies[rows], _FIELD)
-                touching = self._touching(batch, rows)
-                self._heightfields.apply(batch, rows, base[rows], rise[rows], pushed, touching, time, self.config)
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
         return supported
 
-    def _touching(self, batch: GridBatch, rows: IntArray) -> BoolArray:
-        """Which of the bodies in ``rows`` of a batch are so near to the ground that they may have contacts with it."""
-        if batch.points_w is None or batch.normals_w is None:
-            return np.ones(len(rows), bool)
-        bodies = batch.bodies[rows]
-        distance = np.einsum("ij,ij->i", self._positions[bodies] - batch.points_w[rows], batch.normals_w[rows])
+    def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:
+        """The same for batches of heightfields, in one pass; for each the followers that have ground under them."""
+        fields = Fields.of(batches)
+        bodies, base = fields.bodies, fields.centres_w.copy()
+        chosen = self._solid[bodies]
+        carried = [batch.bodies for batch in batches]
+        if fields.holes:
+            base, grounded = _base_over_holes(base, fields.heights_w)
+            chosen &= grounded
+            carried = [bodies[grounded & (fields.which == which)] for which in range(len(batches))]
+        if not chosen.all():
+            rows = np.flatnonzero(chosen)
+            fields, base = fields.of_rows(rows), base[rows]
+        if fields.bodies.size:
+            twist, rise = None, np.zeros(len(base))
+            if self.config.carry_velocity:
+                twist = np.concatenate([fields.linear_w, fields.angular_w], axis=1)
+                rise = self._predict(fields, twist, time, dt)
+            self._make_room(fields.bodies, _FIELD)
+            self._heightfields.apply(fields, base, rise, twist, self._touching(fields), time, self.config)
+        return carried
+
+    def _touching(self, fields: Fields) -> BoolArray:
+        """Which bodies are so near to the ground that they may have contacts with it."""
+        bodies = fields.bodies
+        if fields.points_w is None or fields.normals_w is None:
+            return np.ones(len(bodies), bool)
+        distance = np.einsum("ij,ij->i", self._positions[bodies] - fields.points_w, fields.normals_w)
         return np.asarray(distance <= self._radii[bodies] + APART)
 
-    def _predict(self, batch: PatchBatch, twist: FloatArray, time: float, dt: float) -> FloatArray:
+    def _predict(self, batch: PatchBatch | Fields, twist: FloatArray, time: float, dt: float) -> FloatArray:
         """How much higher (n,) [m] the ground is by its acceleration; adds what that makes it faster to its twist."""
-        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch) else None
+        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch | Fields) else None
         if ahead is None:
             return np.zeros(len(twist))
         higher, faster = ahead

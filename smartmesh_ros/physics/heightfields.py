@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.template import PatchTemplate
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.carrying import elapsed_since, velocity_changed
+from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
 from smartmesh_ros.physics.pairs import Pairs
@@ -88,34 +87,37 @@ class Heightfields:
         self._heights[:] = np.nan
 
     def apply(
-        self, batch: GridBatch, rows: IntArray, base: FloatArray, rise: FloatArray, twist: FloatArray | None,
-        touching: BoolArray, time: float, config: PatchConfig,
+        self, fields: Fields, base: FloatArray, rise: FloatArray, twist: FloatArray | None, touching: BoolArray,
+        time: float, config: PatchConfig,
     ) -> None:  # fmt: skip
-        """Gives the followers in ``rows`` (m,) of a batch their colliders at ``time`` [s]: at ``base`` (m, 3) [m], by
-        ``rise`` (m,) [m] higher than the batch says, with the ground's ``twist`` (m, 6), None = at rest.
-        ``touching`` (m,): which bodies may have contacts from now on.
+        """Gives followers their colliders at ``time`` [s]: at ``base`` (m, 3) [m], by ``rise`` (m,) [m] higher than the
+        patches say, with the ground's ``twist`` (m, 6), None = at rest. ``touching`` (m,): which bodies may have
+        contacts from now on.
 
         A collider that moved on with its velocity and still lies along the ground is left alone.
         """
-        bodies, spacing, template = batch.bodies[rows], batch.spacing[rows], batch.template
-        relative = batch.heights_w[rows] - base[:, 2:]
-        if batch.may_have_holes:
+        bodies, sizes = fields.bodies, fields.layout.sizes[fields.which]
+        unused = fields.layout.unused[fields.which] if fields.mixed else None
+        relative = fields.heights_w - base[:, 2:]
+        if fields.holes:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
         np.clip(relative, -BOUND, BOUND, out=relative)
+        if unused is not None:
+            relative[unused] = 0.0
         base[:, 2] += rise
-        unfit = (self._sizes[bodies] != template.size) | (self._spacings[bodies] != spacing)
+        unfit = (self._sizes[bodies] != sizes) | (self._spacings[bodies] != fields.spacing)
         for index in np.flatnonzero(unfit).tolist():
-            self._fit(int(bodies[index]), template.size, float(spacing[index]))
+            self._fit(int(bodies[index]), int(sizes[index]), float(fields.spacing[index]))
         self._make_room(relative.shape[1])
-        yaw = batch.heightmap.geometry.yaw
+        yaw = fields.heightmap.geometry.yaw
         self._advance(bodies, time, yaw)
-        off = self._distance(bodies, base, yaw, relative, spacing, template)
+        off = self._distance(fields, base, relative, unused)
         # The distance is NaN, and so not small, where the collider is new.
         moves = self._twists[bodies].any(axis=1)
         chosen = np.flatnonzero(~(off <= np.where(moves, CARRIED * config.tolerance, SAME_HEIGHT)))
         if chosen.size:
-            touched = (touching | self._touched[bodies])[chosen]
-            self._replace(bodies[chosen], relative[chosen], template.size, touched, config.edge_filter)
+            touched = touching | self._touched[bodies]
+            self._replace(fields, chosen, relative, unused, touched, config.edge_filter)
             self._place(bodies[chosen], base[chosen], yaw)
         self._touched[bodies] = touching
         self._push(bodies, np.zeros((len(bodies), 6)) if twist is None else twist)
@@ -166,45 +168,62 @@ class Heightfields:
         self._slopes[bodies, 1] += per_column * elapsed[:, 0]
         self._times[bodies] = time
 
-    def _distance(
-        self, bodies: IntArray, base: FloatArray, yaw: float, relative: FloatArray, spacing: FloatArray,
-        template: PatchTemplate,
-    ) -> FloatArray:  # fmt: skip
+    def _distance(self, fields: Fields, base: FloatArray, relative: FloatArray, unused: BoolArray | None) -> FloatArray:
         """How far the colliders are from where they should be (m,) [m], NaN = unknown."""
+        bodies, spacing, yaw = fields.bodies, fields.spacing, fields.heightmap.geometry.yaw
         old = self._heights[bodies, : relative.shape[1]]
         aside = self._bases[bodies] - base
         slopes = self._slopes[bodies] * spacing[:, None]
         off = old - relative
         off += aside[:, 2:]
         if slopes.any():
-            off += slopes[:, :1] * template.rows
-            off += slopes[:, 1:] * template.columns
+            layout = fields.layout
+            off += slopes[:, :1] * fields.spread(layout.rows)
+            off += slopes[:, 1:] * fields.spread(layout.columns)
             # What is turned about its base also moves sideways, the more the higher it is.
-            grade = (relative @ template.fit)[:, 1:]
-            grade /= spacing[:, None] * spacing[:, None]
+            if fields.mixed:
+                grade = np.einsum("nk,nkc->nc", relative, layout.fit[fields.which, :, 1:])
+            else:
+                grade = relative @ layout.fit[0, :, 1:]
+            grade /= (spacing * spacing)[:, None]
             off += np.einsum("ij,ij->i", slopes, grade)[:, None] * old
         np.abs(off, out=off)
+        if unused is not None:
+            off[unused] = 0.0
         distance: FloatArray = off.max(axis=1)
         elsewhere = (np.abs(aside[:, :2]).max(axis=1) > ELSEWHERE * spacing) | (self._yaws[bodies] != yaw)
         distance[elsewhere] = np.inf
         return distance
 
-    def _replace(self, bodies: IntArray, new: FloatArray, size: int, touched: BoolArray, edge_filter: bool) -> None:
-        """Gives colliders new heights (m, K) [m] where they differ from those they have."""
-        count = size * size
-        same = np.abs(new - self._heights[bodies, :count]).max(axis=1) <= SAME_HEIGHT
+    def _replace(
+        self, fields: Fields, rows: IntArray, relative: FloatArray, unused: BoolArray | None, touched: BoolArray,
+        edge_filter: bool,
+    ) -> None:  # fmt: skip
+        """Gives the colliders in ``rows`` their new heights (m, K) [m] where they differ from those they have."""
+        bodies, new = fields.bodies[rows], relative[rows]
+        room = slice(new.shape[1])
+        change = np.abs(new - self._heights[bodies, room])
+        if unused is not None:
+            change[unused[rows]] = 0.0
+        same = change.max(axis=1) <= SAME_HEIGHT
         if same.any():
-            bodies, new, touched = bodies[~same], new[~same], touched[~same]
-        if bodies.size:
-            self.replacements += len(bodies)
-            self._heights[bodies, :count] = new
-            fallen = (self._contact_heights[bodies, :count] - new).max(axis=1)
-            stale = ~(fallen <= STALE)
-            self._contact_heights[bodies[stale], :count] = new[stale]
-            self._drop_contacts(bodies[stale & touched])
-            shapes, heights = self._shapes[bodies].tolist(), new[:, collider_order(size)].tolist()
-            filters = (~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)).tolist()
-            self._calls.replace_heightfields(shapes, size, heights, filters)
+            rows, bodies, new = rows[~same], bodies[~same], new[~same]
+        if not bodies.size:
+            return
+        self.replacements += len(bodies)
+        self._heights[bodies, room] = new
+        fall = self._contact_heights[bodies, room] - new
+        if unused is not None:
+            fall[unused[rows]] = 0.0
+        stale = ~(fall.max(axis=1) <= STALE)
+        self._contact_heights[bodies[stale], room] = new[stale]
+        self._drop_contacts(bodies[stale & touched[rows]])
+        filtered = ~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)
+        for which, size in enumerate(fields.layout.sizes.tolist()):
+            chosen = np.flatnonzero(fields.which[rows] == which) if fields.mixed else slice(None)
+            heights = new[chosen][:, collider_order(size)]
+            shapes = self._shapes[bodies[chosen]].tolist()
+            self._calls.replace_heightfields(shapes, size, heights.tolist(), filtered[chosen].tolist())
 
     def _drop_contacts(self, bodies: IntArray) -> None:
         """Has PyBullet forget the contacts of colliders whose surface sank away from them."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.motion import PATIENCE
 
@@ -33,7 +34,9 @@ class Prediction:
         """Says which followers there are, by their index before, -1 = new (N,)."""
         carry_over(self, _FILLS, kept)
 
-    def ahead(self, batch: GridBatch | PlaneBatch, time: float, dt: float) -> tuple[FloatArray, FloatArray] | None:
+    def ahead(
+        self, batch: GridBatch | PlaneBatch | Fields, time: float, dt: float
+    ) -> tuple[FloatArray, FloatArray] | None:
         """How much higher (n,) [m] and faster (n,) [m/s] the ground under a batch's bodies is in the middle of the step
         of ``dt`` [s] from ``time`` [s] than the map's constant velocity has it; None where nothing can be said."""
         heightmap, bodies = batch.heightmap, batch.bodies

@@ -214,7 +214,7 @@ class HeightMap:
         return Samples(heights, velocities)
 
     def _progress(self, centres: IntArray, time: float) -> tuple[Any, Any, Any]:
-        """What velocities are divided by [s], and how far the ground is along them at ``time`` [s]: offset [s] and rate,
+        """What velocities are divided by [s], and how far along them the ground is at ``time`` [s] (offset [s], rate);
         each one number for all of ``centres`` (n,) or an array (n, 1)."""
         mode = self.motion.mode
         if not self.alike:
