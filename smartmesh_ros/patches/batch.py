@@ -75,6 +75,7 @@ class GridBatch(PatchBatch):
         heightmap: HeightMap,
         template: PatchTemplate,
         cells: Cells,
+        middles_w: FloatArray,
         stride: IntArray,
         ground: Collected,
         deviation: FloatArray,
@@ -83,12 +84,12 @@ class GridBatch(PatchBatch):
     ) -> GridBatch:
         """Patches around ``cells`` from what was collected there, with ``points_w`` and ``normals_w`` if known.
 
-        ``twist`` (2, n, 3): their velocity at the centre [m/s] and turning [rad/s].
+        ``middles_w`` (n, 2): where the cells are [m]. ``twist`` (2, n, 3): the patches' velocity at the centre [m/s]
+        and turning [rad/s].
         """
-        geometry = heightmap.geometry
-        spacing: FloatArray = np.multiply(stride, geometry.resolution, dtype=np.float64)
+        spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
         centres_w = np.empty((len(bodies), 3))
-        centres_w[:, :2] = geometry.to_world(cells.rows, cells.columns)
+        centres_w[:, :2] = middles_w
         centres_w[:, 2] = ground.heights[:, template.centre]
         return cls(
             tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,

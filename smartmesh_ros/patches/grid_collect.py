@@ -32,9 +32,10 @@ def fit_in(geometry: GridGeometry, cells: Cells, margin: IntArray | int) -> Cell
 
 
 def collect_inside(
-    heightmap: HeightMap, template: PatchTemplate, cells: Cells, stride: IntArray, time: float, method: CollectMethod
-) -> Collected:
-    """Samples of patches that lie inside their map."""
+    heightmap: HeightMap, template: PatchTemplate, cells: Cells, stride: IntArray, time: float, method: CollectMethod,
+    *, velocities: bool = True,
+) -> Collected:  # fmt: skip
+    """Samples of patches that lie inside their map; without ``velocities`` nobody needs those."""
     geometry = heightmap.geometry
     centres = cells.rows * geometry.columns + cells.columns
     if method == "cached":
@@ -49,7 +50,7 @@ def collect_inside(
             ],
             np.int64,
         ).reshape(len(centres), template.rows.size)
-    samples = heightmap.sample(indices, centres, time)
+    samples = heightmap.sample(indices, centres, time, velocities=velocities)
     return Collected(samples.heights, samples.velocities, heightmap.has_holes)
 
 

@@ -125,10 +125,20 @@ class GridPatches:
                 ground = collect_inside(heightmap, template, cells, stride, time, self._config.collect)
             else:
                 ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
-        unknown = np.full(len(bodies), np.nan)
+        unknown, middles_w = np.full(len(bodies), np.nan), heightmap.geometry.to_world(*cells)
         twist = twist_under(heightmap, ground, cells, stride, grid)
         return GridBatch.of(
-            name, self._config.grid_kind, bodies, heightmap, template, cells, stride, ground, unknown, twist
+            name,
+            self._config.grid_kind,
+            bodies,
+            heightmap,
+            template,
+            cells,
+            middles_w,
+            stride,
+            ground,
+            unknown,
+            twist,
         )
 
 

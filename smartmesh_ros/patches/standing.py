@@ -134,16 +134,16 @@ class Standing:
         # That of the ground under the body: the mean over the patch is another one where the velocity is curved.
         twist = self._twist(heightmap, bodies, time)
         rows, columns, stride = self.rows[bodies], self.columns[bodies], self.stride[bodies]
-        deviation = self.deviation[bodies]
+        middles_w, deviation = self.middles_w[bodies], self.deviation[bodies]
         ends = [*(np.flatnonzero(np.diff(rings)) + 1).tolist(), len(bodies)]
         batches: list[PatchBatch] = []
         for start, end in zip([0, *ends], ends, strict=False):
             part = slice(start, end)
             template, cells = patch_template(int(rings[start])), Cells(rows[part], columns[part])
-            ground = collect_inside(heightmap, template, cells, stride[part], time, method)
+            ground = collect_inside(heightmap, template, cells, stride[part], time, method, velocities=False)
             batch = GridBatch.of(
-                name, "heightfield", bodies[part], heightmap, template, cells, stride[part], ground, deviation[part],
-                twist[:, part], points_w=points_w[part], normals_w=normals_w[part],
+                name, "heightfield", bodies[part], heightmap, template, cells, middles_w[part], stride[part],
+                ground, deviation[part], twist[:, part], points_w=points_w[part], normals_w=normals_w[part],
             )  # fmt: skip
             batches.append(batch)
         return batches

@@ -192,26 +192,28 @@ class HeightMap:
         self._progress_key = None
         self._moves_until += by
 
-    def sample(self, indices: IntArray, centres: IntArray, time: float) -> Samples:
+    def sample(self, indices: IntArray, centres: IntArray, time: float, *, velocities: bool = True) -> Samples:
         """Ground at ``time`` [s] at N x K samples, as ``indices`` (N, K) into the row-major map.
 
         ``centres`` (N,) are the samples that say how old each row of ``indices`` is. Heights include the origin's z.
+        Without ``velocities`` the heights are the same and nothing else is worked out that they do not need.
         """
         heights = self._heights.reshape(-1).take(indices).astype(np.float64)
-        velocities = None
+        found = None
         if self.moving(time):
-            velocities = heights - self._before.reshape(-1).take(indices)
             interval, offset, rate = self._progress(centres, time)
-            velocities /= interval
-            fastest = np.abs(velocities).max(initial=0.0)
-            if not fastest <= self.motion.max_velocity:
-                # NaN where the sample was or is a hole; too fast is a jump, not a motion.
-                velocities[~(np.abs(velocities) <= self.motion.max_velocity)] = 0.0
-            heights += velocities * offset
-            velocities *= rate
+            if velocities or np.any(offset):
+                found = heights - self._before.reshape(-1).take(indices)
+                found /= interval
+                fastest = np.abs(found).max(initial=0.0)
+                if not fastest <= self.motion.max_velocity:
+                    # NaN where the sample was or is a hole; too fast is a jump, not a motion.
+                    found[~(np.abs(found) <= self.motion.max_velocity)] = 0.0
+                heights += found * offset
+                found *= rate
         if self.geometry.origin[2]:
             heights += self.geometry.origin[2]
-        return Samples(heights, velocities)
+        return Samples(heights, found)
 
     def _progress(self, centres: IntArray, time: float) -> tuple[Any, Any, Any]:
         """What velocities are divided by [s], and how far along them the ground is at ``time`` [s] (offset [s], rate);
