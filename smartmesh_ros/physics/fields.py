@@ -113,6 +113,16 @@ class Fields(NamedTuple):
         return values[self.which] if self.mixed else values
 
 
+def base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Bases of patches with holes, at the mean of their heights where the centre is one, and which have any ground."""
+    holes = np.isnan(heights_w)
+    grounded = np.asarray(~holes.all(axis=1))
+    hollow = grounded & np.isnan(centres_w[:, 2])
+    base = centres_w.copy()
+    base[hollow, 2] = np.nanmean(heights_w[hollow], axis=1)
+    return base, grounded
+
+
 def groups(batches: list[GridBatch]) -> list[list[GridBatch]]:
     """Batches that go well together, in their order: small ones of one map and of different sizes."""
     found: list[list[GridBatch]] = []

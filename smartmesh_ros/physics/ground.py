@@ -12,11 +12,11 @@ from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
-from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.fields import Fields, groups
+from smartmesh_ros.physics.fields import Fields, base_over_holes, groups
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfields import Heightfields
 from smartmesh_ros.physics.mesh_colliders import MeshColliders
+from smartmesh_ros.physics.movement import Movement
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.planes import Planes
 from smartmesh_ros.physics.prediction import Prediction
@@ -26,9 +26,6 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-
-# Faster bodies do not get larger patches; a teleport is not a speed [m/s].
-FASTEST = 50.0
 
 # A body so far from the plane under it touches nothing of its patch [m].
 APART = 0.01
@@ -64,7 +61,7 @@ class Ground:
         self.stopwatch = stopwatch or Stopwatch()
         self.followers: list[Follower] = []
         self._client = client
-        self._calls = BulletCalls(client)
+        self._movement = Movement(client)
         self._tracker = PatchTracker(self.terrain, self.config, self.stopwatch)
         pairs = Pairs(client)
         self._heightfields = Heightfields(client, pairs)
@@ -73,15 +70,10 @@ class Ground:
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
-        self._positions = np.empty((0, 3))
-        self._moved = np.empty((0, 3))
-        self._told: list[tuple[list[int], FloatArray]] = []
-        self._placed: set[int] = set()
         self._solid = np.empty(0, bool)
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
         self._away = np.empty(0, bool)  # whose collider waits far away
-        self._links: list[int] = []
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -91,21 +83,20 @@ class Ground:
     @property
     def positions_w(self) -> FloatArray:
         """Positions of the followers at the last update (N, 3) [m]."""
-        return self._positions
+        return self._movement.positions_w
 
     @property
     def moved_w(self) -> FloatArray:
         """How far the followers moved in the last step (N, 3) [m]."""
-        return self._moved
+        return self._movement.moved_w
 
     def will_move(self, indices: list[int], moved_w: FloatArray) -> None:
         """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
-        self._told.append((indices, moved_w))
+        self._movement.tell(indices, moved_w)
 
     def placed(self, body: int | None = None) -> None:
         """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
-        chosen = [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
-        self._placed.update(chosen)
+        self._movement.placed(body)
 
     @property
     def replacements(self) -> int:
@@ -154,10 +145,8 @@ class Ground:
 
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
-        positions = self._read_positions()
-        self._moved = self._motion(positions, dt)
-        self._positions = positions
-        batches = self._tracker.update(positions, self._moved, time, dt)
+        self._movement.read(dt)
+        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
@@ -178,41 +167,16 @@ class Ground:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
         before = {follower: index for index, follower in enumerate(self.followers)}
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
-        carry_over(self, {"_positions": np.nan, "_held": _BARE, "_away": False}, kept)
+        carry_over(self, {"_held": _BARE, "_away": False}, kept)
         self.followers = followers
         self._applied = []
-        self._told.clear()
-        self._placed.clear()
         self._radii = np.array([follower.radius for follower in followers])
         self._solid = np.array([follower.solid for follower in followers], bool)
-        self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
+        self._movement.adopt(followers, kept)
         self._heightfields.adopt(followers, kept)
         self._planes.adopt(followers, kept)
         self._prediction.adopt(kept)
         self._tracker.set_bodies(self._radii, kept, self._solid)
-
-    def _read_positions(self) -> FloatArray:
-        positions = [pose[0] for pose in self._calls.poses([follower.body for follower in self.followers])]
-        for index in self._links:
-            follower = self.followers[index]
-            positions[index] = self._client.getLinkState(follower.body, follower.link)[0]
-        return np.array(positions, np.float64).reshape(-1, 3)
-
-    def _motion(self, positions: FloatArray, dt: float) -> FloatArray:
-        """How far bodies will move in a step: as far as in the last one, or as their velocity says if they are new."""
-        moved = positions - self._positions
-        for indices, told in self._told:
-            moved[indices] = told
-        self._told.clear()
-        moved[list(self._placed)] = np.nan
-        self._placed.clear()
-        for index in np.flatnonzero(np.isnan(moved[:, 0])).tolist():
-            moved[index] = np.multiply(self._calls.velocity(self.followers[index].body), dt)
-        travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        far = ~(travel <= FASTEST * dt)
-        if far.any():
-            moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
-        return np.nan_to_num(moved)
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
@@ -251,7 +215,7 @@ class Ground:
         chosen = self._solid[bodies]
         supported = bodies
         if batch.may_have_holes:
-            base, grounded = _base_over_holes(base, batch.vertices_w()[..., 2])
+            base, grounded = base_over_holes(base, batch.vertices_w()[..., 2])
             supported = bodies[grounded]
             chosen &= grounded
         rows = np.flatnonzero(chosen)
@@ -276,7 +240,7 @@ class Ground:
         chosen = self._solid[bodies]
         carried = [batch.bodies for batch in batches]
         if fields.holes:
-            base, grounded = _base_over_holes(base, fields.heights_w)
+            base, grounded = base_over_holes(base, fields.heights_w)
             chosen &= grounded
             carried = [bodies[grounded & (fields.which == which)] for which in range(len(batches))]
         if not chosen.all():
@@ -296,7 +260,7 @@ class Ground:
         bodies = fields.bodies
         if fields.points_w is None or fields.normals_w is None:
             return np.ones(len(bodies), bool)
-        distance = np.einsum("ij,ij->i", self._positions[bodies] - fields.points_w, fields.normals_w)
+        distance = np.einsum("ij,ij->i", self.positions_w[bodies] - fields.points_w, fields.normals_w)
         return np.asarray(distance <= self._radii[bodies] + APART)
 
     def _predict(self, batch: PatchBatch | Fields, twist: FloatArray, time: float, dt: float) -> FloatArray:
@@ -342,13 +306,3 @@ class Ground:
         self._planes.release(index)
         self._meshes.release(self.followers[index])
         self._held[index] = _BARE
-
-
-def _base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Bases of patches with holes, at the mean of their heights where the centre is one, and which have any ground."""
-    holes = np.isnan(heights_w)
-    grounded = np.asarray(~holes.all(axis=1))
-    hollow = grounded & np.isnan(centres_w[:, 2])
-    base = centres_w.copy()
-    base[hollow, 2] = np.nanmean(heights_w[hollow], axis=1)
-    return base, grounded
