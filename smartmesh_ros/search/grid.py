@@ -25,9 +25,11 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: int = 1) 
     """
     nearest = grid_rc - 0.5
     np.ceil(nearest, out=nearest)
-    np.minimum(nearest, geometry.last - rim, out=nearest)
-    np.maximum(nearest, rim, out=nearest)
     rows, columns = nearest.T.astype(np.int64)
+    np.minimum(rows, geometry.rows - 1 - rim, out=rows)
+    np.maximum(rows, rim, out=rows)
+    np.minimum(columns, geometry.columns - 1 - rim, out=columns)
+    np.maximum(columns, rim, out=columns)
     return Cells(rows, columns)
 
 
