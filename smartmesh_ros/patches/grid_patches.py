@@ -17,7 +17,7 @@ from smartmesh_ros.patches.planes import facet_under, planes_through
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -56,29 +56,20 @@ class GridPatches:
         self._search.forget(bodies)
         self._auto.forget(bodies)
 
-    def patches(
-        self, name: str, moving: Moving, solid: BoolArray, time: float, dt: float, before: list[PatchBatch]
-    ) -> list[PatchBatch]:
-        """Patches on the tile ``name`` at ``time`` [s] for a step of ``dt`` [s].
-
-        ``solid`` (n,): which of the bodies have colliders; ``before``: the batches of the update before.
-        """
+    def patches(self, name: str, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> list[PatchBatch]:
+        """Patches on the tile ``name`` at ``time`` [s] for a step of ``dt`` [s]; ``before``: the batches of the update
+        before."""
         if not self._config.chooses:
-            return self._of_fixed_extent(name, moving, time, before)
+            return self.of_fixed_extent(name, moving, time, before)
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
-        if solid.all():
-            batches, edge = self._auto.patches(name, heightmap, moving, time, dt, before)
-            rest = moving.of(edge)
-        else:
-            chosen = moving.of(solid)
-            batches, edge = self._auto.patches(name, heightmap, chosen, time, dt, before)
-            rest = moving.of(np.union1d(np.flatnonzero(~solid), np.flatnonzero(solid)[edge]))
-        if rest.bodies.size:
-            batches += self._of_fixed_extent(name, rest, time, before)
+        batches, edge = self._auto.patches(name, heightmap, moving, time, dt, before)
+        if edge.size:
+            batches += self.of_fixed_extent(name, moving.of(edge), time, before)
         return batches
 
-    def _of_fixed_extent(self, name: str, moving: Moving, time: float, before: list[PatchBatch]) -> list[PatchBatch]:
+    def of_fixed_extent(self, name: str, moving: Moving, time: float, before: list[PatchBatch]) -> list[PatchBatch]:
+        """Patches of as many rings as the bodies' size asks for, chosen or not."""
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
         bodies, grid, geometry = moving.bodies, moving.grid, heightmap.geometry

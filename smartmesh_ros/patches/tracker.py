@@ -23,7 +23,10 @@ class PatchTracker:
         self.terrain = terrain
         self.config = config
         self.stopwatch = stopwatch or Stopwatch()
-        self.batches: list[PatchBatch] = []
+        self._made: list[PatchBatch] = []  # of solid bodies
+        self._late: list[PatchBatch] = []  # of the others, as last worked out
+        self._waiting: list[tuple[str, Moving]] = []  # tiles, and the others on them
+        self._time, self._dt = 0.0, 0.0
         self._radii = np.empty(0)
         self._solid = np.empty(0, bool)
         self._tile = np.empty(0, np.int64)  # place of the body's tile in _names, -1 = none
@@ -41,7 +44,19 @@ class PatchTracker:
         self._grid.set_bodies(kept)
         for general in self._general.values():
             general.set_bodies(kept)
-        self.batches = []
+        self._made, self._late, self._waiting = [], [], []
+
+    @property
+    def batches(self) -> list[PatchBatch]:
+        """Patches of all bodies as of the last update. Those of bodies that are not solid, which nothing else needs,
+        are worked out when they are first asked for."""
+        waiting, self._waiting = self._waiting, []
+        if waiting:
+            before, self._late = self._late, []
+            for name, moving in waiting:
+                if self.terrain.tiles.get(name) is self._meshes[name]:
+                    self._late += self._patches(name, moving, before, solid=False)
+        return self._made + self._late
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings, from the next update on."""
@@ -51,24 +66,40 @@ class PatchTracker:
             general.config = config
 
     def update(self, positions_w: FloatArray, moved_w: FloatArray, time: float, dt: float) -> list[PatchBatch]:
-        """Patches at ``time`` [s] for bodies at ``positions_w`` (N, 3) [m] that may move on by ``moved_w`` (N, 3) [m]
-        in the step of ``dt`` [s] until the next update. Bodies off the terrain, or whose position is not finite, get
-        none."""
+        """Patches at ``time`` [s] for solid bodies among those at ``positions_w`` (N, 3) [m] that may move on by
+        ``moved_w`` (N, 3) [m] in the step of ``dt`` [s] until the next update. Bodies off the terrain, or whose
+        position is not finite, get none."""
         if self.terrain.tiles != self._meshes:
             self._take_tiles()
-        before, self.batches = self.batches, []
+        before, self._made, self._waiting = self._made, [], []
+        self._time, self._dt = time, dt
         if not (len(positions_w) and self._names):
-            return self.batches
+            self._late = []
+            return self._made
+        everybody = bool(self._solid.all())
         for place, bodies, grid in self._on_tiles(positions_w):
             name = self._names[place]
-            mesh = self._meshes[name]
             moving = Moving(bodies, grid, positions_w[bodies], self._radii[bodies], moved_w[bodies])
-            if isinstance(mesh, HeightMap):
-                self.batches += self._grid.patches(name, moving, self._solid[bodies], time, dt, before)
-            else:
-                reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
-                self.batches += self._general[name].patches(name, bodies, moving.positions_w, reach, time, before)
-        return self.batches
+            if not everybody:
+                solid = self._solid[bodies]
+                if not solid.all():
+                    self._waiting.append((name, moving.of(~solid)))
+                    moving = moving.of(solid)
+            if moving.bodies.size:
+                self._made += self._patches(name, moving, before, solid=True)
+        if not self._waiting:
+            self._late = []
+        return self._made
+
+    def _patches(self, name: str, moving: Moving, before: list[PatchBatch], *, solid: bool) -> list[PatchBatch]:
+        """Patches of bodies on a tile; only those of ``solid`` ones are chosen."""
+        time = self._time
+        if not isinstance(self._meshes[name], HeightMap):
+            reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
+            return self._general[name].patches(name, moving.bodies, moving.positions_w, reach, time, before)
+        if solid:
+            return self._grid.patches(name, moving, time, self._dt, before)
+        return self._grid.of_fixed_extent(name, moving, time, before)
 
     def _take_tiles(self) -> None:
         """Notices tiles that came, went or were replaced; bodies on them look for their tile anew."""

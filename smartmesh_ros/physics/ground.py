@@ -70,7 +70,7 @@ class Ground:
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
-        self._solid = np.empty(0, bool)
+        self._carrying: list[PatchBatch] = []
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
         self._away = np.empty(0, bool)  # whose collider waits far away
@@ -79,6 +79,11 @@ class Ground:
     def batches(self) -> list[PatchBatch]:
         """Patches as of the last update; their bodies are indices into `followers`."""
         return self._tracker.batches
+
+    @property
+    def carrying(self) -> list[PatchBatch]:
+        """Those of them that have colliders."""
+        return self._carrying
 
     @property
     def positions_w(self) -> FloatArray:
@@ -146,7 +151,7 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         self._movement.read(dt)
-        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
+        self._carrying = batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
@@ -171,12 +176,13 @@ class Ground:
         self.followers = followers
         self._applied = []
         self._radii = np.array([follower.radius for follower in followers])
-        self._solid = np.array([follower.solid for follower in followers], bool)
         self._movement.adopt(followers, kept)
         self._heightfields.adopt(followers, kept)
         self._planes.adopt(followers, kept)
         self._prediction.adopt(kept)
-        self._tracker.set_bodies(self._radii, kept, self._solid)
+        solid = np.array([follower.solid for follower in followers], bool)
+        self._tracker.set_bodies(self._radii, kept, solid)
+        self._carrying = []
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
@@ -212,13 +218,10 @@ class Ground:
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
         bodies, base = batch.bodies, batch.centres_w
-        chosen = self._solid[bodies]
-        supported = bodies
+        rows = np.arange(len(bodies))
         if batch.may_have_holes:
             base, grounded = base_over_holes(base, batch.vertices_w()[..., 2])
-            supported = bodies[grounded]
-            chosen &= grounded
-        rows = np.flatnonzero(chosen)
+            rows = np.flatnonzero(grounded)
         if rows.size:
             twist, rise = None, np.zeros(len(bodies))
             if self.config.carry_velocity:
@@ -231,20 +234,17 @@ class Ground:
             else:
                 self._make_room(bodies[rows], _MESH)
                 self._apply_meshes(batch, rows, base, twist)
-        return supported
+        return bodies[rows]
 
     def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:
         """The same for batches of heightfields, in one pass; for each the followers that have ground under them."""
         fields = Fields.of(batches)
         bodies, base = fields.bodies, fields.centres_w.copy()
-        chosen = self._solid[bodies]
         carried = [batch.bodies for batch in batches]
         if fields.holes:
             base, grounded = base_over_holes(base, fields.heights_w)
-            chosen &= grounded
             carried = [bodies[grounded & (fields.which == which)] for which in range(len(batches))]
-        if not chosen.all():
-            rows = np.flatnonzero(chosen)
+            rows = np.flatnonzero(grounded)
             fields, base = fields.of_rows(rows), base[rows]
         if fields.bodies.size:
             twist, rise = None, np.zeros(len(base))

@@ -24,7 +24,7 @@ def rescue(client: Any, ground: Ground, bodies: list[Body | None], time: float) 
     """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
     None = stays where it is, since its pose is dictated."""
     lifts: dict[str, tuple[Body, float, float]] = {}
-    found = below_ground(ground.batches, ground.terrain, ground.positions_w, time)
+    found = below_ground(ground.carrying, ground.terrain, ground.positions_w, time)
     for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
         body, follower = bodies[index], ground.followers[index]
         if body is not None:

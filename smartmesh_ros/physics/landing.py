@@ -110,7 +110,7 @@ def meet(
     indices. None where there is nothing to undo."""
     dt, positions = physics.dt, ground.positions_w
     ahead = positions + ground.moved_w + np.array(physics.gravity) * (dt * dt)
-    found = approaches(ground.batches, positions, ahead, dt)
+    found = approaches(ground.carrying, positions, ahead, dt)
     if found is None:
         return None
     landings = slow_down(BulletCalls(client), found, bodies, radii, ground.terrain, positions, time, dt)

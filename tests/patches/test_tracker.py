@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.patches.tracker import PatchTracker
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -145,3 +147,33 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(kind: PatchKind, rings:
             assert rate == pytest.approx(float(heightmap.at([places[body]], 0.01).velocities[0]), abs=1e-3)  # type: ignore[index]
             checked += 1
     assert checked == 40
+
+
+def by_body(batches: list[PatchBatch]) -> dict[int, FloatArray]:
+    return {
+        body: points
+        for batch in batches
+        for body, points in zip(batch.bodies.tolist(), batch.vertices_w(), strict=True)
+    }
+
+
+def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() -> None:
+    """They are those of fixed extent, as of the last update; where the ground is gone there are none."""
+    rng = np.random.default_rng(4)
+    heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
+    terrain, solid = Terrain(heightmap), np.arange(12) % 3 > 0
+    fixed, chosen = (PatchTracker(terrain, PatchConfig(kind=kind)) for kind in ("heightfield", "auto"))
+    fixed.set_bodies(np.full(12, 0.3), np.full(12, -1))
+    chosen.set_bodies(np.full(12, 0.3), np.full(12, -1), solid)
+    others = set(np.flatnonzero(~solid).tolist())
+    positions, moved = rng.uniform(1.0, 4.0, (12, 3)), np.full((12, 3), 0.05)
+    for step in range(3):
+        positions = positions + moved
+        made = chosen.update(positions, moved, step * DT, DT)
+        assert not others & set(by_body(made))
+    expected, found = by_body(fixed.update(positions, moved, 2 * DT, DT)), by_body(chosen.batches)
+    for body in others:
+        np.testing.assert_array_equal(found[body], expected[body])
+    chosen.update(positions, moved, 3 * DT, DT)
+    terrain.remove("")
+    assert not others & set(by_body(chosen.batches))
