@@ -26,8 +26,11 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 # Bodies arrive this deep in the ground, so that the next step finds them in contact [m].
 ARRIVAL = 1e-4
-# What would come no deeper is left to the solver [m].
-SHALLOW = 5e-4
+# What would come no deeper is left to the solver [m], and what would come so many times as deep as by falling from rest
+# for a step: all that lies on the ground would.
+SHALLOW, FALLING = 5e-4, 1.25
+# A slowed body whose speed is another than gravity made it has met the ground already [m/s].
+MET = 1e-3
 # The path of bodies that move further than this share of their radius in a step is looked at in so many places.
 FAR, PLACES = 0.25, 16
 # Balls within so many radii of the plane under them, and as near as they come in a step, are looked at closely.
@@ -79,11 +82,13 @@ class Radii(NamedTuple):
 
 
 class Landings(NamedTuple):
-    """Bodies that are slowed for one step, their indices, and the velocities taken from them (n, 3) [m/s]."""
+    """Bodies that are slowed for one step, their indices, the velocities taken from them and those left to them
+    (n, 3) [m/s]."""
 
     uids: list[int]
     followers: list[int]
     taken: FloatArray
+    left: FloatArray
 
 
 class Escape(NamedTuple):
@@ -104,27 +109,37 @@ class Meeting(NamedTuple):
 
 
 def meet(
-    client: Any, ground: Ground, bodies: list[Body | None], radii: Radii, time: float, physics: PhysicsConfig
-) -> Meeting | None:
+    client: Any, ground: Ground, bodies: list[Body | None], radii: Radii, met: list[int], time: float,
+    physics: PhysicsConfig,
+) -> Meeting | None:  # fmt: skip
     """Has bodies arrive at the ground's surface in the coming step; ``bodies``, ``radii`` (N,): by the followers'
-    indices. None where there is nothing to undo."""
+    indices; ``met``: who did in the last one, and is left to the solver. None where there is nothing to undo."""
     dt, positions = physics.dt, ground.positions_w
     ahead = positions + ground.moved_w + np.array(physics.gravity) * (dt * dt)
     found = approaches(ground.carrying, positions, ahead, dt)
     if found is None:
         return None
-    landings = slow_down(BulletCalls(client), found, bodies, radii, ground.terrain, positions, time, dt)
+    waiting = ~np.isin(found.bodies, met) if met else np.ones(len(found.bodies), bool)
+    shallow = max(SHALLOW, FALLING * math.hypot(*physics.gravity) * dt * dt)
+    landings = slow_down(
+        BulletCalls(client), found.of(waiting), bodies, radii, ground.terrain, positions, time, dt, shallow
+    )
     escapes = deep_bodies(found, bodies, radii)
     return Meeting(landings, escapes, velocities(client, escapes))
 
 
-def part(client: Any, ground: Ground, meeting: Meeting, dt: float) -> None:
-    """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly."""
-    uids, followers, taken = meeting.landings
+def part(client: Any, ground: Ground, meeting: Meeting, physics: PhysicsConfig) -> list[int]:
+    """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly. Returns the
+    followers that have met the ground: slowed again, they would never feel it, and gain speed for ever."""
+    uids, followers, taken, left = meeting.landings
+    met: list[int] = []
     if uids:
-        given_back = BulletCalls(client).add_velocities(uids, taken.tolist())
-        ground.will_move(followers, np.multiply(given_back, dt))
+        given_back = np.array(BulletCalls(client).add_velocities(uids, taken.tolist()))
+        ground.will_move(followers, given_back * physics.dt)
+        pushed = np.abs(given_back - taken - left - np.multiply(physics.gravity, physics.dt)).max(axis=1) > MET
+        met = [followers[row] for row in np.flatnonzero(pushed)]
     hold_back(client, meeting.escapes, meeting.before)
+    return met
 
 
 def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> Approach | None:
@@ -152,14 +167,16 @@ def slow_down(
     positions_w: FloatArray,
     time: float,
     dt: float,
+    shallow: float,
 ) -> Landings:
-    """Slows the bodies that would run into the ground in the coming step; ``bodies``, ``radii``: by index."""
-    approach = approach.of((approach.closing > SHALLOW) & (radii.outer[approach.bodies] > 0.0))
+    """Slows the bodies that would run into the ground in the coming step, deeper than ``shallow`` [m]; ``bodies``,
+    ``radii``: by index."""
+    approach = approach.of((approach.closing > shallow) & (radii.outer[approach.bodies] > 0.0))
     if not approach.bodies.size:
-        return Landings([], [], np.empty((0, 3)))
+        return Landings([], [], np.empty((0, 3)), np.empty((0, 3)))
     approach = _seen_closely(approach, radii, terrain, positions_w, time)
     inner, outer = radii.inner[approach.bodies], radii.outer[approach.bodies]
-    lands = (approach.distance - inner > ARRIVAL) & (approach.closing - approach.distance + outer > SHALLOW)
+    lands = (approach.distance - inner > ARRIVAL) & (approach.closing - approach.distance + outer > shallow)
     far = np.einsum("ij,ij->i", approach.paths, approach.paths) > (FAR * outer) ** 2
     slowed = lands | far
     approach, inner, outer, far = approach.of(slowed), inner[slowed], outer[slowed], far[slowed]
@@ -170,7 +187,7 @@ def slow_down(
         assert body.shape is not None
         reach[row] = support(body.shape, calls.orientation(body.uid), approach.normals_w[row])
     gap = approach.distance - reach
-    lands = (gap > ARRIVAL) & (approach.closing - gap > SHALLOW)
+    lands = (gap > ARRIVAL) & (approach.closing - gap > shallow)
     changes = np.where(lands, (approach.closing - gap - ARRIVAL) / dt, 0.0)[:, None] * approach.normals_w
     for row in np.flatnonzero(far).tolist():
         start, path = positions_w[approach.bodies[row]], approach.paths[row]
@@ -180,8 +197,8 @@ def slow_down(
     chosen = changes.any(axis=1)
     followers, changes = approach.bodies[chosen].tolist(), changes[chosen]
     uids = [body.uid for body in (bodies[index] for index in followers) if body is not None]
-    calls.add_velocities(uids, changes.tolist())
-    return Landings(uids, followers, -changes)
+    left = np.array(calls.add_velocities(uids, changes.tolist())).reshape(-1, 3)
+    return Landings(uids, followers, -changes, left)
 
 
 def _seen_closely(approach: Approach, radii: Radii, terrain: Terrain, positions_w: FloatArray, time: float) -> Approach:

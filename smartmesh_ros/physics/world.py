@@ -73,6 +73,7 @@ class World:
         self._follower_names: list[str] = []
         self._of_followers: list[Body | None] = []  # simulated bodies by the followers' indices
         self._radii = Radii.of([])
+        self._met: list[int] = []  # followers that met the ground in the last step
 
     def __enter__(self) -> World:
         return self
@@ -280,13 +281,14 @@ class World:
         physics, meeting = self.config.physics, None
         if physics.landing:
             with self.stopwatch.stage("collider"):
-                meeting = landing.meet(self.client, self.ground, self._of_followers, self._radii, self.time, physics)
+                meeting = landing.meet(
+                    self.client, self.ground, self._of_followers, self._radii, self._met, self.time, physics
+                )
         with self.stopwatch.stage("step"):
             for (uid, index), effort in self._efforts.items():
                 apply_effort(self.client, uid, index, effort)
             self.client.stepSimulation()
-        if meeting is not None:
-            landing.part(self.client, self.ground, meeting, physics.dt)
+        self._met = [] if meeting is None else landing.part(self.client, self.ground, meeting, physics)
 
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
@@ -342,3 +344,4 @@ class World:
         simulated = {body.uid: body for body in self.bodies.values() if not body.tracked}
         self._of_followers = [simulated.get(follower.body) for follower in followers]
         self._radii = Radii.of(self._of_followers)
+        self._met = []
