@@ -84,7 +84,6 @@ def choose(
     )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
-    # In small windows of moving ground planes seldom hold: to look for them costs more than they save.
     planar = window.instants == 1 or not small or config.kind == "plane"
     if few.size and planar:
         inner, touching = window.inner(few, FACET_RINGS), balls.of(few)
@@ -94,7 +93,7 @@ def choose(
             choice.facets[few], under = _facets_under(inner, touching, lean[few])
         deviation = facet_deviation(facets_of(inner), under, touching.repeated(window.instants))
         _take_planes(choice, few, window, under, deviation, limit, FACET, np.ones_like(few))
-    if few.size < count and planar:
+    if few.size < count:
         many = np.flatnonzero(need > FACET_RINGS)
         sizes = SIZES[np.searchsorted(SIZES, need[many])]
         for size in np.unique(sizes).tolist():
