@@ -16,7 +16,7 @@ from smartmesh_ros.studies.chart import draw_all, draw_scene
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import PIECES, Result, run_scene
 from smartmesh_ros.studies.matrix.picture import draw_matrix, matrix_table
-from smartmesh_ros.studies.matrix.row import METHODS
+from smartmesh_ros.studies.matrix.row import METHODS, Outcome
 from smartmesh_ros.studies.matrix.run import run_matrix
 from smartmesh_ros.studies.scene import read_scenes
 from smartmesh_ros.studies.tables import fill, scene_table, summary_table
@@ -42,6 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _charts(options, images, blocks, data, say)
     if not options.charts_only:
         outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+        if options.methods:
+            outcomes = _beside_those_before(outcomes, out / "accuracy.json")
         draw_matrix(images / "stability.png", outcomes)
         blocks["stability"] = matrix_table(outcomes)
         data["stability"] = [asdict(outcome) for outcome in outcomes]
@@ -66,6 +68,16 @@ def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
         scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
         for scene, found in scenes.items()
     }
+
+
+def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
+    """Cells of the matrix, and those of other methods that an earlier run wrote, row by row."""
+    written = json.loads(path.read_text()).get("stability", []) if path.exists() else []
+    new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
+    before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}
+    cells = before | new
+    rows = dict.fromkeys(outcome.row for outcome in outcomes)
+    return [cells[row, method] for row in rows for method in METHODS if (row, method) in cells]
 
 
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
@@ -102,7 +114,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
     parser.add_argument("--out", type=Path, help="folder to write to (docs, or out/studies with --quick)")
     parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only; what was measured of others stays")
-    parser.add_argument("--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix")
+    parser.add_argument(
+        "--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix; others stay"
+    )
     parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
     parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
     return parser
