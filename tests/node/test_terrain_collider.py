@@ -157,14 +157,17 @@ def test_ground_that_slides_takes_a_box_along(probe: Probe) -> None:
         probe.publish_map(np.zeros((60, 60)))
         spawn(probe, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
         probe.wait_for(probe.patches)
-        position, start = state(probe, "box"), probe.node.get_clock().now()
+        start = probe.node.get_clock().now()
 
         def taken_along() -> bool:
             now = probe.node.get_clock().now()
             slid = 0.2e-9 * (now - start).nanoseconds
             probe.publish_map(np.zeros((60, 60)), origin=(slid, 0.0, 0.0), stamp=now.to_msg())
-            p = position()
-            return p is not None and slid > 0.5 and p == pytest.approx((2.0 + slid, 3.0, 0.1), abs=0.05)
+            [box] = probe.latest("body_states").bodies
+            # Where messages come late the ground slips under it for a moment, so that it may lag behind for good.
+            gone, speed = box.pose.position.x - 2.0, box.twist.linear.x
+            assert gone < slid + 0.05
+            return bool(gone > 0.3 and abs(speed - 0.2) < 0.02 and abs(box.pose.position.z - 0.1) < 0.002)
 
         probe.wait_for(taken_along)
 
