@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.patches.grid_window import Balls, Window
 from smartmesh_ros.patches.planes import Planes
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
 
 
 class Facets(NamedTuple):
@@ -24,12 +24,6 @@ class Facets(NamedTuple):
     places: FloatArray
     resolution: float
     holes: bool
-
-    def of(self, rows: IntArray | slice) -> Facets:
-        """Those of the windows in ``rows``."""
-        return Facets(
-            self.slope_x[rows], self.slope_y[rows], self.corner[rows], self.places, self.resolution, self.holes
-        )
 
 
 def facets_of(window: Window) -> Facets:

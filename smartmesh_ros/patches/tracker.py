@@ -23,7 +23,7 @@ class PatchTracker:
         self.terrain = terrain
         self.config = config
         self.stopwatch = stopwatch or Stopwatch()
-        self._made: list[PatchBatch] = []  # of solid bodies
+        self.of_solid: list[PatchBatch] = []  # as of the last update
         self._late: list[PatchBatch] = []  # of the others, as last worked out
         self._waiting: list[tuple[str, Moving]] = []  # tiles, and the others on them
         self._time, self._dt = 0.0, 0.0
@@ -44,7 +44,7 @@ class PatchTracker:
         self._grid.set_bodies(kept)
         for general in self._general.values():
             general.set_bodies(kept)
-        self._made, self._late, self._waiting = [], [], []
+        self.of_solid, self._late, self._waiting = [], [], []
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -56,7 +56,7 @@ class PatchTracker:
             for name, moving in waiting:
                 if self.terrain.tiles.get(name) is self._meshes[name]:
                     self._late += self._patches(name, moving, before, solid=False)
-        return self._made + self._late
+        return self.of_solid + self._late
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings, from the next update on."""
@@ -71,11 +71,11 @@ class PatchTracker:
         position is not finite, get none."""
         if self.terrain.tiles != self._meshes:
             self._take_tiles()
-        before, self._made, self._waiting = self._made, [], []
+        before, self.of_solid, self._waiting = self.of_solid, [], []
         self._time, self._dt = time, dt
         if not (len(positions_w) and self._names):
             self._late = []
-            return self._made
+            return self.of_solid
         everybody = bool(self._solid.all())
         for place, bodies, grid in self._on_tiles(positions_w):
             name = self._names[place]
@@ -86,10 +86,10 @@ class PatchTracker:
                     self._waiting.append((name, moving.of(~solid)))
                     moving = moving.of(solid)
             if moving.bodies.size:
-                self._made += self._patches(name, moving, before, solid=True)
+                self.of_solid += self._patches(name, moving, before, solid=True)
         if not self._waiting:
             self._late = []
-        return self._made
+        return self.of_solid
 
     def _patches(self, name: str, moving: Moving, before: list[PatchBatch], *, solid: bool) -> list[PatchBatch]:
         """Patches of bodies on a tile; only those of ``solid`` ones are chosen."""

@@ -70,7 +70,6 @@ class Ground:
         self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
-        self._carrying: list[PatchBatch] = []
         self._radii = np.empty(0)
         self._held = np.empty(0, np.int64)
         self._away = np.empty(0, bool)  # whose collider waits far away
@@ -83,7 +82,7 @@ class Ground:
     @property
     def carrying(self) -> list[PatchBatch]:
         """Those of them that have colliders."""
-        return self._carrying
+        return self._tracker.of_solid
 
     @property
     def positions_w(self) -> FloatArray:
@@ -151,7 +150,7 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         self._movement.read(dt)
-        self._carrying = batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
+        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
@@ -182,7 +181,6 @@ class Ground:
         self._prediction.adopt(kept)
         solid = np.array([follower.solid for follower in followers], bool)
         self._tracker.set_bodies(self._radii, kept, solid)
-        self._carrying = []
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
