@@ -21,11 +21,12 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntA
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
-# many steps where the ground moves: fewer in small windows, where room for more would soon mean a larger patch.
+# many steps where the ground moves: fewer in small windows over ground whose velocity changes, where room for that
+# would soon mean a larger patch.
 SLACK = 0.0005
 HORIZON, HORIZON_IN_SMALL = 8, 4
-# For how many steps of travel it holds.
-STEPS = 4.0
+# For how many steps of travel it holds: more while that is no further than this share of the body's radius.
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.5
 # Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
@@ -45,6 +46,7 @@ _FILLS = {
     "_drop": 0.0,
     "_slide": 0.0,
     "_version": -1,
+    "_window": 0,
 }
 
 
@@ -86,7 +88,8 @@ class AutoPatches:
         # Where and when the choice was made, and for how much approach and sliding [m].
         self._where, self._since = np.empty((0, 3)), np.empty(0)
         self._drop, self._slide = np.empty(0), np.empty(0)
-        self._version = np.empty(0, np.int64)
+        # Of which version of the map, and how many rings of it were looked at.
+        self._version, self._window = np.empty(0, np.int64), np.empty(0, np.int64)
 
     def set_bodies(self, kept: IntArray) -> None:
         """Says which bodies there are, by their index before, -1 = new (N,)."""
@@ -141,12 +144,20 @@ class AutoPatches:
         most_drop, most_slide = self._drop[bodies] ** 2, self._slide[bodies] ** 2
         due = (time >= until) | (drop > most_drop) | (slide > most_slide)
         steady = heightmap.moving(time) and heightmap.lifetime <= HORIZON * dt
-        if not steady:
-            due |= self._version[bodies] != heightmap.version
+        changed = self._changed(heightmap, bodies)
+        due |= changed & np.isinf(until) if steady else changed
         if due.any():
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
             due |= time + (1.0 - EARLY) * HORIZON_IN_SMALL * dt >= until
         return np.asarray(due)
+
+    def _changed(self, heightmap: HeightMap, bodies: IntArray) -> BoolArray:
+        """Under which bodies there is other ground than they were looked at with (n,)."""
+        version, standing = self._version[bodies], self._standing
+        if (version == heightmap.version).all():
+            return np.zeros(len(bodies), bool)
+        rows, columns = standing.rows[bodies], standing.columns[bodies]
+        return heightmap.clocks.changed(rows, columns, self._window[bodies], version)
 
     def _decide(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> None:
         geometry, bodies = heightmap.geometry, moving.bodies
@@ -158,7 +169,7 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        reach = moving.radii + SLACK + STEPS * (across + along) + FALL * dt * dt
+        reach = moving.radii + SLACK + _travel(across, moving.radii) + _travel(along, moving.radii) + FALL * dt * dt
         reach += np.abs(self._lean[bodies]).max(axis=1)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
@@ -176,6 +187,7 @@ class AutoPatches:
                 rows = np.flatnonzero(sizes == size)
                 self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], time, dt)
         self._version[bodies] = heightmap.version
+        self._window[bodies] = rings
 
     def _decide_size(
         self,
@@ -193,15 +205,21 @@ class AutoPatches:
         cells = Cells(standing.rows[bodies], standing.columns[bodies])
         ones = np.ones_like(bodies)
         ground = collect_inside(heightmap, patch_template(size), cells, ones, time, self.config.collect)
-        horizon = HORIZON_IN_SMALL if size <= SMALL_WINDOW else HORIZON
+        rise = np.zeros(len(bodies))
+        if ground.velocities is not None:
+            rise = np.nan_to_num(ground.velocities[:, patch_template(size).centre])
+        changing = self._changing(bodies, rise, time, dt)
+        horizon = np.full(len(bodies), HORIZON)
+        if size <= SMALL_WINDOW:
+            horizon[~(0.5 * (HORIZON * dt) ** 2 * changing <= SLACK)] = HORIZON_IN_SMALL
         ahead = horizon * dt
         window = _window(geometry, size, ground, ahead)
-        rise = 0.0 if ground.velocities is None else np.nan_to_num(ground.velocities[:, patch_template(size).centre])
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
-        drop, slide = SLACK + STEPS * across + self._swerve(bodies, rise, time, ahead), SLACK + STEPS * along
+        swerve = 0.5 * ahead * ahead * np.nan_to_num(changing)  # from where the ground's velocity leads
+        drop, slide = SLACK + _travel(across, moving.radii) + swerve, SLACK + _travel(along, moving.radii)
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
@@ -212,8 +230,9 @@ class AutoPatches:
         standing.until[bodies] = np.inf
         if ground.velocities is not None:
             now, later = choice.planes_at(0), choice.planes_at(1)
-            standing.rate[bodies] = (np.stack(later, axis=1) - np.stack(now, axis=1)) / ahead
-            standing.until[bodies] = time + (horizon - 0.5) * dt
+            standing.rate[bodies] = (np.stack(later, axis=1) - np.stack(now, axis=1)) / ahead[:, None]
+            moves = ground.velocities.any(axis=1)
+            standing.until[bodies] = np.where(moves, time + (horizon - 0.5) * dt, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
         if ground.velocities is None and not ground.holes:
@@ -241,13 +260,13 @@ class AutoPatches:
         known[bodies] = np.where(along, np.maximum(deviation, known[bodies]), known[bodies])
         return np.where(along, np.clip(room, 0.0, balls.radii), 0.0)
 
-    def _swerve(self, bodies: IntArray, rise: FloatArray | float, time: float, ahead: float) -> FloatArray:
-        """How far ground gets, in the time ``ahead`` [s], from where its velocity ``rise`` (n,) [m/s] leads,
-        judging by how that changed since the last look (n,) [m]."""
+    def _changing(self, bodies: IntArray, rise: FloatArray, time: float, dt: float) -> FloatArray:
+        """How fast the ground's velocity ``rise`` (n,) [m/s] has changed since the last look (n,) [m/s^2], NaN where
+        that is too long ago."""
         since = time - self._since[bodies]
-        recent = (since > 0.0) & (since <= 2.0 * ahead)
+        recent = (since > 0.0) & (since <= 2.0 * HORIZON * dt)
         change = np.abs(rise - self._rise[bodies])
-        return np.where(recent, 0.5 * ahead * ahead * np.minimum(change / np.where(recent, since, 1.0), SWERVE), 0.0)
+        return np.where(recent, np.minimum(change / np.where(recent, since, 1.0), SWERVE), np.nan)
 
     def _note(self, bodies: IntArray, choice: Choice, centres: FloatArray, radii: FloatArray, yaw: float) -> BoolArray:
         """Notes what was chosen for ``bodies`` (n,) at ``centres`` (n, 3) [m] of their windows, and how the ground
@@ -268,11 +287,16 @@ class AutoPatches:
         return near
 
 
-def _window(geometry: GridGeometry, size: int, ground: Collected, ahead: float) -> Window:
-    """Windows of ``size`` rings from what was collected there, now and, if the ground moves, ``ahead`` [s] later."""
+def _travel(step: FloatArray, radii: FloatArray) -> FloatArray:
+    """How far bodies may get before the next look (n,) [m], that get so far in a ``step`` (n,) [m]."""
+    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
+
+
+def _window(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:
+    """Windows of ``size`` rings from what was collected, now and, if the ground moves, ``ahead`` (n,) [s] later."""
     side, heights = 2 * size + 1, ground.heights[None]
     if ground.velocities is not None:
-        heights = np.concatenate([heights, heights + ground.velocities * ahead])
+        heights = np.concatenate([heights, heights + ground.velocities * ahead[:, None]])
     heights = heights.reshape(len(heights), -1, side, side)
     return Window(heights=heights, rings=size, resolution=geometry.resolution, holes=ground.holes)
 

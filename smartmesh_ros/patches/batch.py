@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.config import ColliderKind
 from smartmesh_ros.patches.grid_collect import Collected, collect_inside
 from smartmesh_ros.patches.template import PatchTemplate
@@ -52,51 +54,38 @@ class PatchBatch(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridBatch(PatchBatch):
-    """Patches of a height map. ``spacing``: distance of their samples (n,) [m]. ``heights_w``: their z (n, K) [m].
+    """Patches of a height map at ``time`` [s]. ``spacing``: distance of their samples (n,) [m].
 
-    ``points_w`` (n, 3) [m], ``normals_w`` (n, 3): a plane along the ground under each body, by its point nearest to the
-    body and its upward normal; None where nobody worked it out.
+    ``ground``: their samples, None = to be read once somebody asks for them, by ``method``. ``since`` (n,) [s]: from
+    when on the ground has gone on with the velocity it had then, NaN = not known. ``points_w`` (n, 3) [m],
+    ``normals_w`` (n, 3): a plane along the ground under each body, by its point nearest to the body and its upward
+    normal; None where nobody worked it out.
     """
 
     heightmap: HeightMap
     template: PatchTemplate
     spacing: FloatArray
-    heights_w: FloatArray
-    holes: bool
+    time: float
+    since: FloatArray
+    method: CollectMethod = "cached"
+    ground: Collected | None = None
     points_w: FloatArray | None = None
     normals_w: FloatArray | None = None
 
-    @classmethod
-    def of(
-        cls,
-        tile: str,
-        kind: ColliderKind,
-        bodies: IntArray,
-        heightmap: HeightMap,
-        template: PatchTemplate,
-        cells: Cells,
-        middles_w: FloatArray,
-        stride: IntArray,
-        ground: Collected,
-        deviation: FloatArray,
-        twist: FloatArray,
-        **planes: FloatArray,
-    ) -> GridBatch:
-        """Patches around ``cells`` from what was collected there, with ``points_w`` and ``normals_w`` if known.
+    def read(self, rows: IntArray | slice = slice(None), *, velocities: bool = False) -> Collected:
+        """Samples of the patches in ``rows``."""
+        if self.ground is None:
+            cells = Cells(self.rows[rows], self.columns[rows])
+            return collect_inside(
+                self.heightmap, self.template, cells, self.stride[rows], self.time, self.method, velocities=velocities
+            )
+        speeds = self.ground.velocities
+        return Collected(self.ground.heights[rows], None if speeds is None else speeds[rows], self.ground.holes)
 
-        ``middles_w`` (n, 2): where the cells are [m]. ``twist`` (2, n, 3): the patches' velocity at the centre [m/s]
-        and turning [rad/s].
-        """
-        spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
-        centres_w = np.empty((len(bodies), 3))
-        centres_w[:, :2] = middles_w
-        centres_w[:, 2] = ground.heights[:, template.centre]
-        return cls(
-            tile=tile, kind=kind, bodies=bodies, triangles=template.triangles, rows=cells.rows, columns=cells.columns,
-            stride=stride, centres_w=centres_w, linear_w=twist[0], angular_w=twist[1], deviation=deviation,
-            heightmap=heightmap, template=template, spacing=spacing, heights_w=ground.heights, holes=ground.holes,
-            **planes,
-        )  # fmt: skip
+    @cached_property
+    def heights_w(self) -> FloatArray:
+        """Heights of all samples (n, K) [m]."""
+        return self.read().heights
 
     def vertices_w(self) -> FloatArray:
         """Vertices of all patches (n, K, 3) [m], in the order of the template."""
@@ -106,7 +95,7 @@ class GridBatch(PatchBatch):
     @property
     def may_have_holes(self) -> bool:
         """Whether any sample may be NaN."""
-        return self.holes
+        return self.heightmap.has_holes if self.ground is None else self.ground.holes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,14 +103,15 @@ class PlaneBatch(PatchBatch):
     """Patches of a height map whose collider is the plane along the ground under the body.
 
     ``points_w`` (n, 3) [m], ``normals_w`` (n, 3): the plane, by its point nearest to the body when it was last looked
-    at and its upward normal. ``time`` [s] is what its vertices, 3 x 3 samples near to it, are read at: only once
-    somebody asks for them.
+    at and its upward normal. ``since`` as in `GridBatch`. ``time`` [s] is what its vertices, 3 x 3 samples near to it,
+    are read at: only once somebody asks for them.
     """
 
     heightmap: HeightMap
     template: PatchTemplate
     points_w: FloatArray
     normals_w: FloatArray
+    since: FloatArray
     time: float
 
     def vertices_w(self) -> FloatArray:

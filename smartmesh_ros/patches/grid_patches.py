@@ -116,21 +116,17 @@ class GridPatches:
                 ground = collect_inside(heightmap, template, cells, stride, time, self._config.collect)
             else:
                 ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
-        unknown, middles_w = np.full(len(bodies), np.nan), heightmap.geometry.to_world(*cells)
-        twist = twist_under(heightmap, ground, cells, stride, grid)
-        return GridBatch.of(
-            name,
-            self._config.grid_kind,
-            bodies,
-            heightmap,
-            template,
-            cells,
-            middles_w,
-            stride,
-            ground,
-            unknown,
-            twist,
-        )
+        linear_w, angular_w = twist_under(heightmap, ground, cells, stride, grid)
+        centres_w = np.empty((len(bodies), 3))
+        centres_w[:, :2], centres_w[:, 2] = heightmap.geometry.to_world(*cells), ground.heights[:, template.centre]
+        unknown = np.full(len(bodies), np.nan)
+        spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
+        return GridBatch(
+            tile=name, kind=self._config.grid_kind, bodies=bodies, triangles=template.triangles, rows=cells.rows,
+            columns=cells.columns, stride=stride, centres_w=centres_w, linear_w=linear_w, angular_w=angular_w,
+            deviation=unknown, heightmap=heightmap, template=template, spacing=spacing,
+            time=time, since=unknown, ground=ground,
+        )  # fmt: skip
 
 
 def twist_under(

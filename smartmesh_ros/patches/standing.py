@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, UNDECIDED
+from smartmesh_ros.patches.choice import EDGE, FACET, FACET_RINGS, FIELD, FITTED, UNDECIDED
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.planes import ALL_NINE, Planes, planes_through
@@ -19,6 +19,8 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A plane that a new map puts further than this from where it was expected is looked at again [m].
 JUMP = 0.005
+# Stands for the rings of a patch that is a plane.
+PLANE = 0
 
 _FILLS = {
     "state": UNDECIDED,
@@ -73,14 +75,23 @@ class Standing:
         """Reads the planes under ``bodies`` (n,) anew where the ground does not move on as it was read."""
         state = self.state[bodies]
         stale = (state == FACET) | (state == FITTED) | (state == FIELD)
-        if time <= heightmap.steady_until:
+        steady = time <= heightmap.steady_until
+        if steady:
             stale &= self.read_from[bodies] != heightmap.version
         if not stale.any():
             return
-        bodies = bodies[stale]
+        bodies, state = bodies[stale], state[stale]
+        if steady:
+            reach = self.stride[bodies] * np.where(state == FIELD, self.rings[bodies], FACET_RINGS)
+            rows, columns, version = self.rows[bodies], self.columns[bodies], self.read_from[bodies]
+            changed = heightmap.clocks.changed(rows, columns, reach, version)
+            self.read_from[bodies] = heightmap.version
+            bodies, state = bodies[changed], state[changed]
+            if not bodies.size:
+                return
         cells, stride = Cells(self.rows[bodies], self.columns[bodies]), self.stride[bodies]
         ground = collect_inside(heightmap, patch_template(1), cells, stride, time, method)
-        which = np.where(state[stale] == FITTED, ALL_NINE, self.facet[bodies])
+        which = np.where(state == FITTED, ALL_NINE, self.facet[bodies])
         spacing = stride * heightmap.geometry.resolution
         planes = planes_through(ground.heights, which, spacing, holes=ground.holes)
         expected = self.plane[bodies] + self.rate[bodies] * (time - self.read_at[bodies])[:, None]
@@ -97,56 +108,42 @@ class Standing:
         self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float,
         method: CollectMethod,
     ) -> tuple[list[PatchBatch], IntArray]:  # fmt: skip
-        """Patches of ``bodies`` (n,) at ``positions_w`` (n, 3) [m] on the tile ``name`` at ``time`` [s], and which of
-        them are at its edge (m,)."""
+        """Patches of ``bodies`` (n,) at ``positions_w`` (n, 3) [m] on the tile ``name`` at ``time`` [s], a batch per
+        size, and which of them are at its edge (m,)."""
         state = self.state[bodies]
-        found: list[PatchBatch] = []
-        planes = np.flatnonzero((state == FACET) | (state == FITTED))
-        if planes.size:
-            found.append(self._planes(name, heightmap, bodies[planes], positions_w[planes], time))
-        fields = np.flatnonzero(state == FIELD)
-        if fields.size:
-            found += self._fields(name, heightmap, bodies[fields], positions_w[fields], time, method)
-        return found, np.flatnonzero(state == EDGE)
-
-    def _planes(
-        self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float
-    ) -> PlaneBatch:
-        template = patch_template(1)
-        centres_w, points_w, normals_w = self._ground(heightmap, bodies, positions_w, time)
-        twist = self._twist(heightmap, bodies, time)
-        return PlaneBatch(
-            tile=name, kind="plane", bodies=bodies, triangles=template.triangles, rows=self.rows[bodies],
-            columns=self.columns[bodies], stride=self.stride[bodies], centres_w=centres_w, linear_w=twist[0],
-            angular_w=twist[1], deviation=self.deviation[bodies], heightmap=heightmap, template=template,
-            normals_w=normals_w, points_w=points_w, time=time,
-        )  # fmt: skip
-
-    def _fields(
-        self, name: str, heightmap: HeightMap, bodies: IntArray, positions_w: FloatArray, time: float,
-        method: CollectMethod,
-    ) -> list[PatchBatch]:  # fmt: skip
-        """A batch per size."""
-        rings = self.rings[bodies]
+        edge = np.flatnonzero(state == EDGE)
+        chosen = np.flatnonzero((state == FACET) | (state == FITTED) | (state == FIELD))
+        if not chosen.size:
+            return [], edge
+        rings = np.where(state[chosen] == FIELD, self.rings[bodies[chosen]], PLANE)
         order = np.argsort(rings, kind="stable")
-        bodies, rings = bodies[order], rings[order]
-        _, points_w, normals_w = self._ground(heightmap, bodies, positions_w[order], time)
+        chosen, rings = chosen[order], rings[order]
+        bodies = bodies[chosen]
         # That of the ground under the body: the mean over the patch is another one where the velocity is curved.
-        twist = self._twist(heightmap, bodies, time)
+        linear_w, angular_w = self._twist(heightmap, bodies, time)
+        centres_w, points_w, normals_w = self._ground(heightmap, bodies, positions_w[chosen], time)
         rows, columns, stride = self.rows[bodies], self.columns[bodies], self.stride[bodies]
-        middles_w, deviation = self.middles_w[bodies], self.deviation[bodies]
+        deviation, since = self.deviation[bodies], self.read_at[bodies]
+        if time > heightmap.steady_until:
+            since[:] = np.nan
         ends = [*(np.flatnonzero(np.diff(rings)) + 1).tolist(), len(bodies)]
-        batches: list[PatchBatch] = []
+        found: list[PatchBatch] = []
         for start, end in zip([0, *ends], ends, strict=False):
-            part = slice(start, end)
-            template, cells = patch_template(int(rings[start])), Cells(rows[part], columns[part])
-            ground = collect_inside(heightmap, template, cells, stride[part], time, method, velocities=False)
-            batch = GridBatch.of(
-                name, "heightfield", bodies[part], heightmap, template, cells, middles_w[part], stride[part],
-                ground, deviation[part], twist[:, part], points_w=points_w[part], normals_w=normals_w[part],
-            )  # fmt: skip
-            batches.append(batch)
-        return batches
+            part, size = slice(start, end), int(rings[start])
+            template = patch_template(FACET_RINGS if size == PLANE else size)
+            common = {
+                "tile": name, "bodies": bodies[part], "triangles": template.triangles, "rows": rows[part],
+                "columns": columns[part], "stride": stride[part], "centres_w": centres_w[part],
+                "linear_w": linear_w[part], "angular_w": angular_w[part], "deviation": deviation[part],
+                "heightmap": heightmap, "template": template, "points_w": points_w[part],
+                "normals_w": normals_w[part], "since": since[part], "time": time,
+            }  # fmt: skip
+            if size == PLANE:
+                found.append(PlaneBatch(kind="plane", **common))
+            else:
+                spacing: FloatArray = np.multiply(stride[part], heightmap.geometry.resolution, dtype=np.float64)
+                found.append(GridBatch(kind="heightfield", spacing=spacing, method=method, **common))
+        return found, edge
 
     def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
         """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""

@@ -2,26 +2,87 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # A collider keeps its velocity while the ground's differs by less [m/s, rad/s]: in a step that is some 10 um.
 SAME_VELOCITY = 2e-3
 
 
-def elapsed_since(before: FloatArray, time: float) -> FloatArray:
-    """Seconds from times ``before`` (n,) [s] to ``time``, NaN where the clock was set back or the time is unknown."""
-    elapsed = time - before
-    elapsed[elapsed < 0.0] = np.nan
-    return elapsed
+_FILLS = {"colliders": -1, "bases": np.nan, "twists": 0.0, "times": np.nan, "_since": np.nan, "_rates": 0.0}
 
 
-def velocity_changed(old: FloatArray, new: FloatArray) -> BoolArray:
-    """Whether twists (n, 6) [m/s, rad/s] are to be given anew (n,). What came to rest is always told so."""
-    changed = np.abs(new - old).max(axis=1) > SAME_VELOCITY
-    changed |= old.any(axis=1) & ~new.any(axis=1)
-    return np.asarray(changed)
+class Carried:
+    """Where the colliders of followers are, by the follower's index.
+
+    ``colliders`` (N,): their bodies in PyBullet. ``bases`` (N, 3) [m]: their positions at ``times`` (N,) [s], NaN = to
+    be placed anew; ``twists`` (N, 6) [m/s, rad/s]: what they were given since.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self.colliders = np.empty(0, np.int64)
+        self.bases = np.empty((0, 3))
+        self.twists = np.empty((0, 6))
+        self.times = np.empty(0)
+        # Since when the ground has gone on steadily that they were brought to [s], and its vertical velocity [m/s].
+        self._since = np.empty(0)
+        self._rates = np.empty(0)
+        self._calls = BulletCalls(client)
+
+    def adopt(self, kept: IntArray) -> None:
+        """Says which followers there are, by their index before, -1 = new (N,)."""
+        carry_over(self, _FILLS, kept)
+
+    def forget(self, followers: IntArray | int) -> None:
+        """Says that the colliders of followers are elsewhere, or others."""
+        self.bases[followers] = self._since[followers] = np.nan
+        self.twists[followers] = 0.0
+
+    def advance(self, followers: IntArray, time: float) -> FloatArray:
+        """Notes how far steps of PyBullet have moved colliders; returns how much they turned since (n, 3) [rad]."""
+        elapsed = time - self.times[followers]
+        elapsed[elapsed < 0.0] = np.nan  # the clock was set back
+        moved = self.twists[followers] * elapsed[:, None]
+        self.bases[followers] += moved[:, :3]
+        self.times[followers] = time
+        return moved[:, 3:]
+
+    def push(self, followers: IntArray, twist: FloatArray, faster: FloatArray | float, since: FloatArray) -> None:
+        """Gives colliders the twist (n, 6) [m/s, rad/s] of ground that has it ``since`` (n,) [s], ``faster`` (n,) [m/s]
+        upwards, where that is another than they have."""
+        self._since[followers], self._rates[followers] = since, twist[:, 2]
+        twist = twist.copy()
+        twist[:, 2] += faster
+        old = self.twists[followers]
+        changed = np.abs(twist - old).max(axis=1) > SAME_VELOCITY
+        changed |= old.any(axis=1) & ~twist.any(axis=1)  # what came to rest is always told so
+        self._tell(followers[changed], twist[changed])
+
+    def hasten(self, followers: IntArray, faster: FloatArray, time: float) -> None:
+        """Has colliders go on with the same ground, but ``faster`` (n,) [m/s] upwards, from ``time`` [s] on."""
+        change = self._rates[followers] + faster - self.twists[followers, 2]
+        changed = np.flatnonzero(np.abs(change) > SAME_VELOCITY)
+        if changed.size:
+            followers, change = followers[changed], change[changed]
+            # As if they had always had that velocity.
+            self.bases[followers, 2] -= change * (time - self.times[followers])
+            twist = self.twists[followers]
+            twist[:, 2] += change
+            self._tell(followers, twist)
+
+    def same_ground(self, followers: IntArray, since: FloatArray, time: float) -> BoolArray:
+        """Whether the ground at ``time`` [s], steady ``since`` (n,) [s], is what the colliders were brought to (n,)."""
+        return np.asarray((self._since[followers] == since) & (since < time))
+
+    def _tell(self, followers: IntArray, twist: FloatArray) -> None:
+        if followers.size:
+            self.twists[followers] = twist
+            self._calls.set_velocities(self.colliders[followers].tolist(), twist.tolist())
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -3,94 +3,81 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+
+T = TypeVar("T", bound=np.generic)
 
 # Larger patches [samples on a side] are not filled up to those of others: that would cost more than a pass of its own.
 LARGEST_JOINED = 9
 
 
 class Layout(NamedTuple):
-    """Templates of s sizes, filled up with zeros to the K samples of the largest: ``sizes`` (s,) [samples on a side],
-    ``rows``, ``columns`` (s, K) and ``fit`` (s, K, 3) as in `PatchTemplate`; which samples are ``unused`` (s, K)."""
+    """Templates of s sizes, filled up to the K samples of the largest with their first: ``sizes`` (s,) [samples on a
+    side], ``rows``, ``columns`` (s, K) and ``fit`` (s, K, 3), zero where filled up, as in `PatchTemplate`."""
 
     sizes: IntArray
     rows: FloatArray
     columns: FloatArray
     fit: FloatArray
-    unused: BoolArray
 
 
 @lru_cache
 def layout_of(sizes: tuple[int, ...]) -> Layout:
     """The layout of patches of such sizes."""
     most = max(sizes) ** 2
-    layout = Layout(
-        np.array(sizes),
-        np.zeros((len(sizes), most)),
-        np.zeros((len(sizes), most)),
-        np.zeros((len(sizes), most, 3)),
-        np.ones((len(sizes), most), bool),
-    )
+    places, fit = np.zeros((2, len(sizes), most)), np.zeros((len(sizes), most, 3))
+    layout = Layout(np.array(sizes), places[0], places[1], fit)
     for index, size in enumerate(sizes):
         template, count = patch_template(size // 2), size * size
-        layout.rows[index, :count], layout.columns[index, :count] = template.rows, template.columns
+        for values, known in ((layout.rows, template.rows), (layout.columns, template.columns)):
+            values[index, :count], values[index, count:] = known, known[0]
         layout.fit[index, :count] = template.fit
-        layout.unused[index, :count] = False
     return layout
 
 
 class Fields(NamedTuple):
-    """Heightfield patches of m bodies on one map, as in `GridBatch`; ``which`` (m,): the patch's size among those of
-    the ``layout``. ``heights_w`` (m, K) [m] are NaN where a patch has no sample, and over ``holes``."""
+    """Heightfield patches of m bodies on one map from ``batches`` of different sizes, joined: shapes as in `GridBatch`.
+
+    ``which`` (m,): the patch's size among those of the ``layout``, which is its batch; ``row_in`` (m,): its row there.
+    """
 
     heightmap: HeightMap
+    batches: list[GridBatch]
     layout: Layout
     which: IntArray
+    row_in: IntArray
     bodies: IntArray
+    rows: IntArray
+    columns: IntArray
     spacing: FloatArray
     centres_w: FloatArray
     linear_w: FloatArray
     angular_w: FloatArray
-    heights_w: FloatArray
+    since: FloatArray
     points_w: FloatArray | None
     normals_w: FloatArray | None
-    holes: bool
 
     @classmethod
     def of(cls, batches: list[GridBatch]) -> Fields:
         """The patches of batches of one map, each of another size."""
-        first, layout = batches[0], layout_of(tuple(batch.template.size for batch in batches))
-        if len(batches) == 1:
-            return cls(
-                first.heightmap, layout, np.zeros(len(first.bodies), np.int64), first.bodies, first.spacing,
-                first.centres_w, first.linear_w, first.angular_w, first.heights_w, first.points_w, first.normals_w,
-                first.holes,
-            )  # fmt: skip
-        which = np.repeat(np.arange(len(batches)), [len(batch.bodies) for batch in batches])
-        heights_w = np.full((len(which), layout.rows.shape[1]), np.nan)
-        start = 0
-        for batch in batches:
-            count, samples = batch.heights_w.shape
-            heights_w[start : start + count, :samples] = batch.heights_w
-            start += count
+        counts = [len(batch.bodies) for batch in batches]
         return cls(
-            first.heightmap, layout, which,
-            np.concatenate([batch.bodies for batch in batches]),
-            np.concatenate([batch.spacing for batch in batches]),
-            np.concatenate([batch.centres_w for batch in batches]),
-            np.concatenate([batch.linear_w for batch in batches]),
-            np.concatenate([batch.angular_w for batch in batches]),
-            heights_w,
-            _joined([batch.points_w for batch in batches]),
-            _joined([batch.normals_w for batch in batches]),
-            any(batch.holes for batch in batches),
+            batches[0].heightmap, batches, layout_of(tuple(batch.template.size for batch in batches)),
+            np.repeat(np.arange(len(batches)), counts), np.concatenate([np.arange(count) for count in counts]),
+            _joined([batch.bodies for batch in batches]), _joined([batch.rows for batch in batches]),
+            _joined([batch.columns for batch in batches]), _joined([batch.spacing for batch in batches]),
+            _joined([batch.centres_w for batch in batches]), _joined([batch.linear_w for batch in batches]),
+            _joined([batch.angular_w for batch in batches]), _joined([batch.since for batch in batches]),
+            _joined_if_known([batch.points_w for batch in batches]),
+            _joined_if_known([batch.normals_w for batch in batches]),
         )  # fmt: skip
 
     def of_rows(self, rows: IntArray) -> Fields:
@@ -98,19 +85,48 @@ class Fields(NamedTuple):
         points_w = None if self.points_w is None else self.points_w[rows]
         normals_w = None if self.normals_w is None else self.normals_w[rows]
         return Fields(
-            self.heightmap, self.layout, self.which[rows], self.bodies[rows], self.spacing[rows], self.centres_w[rows],
-            self.linear_w[rows], self.angular_w[rows], self.heights_w[rows], points_w, normals_w,
-            self.holes,
+            self.heightmap, self.batches, self.layout, self.which[rows], self.row_in[rows], self.bodies[rows],
+            self.rows[rows], self.columns[rows], self.spacing[rows], self.centres_w[rows], self.linear_w[rows],
+            self.angular_w[rows], self.since[rows], points_w, normals_w,
         )  # fmt: skip
+
+    def read(self, *, velocities: bool) -> Samples:
+        """The samples (m, K), NaN over holes; velocities only where they are asked for."""
+        if not self.mixed:
+            whole = len(self.row_in) == len(self.batches[0].bodies)
+            ground = self.batches[0].read(slice(None) if whole else self.row_in, velocities=velocities)
+            return Samples(ground.heights, ground.velocities if velocities else None)
+        heights = np.empty((len(self.bodies), self.layout.rows.shape[1]))
+        speeds = np.zeros_like(heights) if velocities else None
+        for which, batch in enumerate(self.batches):
+            rows = np.flatnonzero(self.which == which)
+            if not rows.size:
+                continue
+            ground = batch.read(self.row_in[rows], velocities=velocities)
+            _fill(heights, rows, ground.heights)
+            if speeds is not None and ground.velocities is not None:
+                _fill(speeds, rows, ground.velocities)
+        return Samples(heights, speeds)
+
+    @property
+    def holes(self) -> bool:
+        """Whether any sample may be NaN."""
+        return any(batch.may_have_holes for batch in self.batches)
 
     @property
     def mixed(self) -> bool:
         """Whether there may be patches of several sizes."""
-        return len(self.layout.sizes) > 1
+        return len(self.batches) > 1
 
     def spread(self, values: FloatArray) -> FloatArray:
         """Values of the layout's sizes (s, ...) for each patch: (m, ...), or (1, ...) for all alike."""
         return values[self.which] if self.mixed else values
+
+
+def _fill(table: FloatArray, rows: IntArray, values: FloatArray) -> None:
+    """Writes values (k, c) into ``rows`` (k,) of a table (m, K), filled up with the first of each."""
+    count = values.shape[1]
+    table[rows, :count], table[rows, count:] = values, values[:, :1]
 
 
 def base_over_holes(centres_w: FloatArray, heights_w: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -142,6 +158,10 @@ def groups(batches: list[GridBatch]) -> list[list[GridBatch]]:
     return found
 
 
-def _joined(parts: list[FloatArray | None]) -> FloatArray | None:
+def _joined(parts: list[NDArray[T]]) -> NDArray[T]:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _joined_if_known(parts: list[FloatArray | None]) -> FloatArray | None:
     known = [part for part in parts if part is not None]
-    return np.concatenate(known) if len(known) == len(parts) else None
+    return _joined(known) if len(known) == len(parts) else None

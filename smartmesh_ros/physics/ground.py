@@ -19,11 +19,12 @@ from smartmesh_ros.physics.mesh_colliders import MeshColliders
 from smartmesh_ros.physics.movement import Movement
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.planes import Planes
-from smartmesh_ros.physics.prediction import Prediction
+from smartmesh_ros.physics.prediction import Ahead, Prediction
 from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
 from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -88,6 +89,11 @@ class Ground:
     def positions_w(self) -> FloatArray:
         """Positions of the followers at the last update (N, 3) [m]."""
         return self._movement.positions_w
+
+    @property
+    def radii(self) -> FloatArray:
+        """Their bounding radii (N,) [m]."""
+        return self._radii
 
     @property
     def moved_w(self) -> FloatArray:
@@ -215,42 +221,61 @@ class Ground:
 
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
+        if isinstance(batch, PlaneBatch):
+            return self._apply_planes(batch, time, dt)
         bodies, base = batch.bodies, batch.centres_w
         rows = np.arange(len(bodies))
         if batch.may_have_holes:
             base, grounded = base_over_holes(base, batch.vertices_w()[..., 2])
             rows = np.flatnonzero(grounded)
         if rows.size:
-            twist, rise = None, np.zeros(len(bodies))
-            if self.config.carry_velocity:
-                twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
-                rise = self._predict(batch, twist, time, dt)
-            pushed = None if twist is None else twist[rows]
-            if isinstance(batch, PlaneBatch):
-                self._make_room(bodies[rows], _PLANE)
-                self._planes.apply(batch, rows, self._radii[bodies[rows]], rise[rows], pushed, time)
-            else:
-                self._make_room(bodies[rows], _MESH)
-                self._apply_meshes(batch, rows, base, twist)
+            self._make_room(bodies[rows], _MESH)
+            self._apply_meshes(batch, rows, base, self._prediction.ahead(batch, time, dt))
         return bodies[rows]
+
+    def _apply_planes(self, batch: PlaneBatch, time: float, dt: float) -> IntArray:
+        """The same for a batch of planes."""
+        bodies, carry_velocity = batch.bodies, self.config.carry_velocity
+        ahead, due = Ahead.nothing(len(bodies)), np.arange(len(bodies))
+        if carry_velocity:
+            ahead = self._prediction.ahead(batch, time, dt)
+            held = self._planes.held(batch, time) & (self._held[bodies] == _PLANE)
+            due = np.flatnonzero(~held)
+            if due.size < len(bodies):
+                self._planes.go_on(batch, held, ahead.faster[held], time)
+        if due.size:
+            self._make_room(bodies[due], _PLANE)
+            radii = self._radii[bodies[due]]
+            self._planes.apply(batch, due, radii, ahead.of(due), time, carry_velocity=carry_velocity)
+        return bodies
 
     def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:
         """The same for batches of heightfields, in one pass; for each the followers that have ground under them."""
-        fields = Fields.of(batches)
-        bodies, base = fields.bodies, fields.centres_w.copy()
-        carried = [batch.bodies for batch in batches]
-        if fields.holes:
-            base, grounded = base_over_holes(base, fields.heights_w)
-            carried = [bodies[grounded & (fields.which == which)] for which in range(len(batches))]
-            rows = np.flatnonzero(grounded)
-            fields, base = fields.of_rows(rows), base[rows]
-        if fields.bodies.size:
-            twist, rise = None, np.zeros(len(base))
-            if self.config.carry_velocity:
-                twist = np.concatenate([fields.linear_w, fields.angular_w], axis=1)
-                rise = self._predict(fields, twist, time, dt)
+        fields, holes = Fields.of(batches), any(batch.may_have_holes for batch in batches)
+        carried, touching = [batch.bodies for batch in batches], self._touching(fields)
+        ahead, due, keeping = Ahead.nothing(len(fields.bodies)), np.arange(len(fields.bodies)), False
+        if self.config.carry_velocity:
+            ahead = self._prediction.ahead(fields, time, dt)
+            # Worth it only where there are steps between maps.
+            keeping = not holes and fields.heightmap.lifetime > 1.5 * dt and fields.heightmap.slide_w == (0.0, 0.0)
+        if keeping:
+            held = self._heightfields.held(fields, time) & (self._held[fields.bodies] == _FIELD)
+            due = np.flatnonzero(~held)
+            if due.size < len(held):
+                self._heightfields.go_on(fields.bodies[held], ahead.faster[held], touching[held], time)
+        if not due.size:
+            return carried
+        if due.size < len(fields.bodies):
+            fields = fields.of_rows(due)
+        samples, base = fields.read(velocities=keeping), fields.centres_w.copy()
+        if holes:
+            base, grounded = base_over_holes(base, samples.heights)
+            carried = [fields.bodies[grounded & (fields.which == which)] for which in range(len(batches))]
+            due = np.flatnonzero(grounded)
+            fields, base, samples = fields.of_rows(due), base[due], Samples(samples.heights[due], None)
+        if due.size:
             self._make_room(fields.bodies, _FIELD)
-            self._heightfields.apply(fields, base, rise, twist, self._touching(fields), time, self.config)
+            self._heightfields.apply(fields, samples, base, ahead.of(due), touching[due], time, self.config)
         return carried
 
     def _touching(self, fields: Fields) -> BoolArray:
@@ -261,15 +286,6 @@ class Ground:
         distance = np.einsum("ij,ij->i", self.positions_w[bodies] - fields.points_w, fields.normals_w)
         return np.asarray(distance <= self._radii[bodies] + APART)
 
-    def _predict(self, batch: PatchBatch | Fields, twist: FloatArray, time: float, dt: float) -> FloatArray:
-        """How much higher (n,) [m] the ground is by its acceleration; adds what that makes it faster to its twist."""
-        ahead = self._prediction.ahead(batch, time, dt) if isinstance(batch, GridBatch | PlaneBatch | Fields) else None
-        if ahead is None:
-            return np.zeros(len(twist))
-        higher, faster = ahead
-        twist[:, 2] += faster
-        return higher
-
     def _make_room(self, indices: IntArray, held: int) -> None:
         """Takes colliders of another kind from followers."""
         for index in indices[self._held[indices] != held].tolist():
@@ -277,7 +293,9 @@ class Ground:
             self._held[index] = held
         self._away[indices] = False
 
-    def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, twist: FloatArray | None) -> None:
+    def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, ahead: Ahead) -> None:
+        twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
+        twist[:, 2] += ahead.faster
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         vertices = batch.vertices_w()
         for row in rows.tolist():
@@ -294,7 +312,7 @@ class Ground:
                 np.nan_to_num(vertices[row], nan=float(base[row, 2])),
                 triangles,
                 base[row],
-                None if twist is None else twist[row],
+                twist[row] if self.config.carry_velocity else None,
                 self.config.edge_filter,
             )
 

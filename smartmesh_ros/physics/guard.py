@@ -18,13 +18,15 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 # Speed along the ground that a rescued body keeps at most [m/s].
 FASTEST_RESCUED = 5.0
+# Bodies whose middle is nearer to the plane along the ground under them are looked at closely [radii].
+NEAR = 0.5
 
 
 def rescue(client: Any, ground: Ground, bodies: list[Body | None], time: float) -> int:
     """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
     None = stays where it is, since its pose is dictated."""
     lifts: dict[str, tuple[Body, float, float]] = {}
-    found = below_ground(ground.carrying, ground.terrain, ground.positions_w, time)
+    found = below_ground(ground.carrying, ground.terrain, ground.positions_w, ground.radii, time)
     for index, height, rate in zip(*(values.tolist() for values in found), strict=True):
         body, follower = bodies[index], ground.followers[index]
         if body is not None:
@@ -38,19 +40,21 @@ def rescue(client: Any, ground: Ground, bodies: list[Body | None], time: float) 
 
 
 def below_ground(
-    batches: list[PatchBatch], terrain: Terrain, positions_w: FloatArray, time: float
+    batches: list[PatchBatch], terrain: Terrain, positions_w: FloatArray, radii: FloatArray, time: float
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Bodies whose middle is under the ground, by the batches' indices (k,); height [m] and vertical velocity [m/s] of
-    the ground above them (k,)."""
+    """Bodies whose middle is under the ground, by the batches' indices (k,), as are their places and bounding ``radii``
+    (N,) [m]; height [m] and vertical velocity [m/s] of the ground above them (k,)."""
     suspects: list[IntArray] = []
     for batch in batches:
-        if isinstance(batch, PlaneBatch):
-            under = np.einsum("ij,ij->i", positions_w[batch.bodies] - batch.points_w, batch.normals_w) < 0.0
+        bodies = batch.bodies
+        if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None:
+            above = np.einsum("ij,ij->i", positions_w[bodies] - batch.points_w, batch.normals_w)
+            under = above < NEAR * radii[bodies]
         else:
             tops = batch.heights_w if isinstance(batch, GridBatch) else batch.vertices_w()[..., 2]
-            under = positions_w[batch.bodies, 2] < np.fmax.reduce(tops, axis=1)
+            under = positions_w[bodies, 2] < np.fmax.reduce(tops, axis=1)
         if under.any():
-            suspects.append(batch.bodies[under])
+            suspects.append(bodies[under])
     if not suspects:
         return np.empty(0, np.int64), np.empty(0), np.empty(0)
     index = np.concatenate(suspects)

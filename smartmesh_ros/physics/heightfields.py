@@ -10,12 +10,14 @@ import numpy as np
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.carrying import elapsed_since, velocity_changed
+from smartmesh_ros.physics.carrying import Carried
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
 from smartmesh_ros.physics.pairs import Pairs
+from smartmesh_ros.physics.prediction import Ahead
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import Samples
 
 # Heights that differ by less than this from the collider's are not worth replacing it [m].
 SAME_HEIGHT = 1e-6
@@ -26,20 +28,19 @@ ELSEWHERE = 0.01
 # PyBullet keeps the contacts of a heightfield that is replaced: a body stays up where the ground sank away under it.
 # They are dropped when any sample has sunk by more than this, seen from the collider's base [m].
 STALE = 5e-4
+# Ground that parts from its collider more slowly is taken to do so at this speed [m/s].
+SLOWEST = 1e-6
 
 _FILLS = {
     "_sizes": 0,
     "_spacings": 0.0,
     "_shapes": -1,
-    "_colliders": -1,
     "_heights": np.nan,
     "_contact_heights": np.nan,
-    "_bases": np.nan,
     "_yaws": 0.0,
     "_slopes": 0.0,
-    "_twists": 0.0,
-    "_times": np.nan,
     "_touched": False,
+    "_until": -np.inf,
 }
 
 
@@ -53,20 +54,18 @@ class Heightfields:
         self._followers: list[Follower] = []
         self._fields: dict[Follower, Heightfield] = {}
         self._balls = np.empty(0, bool)  # they need no edge filter
-        # The followers' colliders, size 0 = none: samples on a side, their distance [m], shape and body.
+        # The followers' colliders, size 0 = none: samples on a side, their distance [m] and shape.
         self._sizes = np.empty(0, np.int64)
         self._spacings = np.empty(0)
         self._shapes = np.empty(0, np.int64)
-        self._colliders = np.empty(0, np.int64)
-        # What the colliders were last given: heights [m] and twist [m/s, rad/s].
+        self._carried = Carried(client)
+        # What they were last given: heights [m].
         self._heights = np.empty((0, 81))
-        self._twists = np.empty((0, 6))
-        # Where they are since: their base [m], yaw when placed [rad], how much they turned from level, as slope per row
-        # and per column of the grid, and when that was [s].
-        self._bases = np.empty((0, 3))
+        # Their yaw when placed [rad], how much they turned from level since, as slope per row and per column of the
+        # grid, and until when they lie along the ground if that goes on as it is [s].
         self._yaws = np.empty(0)
         self._slopes = np.empty((0, 2))
-        self._times = np.empty(0)
+        self._until = np.empty(0)
         # Heights when PyBullet last forgot their contacts [m], and which may have some.
         self._contact_heights = np.empty((0, 81))
         self._touched = np.empty(0, bool)
@@ -79,55 +78,73 @@ class Heightfields:
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
         """Makes ``followers`` the ones there are; ``kept``: each one's index before, -1 = new."""
         carry_over(self, _FILLS, kept)
+        self._carried.adopt(kept)
         self._followers = followers
         self._balls = np.array([follower.ball for follower in followers], bool)
 
     def forget_heights(self) -> None:
         """Has every heightfield replaced at the next `apply`."""
         self._heights[:] = np.nan
+        self._until[:] = -np.inf
+
+    def held(self, fields: Fields, time: float) -> BoolArray:
+        """Whose collider moves on with its ground (m,), and needs no look at ``time`` [s]."""
+        bodies = fields.bodies
+        same = self._carried.same_ground(bodies, fields.since, time)
+        return np.asarray(same & (time <= self._until[bodies]))
+
+    def go_on(self, bodies: IntArray, faster: FloatArray, touching: BoolArray, time: float) -> None:
+        """Has colliders of followers (m,) move on with their ground, ``faster`` (m,) [m/s] upwards than it was said to
+        be; ``touching`` (m,): which bodies may have contacts from now on."""
+        self._carried.hasten(bodies, faster, time)
+        self._touched[bodies] |= touching
 
     def apply(
-        self, fields: Fields, base: FloatArray, rise: FloatArray, twist: FloatArray | None, touching: BoolArray,
-        time: float, config: PatchConfig,
+        self, fields: Fields, samples: Samples, base: FloatArray, ahead: Ahead, touching: BoolArray, time: float,
+        config: PatchConfig,
     ) -> None:  # fmt: skip
-        """Gives followers their colliders at ``time`` [s]: at ``base`` (m, 3) [m], by ``rise`` (m,) [m] higher than the
-        patches say, with the ground's ``twist`` (m, 6), None = at rest. ``touching`` (m,): which bodies may have
-        contacts from now on.
+        """Gives followers their colliders at ``time`` [s]: at ``base`` (m, 3) [m], with ``samples`` (m, K), which the
+        ground is ``ahead`` of. ``touching`` (m,): which bodies may have contacts from now on.
 
         A collider that moved on with its velocity and still lies along the ground is left alone.
         """
         bodies, sizes = fields.bodies, fields.layout.sizes[fields.which]
-        unused = fields.layout.unused[fields.which] if fields.mixed else None
-        relative = fields.heights_w - base[:, 2:]
+        relative = samples.heights - base[:, 2:]
         if fields.holes:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
         np.clip(relative, -BOUND, BOUND, out=relative)
-        if unused is not None:
-            relative[unused] = 0.0
-        base[:, 2] += rise
+        base[:, 2] += ahead.higher
         unfit = (self._sizes[bodies] != sizes) | (self._spacings[bodies] != fields.spacing)
         for index in np.flatnonzero(unfit).tolist():
             self._fit(int(bodies[index]), int(sizes[index]), float(fields.spacing[index]))
         self._make_room(relative.shape[1])
         yaw = fields.heightmap.geometry.yaw
-        self._advance(bodies, time, yaw)
-        off = self._distance(fields, base, relative, unused)
+        self._slopes[bodies] += _slopes(self._carried.advance(bodies, time), yaw)
+        off = self._distance(fields, base, relative)
         # The distance is NaN, and so not small, where the collider is new.
-        moves = self._twists[bodies].any(axis=1)
+        moves = self._carried.twists[bodies].any(axis=1)
         chosen = np.flatnonzero(~(off <= np.where(moves, CARRIED * config.tolerance, SAME_HEIGHT)))
         if chosen.size:
             touched = touching | self._touched[bodies]
-            self._replace(fields, chosen, relative, unused, touched, config.edge_filter)
+            self._replace(fields, chosen, relative, touched, config.edge_filter)
             self._place(bodies[chosen], base[chosen], yaw)
+            off[chosen] = 0.0
         self._touched[bodies] = touching
-        self._push(bodies, np.zeros((len(bodies), 6)) if twist is None else twist)
+        twist = np.zeros((len(bodies), 6))
+        if config.carry_velocity:
+            twist = np.concatenate([fields.linear_w, fields.angular_w], axis=1)
+        self._carried.push(bodies, twist, ahead.faster, fields.since)
+        self._until[bodies] = -np.inf
+        if samples.velocities is not None:
+            astray = _astray(fields, samples.velocities, twist, yaw)
+            self._until[bodies] = time + (CARRIED * config.tolerance - off) / np.maximum(astray, SLOWEST)
 
     def put_away(self, indices: IntArray) -> None:
         """Has the heightfields of followers wait far away until they are needed again."""
         if indices.size:
             parks = [self._fields[self._followers[index]].park_position for index in indices.tolist()]
             self._place(indices, np.array(parks), 0.0)
-            self._bases[indices] = np.nan
+            self._carried.forget(indices)
 
     def release(self, index: int) -> None:
         """Takes a follower's heightfield away, if it has one."""
@@ -145,10 +162,9 @@ class Heightfields:
         field = self._fields[follower] = self._pool.take(size, spacing, follower.body, follower.link)
         follower.collider = field.body
         self._sizes[index], self._spacings[index] = size, spacing
-        self._shapes[index], self._colliders[index] = field.shape, field.body
+        self._shapes[index], self._carried.colliders[index] = field.shape, field.body
         self._heights[index] = np.nan
-        self._bases[index] = np.nan
-        self._twists[index] = 0.0
+        self._carried.forget(index)
 
     def _make_room(self, count: int) -> None:
         """Makes room for patches of so many samples."""
@@ -157,22 +173,11 @@ class Heightfields:
             self._heights = np.concatenate([self._heights, room], axis=1)
             self._contact_heights = np.concatenate([self._contact_heights, room], axis=1)
 
-    def _advance(self, bodies: IntArray, time: float, yaw: float) -> None:
-        """Notes how far steps of PyBullet have moved and turned the colliders since."""
-        elapsed = elapsed_since(self._times[bodies], time)[:, None]
-        twist = self._twists[bodies]
-        self._bases[bodies] += twist[:, :3] * elapsed
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        per_row, per_column = cos * twist[:, 3] + sin * twist[:, 4], sin * twist[:, 3] - cos * twist[:, 4]
-        self._slopes[bodies, 0] += per_row * elapsed[:, 0]
-        self._slopes[bodies, 1] += per_column * elapsed[:, 0]
-        self._times[bodies] = time
-
-    def _distance(self, fields: Fields, base: FloatArray, relative: FloatArray, unused: BoolArray | None) -> FloatArray:
+    def _distance(self, fields: Fields, base: FloatArray, relative: FloatArray) -> FloatArray:
         """How far the colliders are from where they should be (m,) [m], NaN = unknown."""
         bodies, spacing, yaw = fields.bodies, fields.spacing, fields.heightmap.geometry.yaw
         old = self._heights[bodies, : relative.shape[1]]
-        aside = self._bases[bodies] - base
+        aside = self._carried.bases[bodies] - base
         slopes = self._slopes[bodies] * spacing[:, None]
         off = old - relative
         off += aside[:, 2:]
@@ -188,34 +193,25 @@ class Heightfields:
             grade /= (spacing * spacing)[:, None]
             off += np.einsum("ij,ij->i", slopes, grade)[:, None] * old
         np.abs(off, out=off)
-        if unused is not None:
-            off[unused] = 0.0
         distance: FloatArray = off.max(axis=1)
         elsewhere = (np.abs(aside[:, :2]).max(axis=1) > ELSEWHERE * spacing) | (self._yaws[bodies] != yaw)
         distance[elsewhere] = np.inf
         return distance
 
     def _replace(
-        self, fields: Fields, rows: IntArray, relative: FloatArray, unused: BoolArray | None, touched: BoolArray,
-        edge_filter: bool,
-    ) -> None:  # fmt: skip
+        self, fields: Fields, rows: IntArray, relative: FloatArray, touched: BoolArray, edge_filter: bool
+    ) -> None:
         """Gives the colliders in ``rows`` their new heights (m, K) [m] where they differ from those they have."""
         bodies, new = fields.bodies[rows], relative[rows]
         room = slice(new.shape[1])
-        change = np.abs(new - self._heights[bodies, room])
-        if unused is not None:
-            change[unused[rows]] = 0.0
-        same = change.max(axis=1) <= SAME_HEIGHT
+        same = np.abs(new - self._heights[bodies, room]).max(axis=1) <= SAME_HEIGHT
         if same.any():
             rows, bodies, new = rows[~same], bodies[~same], new[~same]
         if not bodies.size:
             return
         self.replacements += len(bodies)
         self._heights[bodies, room] = new
-        fall = self._contact_heights[bodies, room] - new
-        if unused is not None:
-            fall[unused[rows]] = 0.0
-        stale = ~(fall.max(axis=1) <= STALE)
+        stale = ~((self._contact_heights[bodies, room] - new).max(axis=1) <= STALE)
         self._contact_heights[bodies[stale], room] = new[stale]
         self._drop_contacts(bodies[stale & touched[rows]])
         filtered = ~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)
@@ -233,13 +229,23 @@ class Heightfields:
 
     def _place(self, bodies: IntArray, base: FloatArray, yaw: float) -> None:
         """Puts colliders at ``base`` (m, 3) [m]. This stops them."""
-        self._calls.set_positions(self._colliders[bodies].tolist(), base.tolist(), collider_yaw(yaw))
-        self._bases[bodies], self._yaws[bodies], self._slopes[bodies], self._twists[bodies] = base, yaw, 0.0, 0.0
+        carried = self._carried
+        self._calls.set_positions(carried.colliders[bodies].tolist(), base.tolist(), collider_yaw(yaw))
+        carried.bases[bodies], carried.twists[bodies] = base, 0.0
+        self._yaws[bodies], self._slopes[bodies] = yaw, 0.0
 
-    def _push(self, bodies: IntArray, twist: FloatArray) -> None:
-        """Gives colliders their twist (m, 6) [m/s, rad/s] where it is another than they have."""
-        changed = velocity_changed(self._twists[bodies], twist)
-        if changed.any():
-            chosen = bodies[changed]
-            self._twists[chosen] = twist[changed]
-            self._calls.set_velocities(self._colliders[chosen].tolist(), twist[changed].tolist())
+
+def _slopes(turns: FloatArray, yaw: float) -> FloatArray:
+    """What turns (n, 3) [rad], or turning [rad/s], are as slopes per row and per column of the grid (n, 2)."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.stack([cos * turns[:, 0] + sin * turns[:, 1], sin * turns[:, 0] - cos * turns[:, 1]], axis=1)
+
+
+def _astray(fields: Fields, velocities: FloatArray, twist: FloatArray, yaw: float) -> FloatArray:
+    """How fast colliders with ``twist`` (m, 6) part from ground of such ``velocities`` (m, K) [m/s] at its fastest
+    sample (m,) [m/s]."""
+    slopes = _slopes(twist[:, 3:], yaw) * fields.spacing[:, None]
+    astray = velocities - twist[:, 2:3]
+    astray -= slopes[:, :1] * fields.spread(fields.layout.rows)
+    astray -= slopes[:, 1:] * fields.spread(fields.layout.columns)
+    return np.asarray(np.abs(astray).max(axis=1))

@@ -12,9 +12,10 @@ import pybullet as pb
 from smartmesh_ros.patches.batch import PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.carrying import cross, elapsed_since, velocity_changed
+from smartmesh_ros.physics.carrying import Carried, cross
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.pairs import Pairs
+from smartmesh_ros.physics.prediction import Ahead
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Where boxes wait that no body needs, far below and apart from one another [m].
@@ -25,7 +26,13 @@ _PARK_STEP = 1.0e3
 SAME_PLANE = 1e-7
 CARRIED, CARRIED_TURN = 2e-5, 1e-4
 
-_FILLS = {"_sizes": 0.0, "_boxes": -1, "_bases": np.nan, "_normals": np.nan, "_twists": 0.0, "_times": np.nan}
+# A box stays where it is while its body moves by less than this share of its size, as judged at every look (ASIDE) and
+# between looks.
+ASIDE, BETWEEN = 0.25, 0.125
+# Half of the edges of boxes, in radii of their bodies, at least: so much that bodies stay over them.
+LEAST = 1.05 / (1.0 - ASIDE - BETWEEN)
+
+_FILLS = {"_sizes": 0.0, "_normals": np.nan, "_points": np.nan}
 
 
 class Planes:
@@ -43,86 +50,79 @@ class Planes:
         self._shapes: dict[float, int] = {}
         self._free: dict[float, list[int]] = defaultdict(list)
         self._followers: list[Follower] = []
-        # The followers' boxes: half of their edges [m], 0 = none, and bodies.
+        # The followers' boxes: half of their edges [m], 0 = none, and the normal of their top.
         self._sizes = np.empty(0)
-        self._boxes = np.empty(0, np.int64)
-        # Where they are: their middle [m] and the normal of their top, at what time [s]; the twist they were given
-        # [m/s, rad/s].
-        self._bases = np.empty((0, 3))
         self._normals = np.empty((0, 3))
-        self._times = np.empty(0)
-        self._twists = np.empty((0, 6))
+        self._points = np.empty((0, 2))  # where the body was over the plane when the box was last looked at [m]
+        self._carried = Carried(client)
 
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
         """Makes ``followers`` the ones there are; ``kept``: each one's index before, -1 = new."""
         carry_over(self, _FILLS, kept)
+        self._carried.adopt(kept)
         self._followers = followers
 
-    def apply(
-        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, rise: FloatArray, twist: FloatArray | None,
-        time: float,
-    ) -> None:  # fmt: skip
-        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes at
-        ``time`` [s].
+    def held(self, batch: PlaneBatch, time: float) -> BoolArray:
+        """Whose box moves on with its plane (m,), and needs no look at ``time`` [s]."""
+        bodies = batch.bodies
+        slid = np.abs(batch.points_w[:, :2] - self._points[bodies]).max(axis=1)
+        same = self._carried.same_ground(bodies, batch.since, time)
+        return np.asarray(same & (slid < BETWEEN * self._sizes[bodies]))
 
-        ``rise`` (m,) [m]: how much higher they stand than the batch says; ``twist`` (m, 6): velocity of the ground at
-        the patch's centre [m/s, rad/s], None = at rest.
-        """
+    def go_on(self, batch: PlaneBatch, rows: BoolArray, faster: FloatArray, time: float) -> None:
+        """Has boxes of followers in ``rows`` (m,) move on with their planes, ``faster`` (m,) [m/s] upwards than the
+        batch says."""
+        self._carried.hasten(batch.bodies[rows], faster, time)
+
+    def apply(
+        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, ahead: Ahead, time: float, *, carry_velocity: bool
+    ) -> None:
+        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes at
+        ``time`` [s], by as much as the ground is ``ahead`` of the batch."""
         bodies, points, normals = batch.bodies[rows], batch.points_w[rows], batch.normals_w[rows]
-        points[:, 2] += rise
-        for place in np.flatnonzero(self._sizes[bodies] < 2.0 * radii).tolist():
+        points[:, 2] += ahead.higher
+        for place in np.flatnonzero(self._sizes[bodies] == 0.0).tolist():
             self._fit(int(bodies[place]), float(radii[place]))
-        self._advance(bodies, time)
+        carried, old = self._carried, self._normals[bodies]
+        self._normals[bodies] = old + cross(carried.advance(bodies, time), old)
+        self._points[bodies] = points[:, :2]
         sizes = self._sizes[bodies]
         lower = sizes[:, None] * normals
         astray = np.flatnonzero(~self._fits(bodies, points, normals, sizes))
         if astray.size:
             chosen, base = bodies[astray], points[astray] - lower[astray]
-            self._bases[chosen], self._normals[chosen], self._twists[chosen] = base, normals[astray], 0.0
+            carried.bases[chosen], self._normals[chosen], carried.twists[chosen] = base, normals[astray], 0.0
             turns = _orientations(normals[astray])
-            self._calls.set_poses(self._boxes[chosen].tolist(), base.tolist(), turns.tolist())
-        if twist is None:
-            twist = np.zeros((len(bodies), 6))
-        else:
-            twist = twist.copy()
-            twist[:, :3] += cross(twist[:, 3:], self._bases[bodies] - batch.centres_w[rows])
-        pushed = velocity_changed(self._twists[bodies], twist)
-        if pushed.any():
-            chosen = bodies[pushed]
-            self._twists[chosen] = twist[pushed]
-            self._calls.set_velocities(self._boxes[chosen].tolist(), twist[pushed].tolist())
-
-    def _advance(self, bodies: IntArray, time: float) -> None:
-        """Notes how far steps of PyBullet have moved and turned the boxes since."""
-        elapsed, twist = elapsed_since(self._times[bodies], time)[:, None], self._twists[bodies]
-        self._bases[bodies] += twist[:, :3] * elapsed
-        normals = self._normals[bodies]
-        self._normals[bodies] = normals + cross(twist[:, 3:], normals) * elapsed
-        self._times[bodies] = time
+            self._calls.set_poses(carried.colliders[chosen].tolist(), base.tolist(), turns.tolist())
+        twist = np.zeros((len(bodies), 6))
+        if carry_velocity:
+            twist[:, :3], twist[:, 3:] = batch.linear_w[rows], batch.angular_w[rows]
+            twist[:, :3] += cross(twist[:, 3:], carried.bases[bodies] - batch.centres_w[rows])
+        carried.push(bodies, twist, ahead.faster, batch.since[rows])
 
     def _fits(self, bodies: IntArray, points: FloatArray, normals: FloatArray, sizes: FloatArray) -> BoolArray:
         """Whether the tops of the boxes lie along planes, given by points and normals (m, 3), and under the bodies."""
         old = self._normals[bodies]
-        aside = points - self._bases[bodies] - sizes[:, None] * old
+        aside = points - self._carried.bases[bodies] - sizes[:, None] * old
         off = np.abs(np.einsum("ij,ij->i", aside, normals))
         turned = np.abs(normals - old).max(axis=1)
-        moves = self._twists[bodies].any(axis=1)
+        moves = self._carried.twists[bodies].any(axis=1)
         # Not so either where a box is new.
         fits = (off <= np.where(moves, CARRIED, SAME_PLANE)) & (turned <= np.where(moves, CARRIED_TURN, SAME_PLANE))
-        return np.asarray(fits & (np.einsum("ij,ij->i", aside, aside) < (0.25 * sizes) ** 2))
+        return np.asarray(fits & (np.einsum("ij,ij->i", aside, aside) < (ASIDE * sizes) ** 2))
 
     def put_away(self, indices: IntArray) -> None:
         """Has the boxes of followers wait far away until they are needed again."""
         if indices.size:
-            boxes = self._boxes[indices].tolist()
+            boxes = self._carried.colliders[indices].tolist()
             self._calls.set_positions(boxes, [[box * _PARK_STEP, 0.0, _PARK_DEPTH] for box in boxes], [0, 0, 0, 1])
-            self._bases[indices], self._twists[indices] = np.nan, 0.0
+            self._carried.forget(indices)
 
     def release(self, index: int) -> None:
         """Takes a follower's box away, if it has one."""
         size = float(self._sizes[index])
         if size:
-            follower, box = self._followers[index], int(self._boxes[index])
+            follower, box = self._followers[index], int(self._carried.colliders[index])
             self._pairs.part(box, follower.body, follower.link)
             self.put_away(np.array([index]))
             self._free[size].append(box)
@@ -132,7 +132,7 @@ class Planes:
     def _fit(self, index: int, radius: float) -> None:
         """Gives a follower a box with room for it; sizes are few, so that boxes can be handed on."""
         self.release(index)
-        size = 2.0 ** math.ceil(math.log2(3.0 * radius))
+        size = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(LEAST * radius)))
         follower = self._followers[index]
         free = self._free[size]
         if free:
@@ -146,10 +146,8 @@ class Planes:
             self._pairs.claim(box)
         self._pairs.join(box, follower.body, follower.link)
         follower.collider = box
-        self._sizes[index], self._boxes[index] = size, box
-        self._bases[index] = np.nan
-        self._normals[index] = np.nan
-        self._twists[index] = 0.0
+        self._sizes[index], self._carried.colliders[index] = size, box
+        self._carried.forget(index)
 
 
 def _orientations(normals: FloatArray) -> FloatArray:

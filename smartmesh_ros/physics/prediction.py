@@ -8,15 +8,33 @@ change before agrees, so that ground which jolts or stops is not carried past it
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PlaneBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.motion import PATIENCE
 
-_FILLS = {"_stamps": np.nan, "_centres": 0.0, "_twists": 0.0, "_changes": 0.0, "_accelerations": 0.0}
+_FILLS = {"_stamps": np.nan, "_intervals": 0.0, "_centres": 0.0, "_twists": 0.0, "_changes": 0.0, "_accelerations": 0.0}
+
+
+class Ahead(NamedTuple):
+    """How much ``higher`` (n,) [m] and ``faster`` upwards (n,) [m/s] ground is than its map says."""
+
+    higher: FloatArray
+    faster: FloatArray
+
+    @classmethod
+    def nothing(cls, count: int) -> Ahead:
+        """Ground that is where its map says."""
+        return cls(np.zeros(count), np.zeros(count))
+
+    def of(self, rows: IntArray) -> Ahead:
+        """That of ``rows``."""
+        return Ahead(self.higher[rows], self.faster[rows])
 
 
 class Prediction:
@@ -24,6 +42,7 @@ class Prediction:
 
     def __init__(self) -> None:
         self._stamps = np.empty(0)  # time of the map that was seen last [s]
+        self._intervals = np.empty(0)  # from the map before to that one [s]
         # How it moved then: the patch's centre [m], vertical velocity there [m/s] and turning about x and y [rad/s].
         self._centres = np.empty((0, 3))
         self._twists = np.empty((0, 3))
@@ -34,40 +53,49 @@ class Prediction:
         """Says which followers there are, by their index before, -1 = new (N,)."""
         carry_over(self, _FILLS, kept)
 
-    def ahead(
-        self, batch: GridBatch | PlaneBatch | Fields, time: float, dt: float
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """How much higher (n,) [m] and faster (n,) [m/s] the ground under a batch's bodies is in the middle of the step
-        of ``dt`` [s] from ``time`` [s] than the map's constant velocity has it; None where nothing can be said."""
-        heightmap, bodies = batch.heightmap, batch.bodies
-        interval, age = heightmap.lifetime, time - heightmap.time
-        steady = heightmap.alike and heightmap.moving(time) and 0.0 <= age <= PATIENCE * interval and interval > 0.0
-        if heightmap.motion.mode != "extrapolate" or not steady:
-            self._stamps[bodies] = np.nan
-            self._changes[bodies] = self._accelerations[bodies] = 0.0
-            return None
-        fresh = self._stamps[bodies] != heightmap.time
-        if fresh.any():
-            new = bodies[fresh]
-            # Both at the body's foot: its patch may have another centre than it had.
-            feet_w = batch.centres_w[fresh] if batch.points_w is None else batch.points_w[fresh]
-            centres = batch.centres_w[fresh]
-            twists = np.concatenate([batch.linear_w[fresh, 2:], batch.angular_w[fresh, :2]], axis=1)
-            rates, rates_before = (
-                _rates(twists, feet_w - centres),
-                _rates(self._twists[new], feet_w - self._centres[new]),
-            )
-            changes = (rates - rates_before) / interval
-            changes[np.isnan(self._stamps[new] + changes)] = 0.0
-            before = self._changes[new]
-            agreed = np.where(
-                changes * before > 0.0, np.sign(changes) * np.minimum(np.abs(changes), np.abs(before)), 0.0
-            )
-            self._accelerations[new], self._changes[new] = agreed, changes
-            self._centres[new], self._twists[new], self._stamps[new] = centres, twists, heightmap.time
+    def ahead(self, batch: PatchBatch | Fields, time: float, dt: float) -> Ahead:
+        """What the ground under a batch's bodies is ahead of, in the middle of the step of ``dt`` [s] from ``time``
+        [s], if the map's velocity were constant; nothing on a general mesh."""
+        bodies = batch.bodies
+        if not isinstance(batch, GridBatch | PlaneBatch | Fields):
+            return Ahead.nothing(len(bodies))
+        known = (batch.since < time) & (self._stamps[bodies] <= batch.since)
+        if not known.all():
+            self._look(batch, time)
         acceleration = self._accelerations[bodies]
-        lag = 0.0 if heightmap.velocity_given else interval
-        return 0.5 * acceleration * age * (age + lag), acceleration * (0.5 * lag + age + 0.5 * dt)
+        if not acceleration.any():
+            return Ahead.nothing(len(bodies))
+        age, interval = time - self._stamps[bodies], self._intervals[bodies]
+        lag = np.zeros_like(interval) if batch.heightmap.velocity_given else interval
+        return Ahead(0.5 * acceleration * age * (age + lag), acceleration * (0.5 * lag + age + 0.5 * dt))
+
+    def _look(self, batch: GridBatch | PlaneBatch | Fields, time: float) -> None:
+        """Looks whether there are newer maps, and how the ground's velocity has changed in them."""
+        heightmap, bodies = batch.heightmap, batch.bodies
+        stamps, interval = heightmap.clocks.of(batch.rows, batch.columns)
+        age = time - stamps
+        steady = (age >= 0.0) & (age <= PATIENCE * interval) & (interval > 0.0)
+        if heightmap.motion.mode != "extrapolate":
+            steady[:] = False
+        if not steady.all():
+            self._stamps[bodies[~steady]] = np.nan
+            self._changes[bodies[~steady]] = self._accelerations[bodies[~steady]] = 0.0
+        fresh = steady & (self._stamps[bodies] != stamps)
+        if not fresh.any():
+            return
+        new, stamps, interval = bodies[fresh], stamps[fresh], interval[fresh]
+        # Both at the body's foot: its patch may have another centre than it had.
+        centres = batch.centres_w[fresh]
+        feet_w = centres if batch.points_w is None else batch.points_w[fresh]
+        twists = np.concatenate([batch.linear_w[fresh, 2:], batch.angular_w[fresh, :2]], axis=1)
+        change = _rates(twists, feet_w - centres) - _rates(self._twists[new], feet_w - self._centres[new])
+        changes = change / interval
+        changes[np.isnan(self._stamps[new] + changes)] = 0.0
+        before = self._changes[new]
+        agreed = np.sign(changes) * np.minimum(np.abs(changes), np.abs(before))
+        self._accelerations[new], self._changes[new] = np.where(changes * before > 0.0, agreed, 0.0), changes
+        self._centres[new], self._twists[new] = centres, twists
+        self._stamps[new], self._intervals[new] = stamps, interval
 
 
 def _rates(twists: FloatArray, arms: FloatArray) -> FloatArray:

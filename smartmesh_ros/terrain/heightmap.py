@@ -1,24 +1,23 @@
 """The main mesh as a height map that deforms in place."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain import triangles
+from smartmesh_ros.terrain.clocks import EVERYWHERE, BlockClocks, Blocks
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionConfig, progress
+from smartmesh_ros.terrain.motion import REST, MotionConfig
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
 # Larger maps take memory for the heights before only as they move: first regions at a place cost more, as long as it
 # takes to find that memory [bytes].
 LARGE = 64 * 2**20
-# Side of the square blocks of samples that share an age [samples].
-BLOCK = 64
 
 
 class Samples(NamedTuple):
@@ -74,18 +73,11 @@ class HeightMap:
             self._before = self._heights - speeds
         else:
             self._before = untouched_zeros(new.shape) if new.nbytes > LARGE else self._heights.copy()
-        blocks = (-(-geometry.rows // BLOCK), -(-geometry.columns // BLOCK))
-        self._time = np.full(blocks, -np.inf)
-        self._interval = np.full(blocks, np.inf)  # velocity = (heights - before) / interval
-        self._lifetime = np.zeros(blocks)  # expected time to the next map; 0 = at rest
-        self.alike = True  # whether all blocks have the same clock
+        self.clocks = BlockClocks(geometry.rows, geometry.columns)
         self.velocity_given = False  # whether the last velocity was given, and not worked out
-        self._moves_until = -np.inf
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self.version = 0  # counts the updates
-        self._progress_key: tuple[float, int, str] | None = None  # what the progress was worked out for
-        self._progress_known = (np.inf, 0.0, 0.0)
-        self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
+        self._set_clock(EVERYWHERE, time, given=speeds is not None)
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -106,8 +98,8 @@ class HeightMap:
 
     @property
     def lifetime(self) -> float:
-        """Expected time from the last update to the next [s]; 0 = none is expected."""
-        return float(self._lifetime.max())
+        """Expected time from the last update to the next, of ground that moves [s]; 0 = none is expected."""
+        return self.clocks.stream.lifetime
 
     @property
     def has_holes(self) -> bool:
@@ -117,20 +109,20 @@ class HeightMap:
     @property
     def time(self) -> float:
         """Time of the newest sample [s]."""
-        return float(self._time.max())
+        return self.clocks.latest
 
     def replace(self, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None) -> None:
         """Takes a whole new map of the same geometry, (rows, columns) [m]; raises `InputError` and changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
         new, speeds, has_holes = _checked(heights, velocities, shape, "the map")
         # Swapping the two buffers saves a copy; not where a block is corrected, whose heights before must stay.
-        if speeds is None and np.all(self._time < time):
+        if speeds is None and self.clocks.are_before(time):
             self._heights, self._before = self._before, self._heights
         self._heights[...] = new
         if speeds is not None:
             np.subtract(self._heights, speeds, out=self._before)
         self._has_holes = has_holes
-        self._set_clock((slice(None), slice(None)), time, given=speeds is not None)
+        self._set_clock(EVERYWHERE, time, given=speeds is not None)
 
     def update_region(
         self, row: int, column: int, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None
@@ -153,15 +145,9 @@ class HeightMap:
             )
         new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
         region = (slice(row, end_row), slice(column, end_column))
-        blocks = (
-            slice(row // BLOCK, (end_row - 1) // BLOCK + 1),
-            slice(column // BLOCK, (end_column - 1) // BLOCK + 1),
-        )
-        if speeds is not None or np.all(self._time[blocks] < time):
-            around = (
-                slice(blocks[0].start * BLOCK, blocks[0].stop * BLOCK),
-                slice(blocks[1].start * BLOCK, blocks[1].stop * BLOCK),
-            )
+        blocks = self.clocks.around(row, column, end_row, end_column)
+        if speeds is not None or self.clocks.are_before(time, blocks):
+            around = self.clocks.samples(blocks)
             self._before[around] = self._heights[around]
         self._heights[region] = new
         if speeds is not None:
@@ -171,26 +157,23 @@ class HeightMap:
 
     def moving(self, time: float) -> bool:
         """Whether any sample may move at ``time`` [s]."""
-        return time < self._moves_until
+        return time < self.clocks.moves_until
 
     @property
     def steady_until(self) -> float:
-        """Until when every sample goes on with the velocity it has [s]; -inf where nothing can be said."""
-        if self.motion.mode != "extrapolate" or not self.alike:
-            return -math.inf
-        return self.time + PATIENCE * self.lifetime
+        """Until when, from the newest sample's time on, every sample goes on with the velocity it has [s]; -inf where
+        nothing can be said."""
+        return self.clocks.stream.steady_until if self.motion.mode == "extrapolate" else -math.inf
 
     def slide(self, velocity_w: tuple[float, float], interval: float) -> None:
         """Has the ground carry a horizontal velocity [m/s] while maps come every ``interval`` [s], about."""
         self.slide_w = velocity_w
         if velocity_w != (0.0, 0.0):
-            self._moves_until = max(self._moves_until, self.time + REST * interval)
+            self.clocks.moves_until = max(self.clocks.moves_until, self.time + REST * interval)
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
-        self._time += by
-        self._progress_key = None
-        self._moves_until += by
+        self.clocks.shift(by)
 
     def sample(self, indices: IntArray, centres: IntArray, time: float, *, velocities: bool = True) -> Samples:
         """Ground at ``time`` [s] at N x K samples, as ``indices`` (N, K) into the row-major map.
@@ -201,7 +184,7 @@ class HeightMap:
         heights = self._heights.reshape(-1).take(indices).astype(np.float64)
         found = None
         if self.moving(time):
-            interval, offset, rate = self._progress(centres, time)
+            interval, offset, rate = self.clocks.progress(self.motion.mode, centres, time)
             if velocities or np.any(offset):
                 found = heights - self._before.reshape(-1).take(indices)
                 found /= interval
@@ -214,23 +197,6 @@ class HeightMap:
         if self.geometry.origin[2]:
             heights += self.geometry.origin[2]
         return Samples(heights, found)
-
-    def _progress(self, centres: IntArray, time: float) -> tuple[Any, Any, Any]:
-        """What velocities are divided by [s], and how far along them the ground is at ``time`` [s] (offset [s], rate);
-        each one number for all of ``centres`` (n,) or an array (n, 1)."""
-        mode = self.motion.mode
-        if not self.alike:
-            row, column = np.divmod(centres, self.geometry.columns)
-            block = (row // BLOCK, column // BLOCK)
-            offset, rate = progress(mode, time - self._time[block], self._lifetime[block])
-            return self._interval[block][:, None], offset[:, None], rate[:, None]
-        # Asked for several times a step.
-        key = (time, self.version, mode)
-        if self._progress_key != key:
-            offset, rate = progress(mode, time - self._time[0, :1], self._lifetime[0, :1])
-            self._progress_key = key
-            self._progress_known = float(self._interval[0, 0]), float(offset[0]), float(rate[0])
-        return self._progress_known
 
     def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside, and where they are as
@@ -267,28 +233,11 @@ class HeightMap:
             velocities = (corners.velocities * points.weights).sum(axis=1)
         return Samples(heights.sum(axis=1), velocities)
 
-    def _set_clock(self, blocks: tuple[slice, slice], time: float, *, given: bool) -> None:
-        """Notes that ``blocks`` were updated at ``time``, and over which interval their velocity is to be worked out.
-
-        A given velocity is kept as the heights one second before. An estimated one needs a map before that is recent;
-        the same instant sent again is a correction, and the velocity stands.
-        """
-        since = time - self._time[blocks]
-        recent = (since > 0.0) & (since <= self.motion.max_interval)
-        unknown = self.motion.max_interval if given else 0.0
-        lifetime = np.where(recent, since, unknown)
-        interval = np.full_like(since, 1.0) if given else np.where(recent, since, np.inf)
-        if not given:
-            corrected = since == 0.0
-            lifetime = np.where(corrected, self._lifetime[blocks], lifetime)
-            interval = np.where(corrected, self._interval[blocks], interval)
-        self.velocity_given = given
-        self._lifetime[blocks] = lifetime
-        self._interval[blocks] = interval
-        self._time[blocks] = time
-        self.alike = lifetime.size == self._time.size and (lifetime.size == 1 or bool(np.ptp(lifetime) == 0.0))
-        self._moves_until = max(self._moves_until, time + REST * float(lifetime.max()))
+    def _set_clock(self, blocks: Blocks, time: float, *, given: bool) -> None:
+        """Notes that ``blocks`` were updated at ``time`` [s], with a ``given`` velocity or one to be worked out."""
         self.version += 1
+        self.velocity_given = given
+        self.clocks.update(blocks, time, self.version, self.motion.max_interval, given=given)
 
 
 def _checked(

@@ -10,6 +10,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics import heightfield
+from smartmesh_ros.physics.heightfields import CARRIED
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import InwardWaves, Wave
 
@@ -235,3 +236,46 @@ def test_ground_that_begins_to_fall_leaves_a_resting_ball_in_free_fall() -> None
         fallen = world.time - start
         late = world.state("ball").linear[2] / -9.81 - fallen
         assert abs(late) <= 1.5 * dt
+
+
+@pytest.mark.parametrize("edge", [40, 200], ids=["whole maps", "regions"])
+def test_colliders_lie_along_ground_that_moves_steadily_with_few_changes(edge: int) -> None:
+    """Each sample rises at its own speed: what moves on by itself must be looked at before it is too far off."""
+    tolerance, rate, maps, radius = 0.004, 240.0, 20.0, 0.3
+    rng = np.random.default_rng(5)
+    start, speed = rng.uniform(-0.05, 0.05, (40, 40)), rng.uniform(0.05, 0.35, (40, 40))
+    heightmap = HeightMap(np.zeros((edge, edge)), resolution=0.25)
+    config = WorldConfig(physics=PhysicsConfig(rate=rate), patch=PatchConfig(tolerance=tolerance))
+    with World(heightmap, config) as world:
+        for index in range(9):
+            x, y = 1.3 + 3.1 * (index % 3), 1.2 + 3.1 * (index // 3)
+            world.spawn(f"body_{index}", Sphere(radius), 1.0, BodyState((x, y, 0.06 + radius)))
+        changes, worst, looks = 0, 0.0, 0
+        for step in range(240):
+            if step % int(rate / maps) == 0:
+                heightmap.update_region(0, 0, start + speed * world.time, time=world.time)
+            before = world.ground.replacements
+            world.refresh()
+            if step > 48:
+                changes += world.ground.replacements - before
+                worst = max(worst, farthest_off(world))
+                looks += 1
+            world.step()
+    assert worst <= CARRIED * tolerance + 1e-5
+    assert changes < 0.6 * 9 * looks
+
+
+def farthest_off(world: World) -> float:
+    """How far colliders are from the ground near their bodies' feet [m]."""
+    client, ground, off = world.client, world.ground, 0.0
+    for index in (index for batch in ground.carrying for index in batch.bodies.tolist()):
+        follower, position = ground.followers[index], ground.positions_w[index]
+        feet = position[:2] + np.array([[0.0, 0.0], [0.1, 0.03], [-0.05, 0.1], [-0.1, -0.08]])
+        client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise
+        client.performCollisionDetection()
+        hits = client.rayTestBatch([(x, y, position[2]) for x, y in feet], [(x, y, -2.0) for x, y in feet])
+        client.setCollisionFilterGroupMask(follower.collider, -1, 0, 0)
+        assert {hit[0] for hit in hits} == {follower.collider}
+        expected = world.terrain.at(feet, world.time).heights
+        off = max(off, float(np.abs([hit[3][2] for hit in hits] - expected).max()))
+    return off

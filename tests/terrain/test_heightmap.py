@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import BLOCK, LARGE, HeightMap
+from smartmesh_ros.terrain.clocks import BLOCK
+from smartmesh_ros.terrain.heightmap import LARGE, HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 
 
