@@ -8,16 +8,17 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import EDGE, FACET, FITTED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
+from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.grid_collect import Collected, collect_inside
+from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.grid_window import Balls, Window, window_rings
+from smartmesh_ros.patches.ranges import roaming_reach, roaming_room, sizes_together, travel, window_of
 from smartmesh_ros.patches.standing import Standing, turned
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
@@ -25,13 +26,12 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 # would soon mean a larger patch.
 SLACK = 0.0005
 HORIZON, HORIZON_IN_SMALL = 8, 4
-# For how many steps of travel it holds: more while that is no further than this share of the body's radius.
-STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.5
-# Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
-# going through them size by size.
-FEW_SAMPLES = 20_000
+# On a patch to roam on, how much nearer to the ground bodies may come before that is looked at again [radii].
+NEARER = 0.1
+# A plane that deviates by less than this share of the tolerance is as good as the ground.
+CURVED = 0.1
 # What a body gains in a step by falling, at most [m/s^2].
 FALL = 10.0
 # Ground that accelerates by more is not waited for [m/s^2].
@@ -169,8 +169,10 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        reach = moving.radii + SLACK + _travel(across, moving.radii) + _travel(along, moving.radii) + FALL * dt * dt
+        reach = moving.radii + SLACK + travel(across, moving.radii) + travel(along, moving.radii) + FALL * dt * dt
         reach += np.abs(self._lean[bodies]).max(axis=1)
+        if not heightmap.moving(time):
+            reach = roaming_reach(reach, moving.radii, geometry.resolution)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
         standing.rows[bodies], standing.columns[bodies] = cells
@@ -182,7 +184,7 @@ class AutoPatches:
         standing.state[bodies[~inside]] = EDGE
         standing.until[bodies[~inside]] = -np.inf
         with self._stopwatch.stage("collect"):
-            sizes = _together(geometry, cells, np.where(inside, rings, 0))
+            sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))
             for size in np.unique(sizes[inside]).tolist():
                 rows = np.flatnonzero(sizes == size)
                 self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], time, dt)
@@ -213,18 +215,24 @@ class AutoPatches:
         if size <= SMALL_WINDOW:
             horizon[~(0.5 * (HORIZON * dt) ** 2 * changing <= SLACK)] = HORIZON_IN_SMALL
         ahead = horizon * dt
-        window = _window(geometry, size, ground, ahead)
+        window = window_of(geometry, size, ground, ahead)
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * geometry.resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
         swerve = 0.5 * ahead * ahead * np.nan_to_num(changing)  # from where the ground's velocity leads
-        drop, slide = SLACK + _travel(across, moving.radii) + swerve, SLACK + _travel(along, moving.radii)
+        drop, slide = SLACK + travel(across, moving.radii) + swerve, SLACK + travel(along, moving.radii)
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
             standing.state[bodies], standing.rings[bodies], standing.stride[bodies], standing.spare[bodies],
         )  # fmt: skip
+        if ground.velocities is None and not ground.holes:
+            slide = np.maximum(slide, self._room(bodies, window, choice, balls, centres))
+            soon = np.where(standing.state[bodies] == FIELD, 1.5, 1.0) * HORIZON * along
+            hurried = (slide < soon) & (choice.deviation > CURVED * self.config.plane_tolerance)
+            roam = roaming_room(choice, moving.radii, centres, window, hurried)
+            drop, slide = np.where(roam > slide, np.maximum(drop, NEARER * moving.radii), drop), np.maximum(slide, roam)
         known = self._note(bodies, choice, centres, moving.radii, geometry.yaw)
         standing.rate[bodies], self._rise[bodies] = 0.0, rise
         standing.until[bodies] = np.inf
@@ -235,8 +243,6 @@ class AutoPatches:
             standing.until[bodies] = np.where(moves, time + (horizon - 0.5) * dt, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        if ground.velocities is None and not ground.holes:
-            slide = np.maximum(slide, self._room(bodies, window, choice, balls, centres))
         clear = choice.state == NONE
         if clear.any():
             # As much approach as there is room above all ground around.
@@ -285,31 +291,3 @@ class AutoPatches:
         lean, half = self._lean[bodies], np.where(choice.state == FACET, 1.0, 0.5)[:, None]
         self._lean[bodies] = np.where(known, lean + half * (offsets - lean), 0.0)
         return near
-
-
-def _travel(step: FloatArray, radii: FloatArray) -> FloatArray:
-    """How far bodies may get before the next look (n,) [m], that get so far in a ``step`` (n,) [m]."""
-    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
-
-
-def _window(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:
-    """Windows of ``size`` rings from what was collected, now and, if the ground moves, ``ahead`` (n,) [s] later."""
-    side, heights = 2 * size + 1, ground.heights[None]
-    if ground.velocities is not None:
-        heights = np.concatenate([heights, heights + ground.velocities * ahead[:, None]])
-    heights = heights.reshape(len(heights), -1, side, side)
-    return Window(heights=heights, rings=size, resolution=geometry.resolution, holes=ground.holes)
-
-
-def _together(geometry: GridGeometry, cells: Cells, rings: IntArray) -> IntArray:
-    """Sizes of windows around ``cells`` that show at least so many ``rings`` (n,), 0 = none, few enough to go through
-    them size by size."""
-    sizes = rings.copy()
-    sizes[(rings > 0) & (rings <= SMALL_WINDOW)] = SMALL_WINDOW
-    large = rings > SMALL_WINDOW
-    most = int(rings.max())
-    if large.any() and np.count_nonzero(large) * (2 * most + 1) ** 2 <= FEW_SAMPLES:
-        sizes[large] = most
-    room = np.minimum(np.minimum(cells.rows, geometry.rows - 1 - cells.rows),
-                      np.minimum(cells.columns, geometry.columns - 1 - cells.columns))  # fmt: skip
-    return np.asarray(np.where(sizes <= room, sizes, rings))

@@ -1,18 +1,21 @@
 """A body gets as much ground as it needs: what is left out lies within the tolerance where the body can touch it."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
+from smartmesh_ros.patches.choice import Choice, choose
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
 DT = 1.0 / 240.0
-SIZE = 60
+SIZE = 80
 
 
 def terrain_of(kind: str, rng: np.random.Generator) -> np.ndarray:
@@ -120,9 +123,9 @@ def test_the_bound_holds_while_bodies_move_over_ground_at_rest(seed: int, kind: 
 
 
 @settings(max_examples=30, deadline=None, report_multiple_bugs=False)
-@given(st.integers(0, 10**6), st.sampled_from(TERRAINS), st.sampled_from([0.1, 0.02]))
-def test_the_bound_holds_until_the_next_look(seed: int, kind: str, resolution: float) -> None:
-    """Bodies move, the ground moves on between maps, and new maps come."""
+@given(st.integers(0, 10**6), st.sampled_from(TERRAINS), st.sampled_from([0.1, 0.02]), st.sampled_from([1, 2, 3]))
+def test_the_bound_holds_until_the_next_look(seed: int, kind: str, resolution: float, parts: int) -> None:
+    """Bodies move, the ground moves on between maps, and new maps come, each as so many regions."""
     rng = np.random.default_rng(seed)
     shape = terrain_of(kind, rng)
     rise = 0.5 * np.sin(np.indices((SIZE, SIZE)).sum(axis=0) / 9.0)
@@ -137,7 +140,10 @@ def test_the_bound_holds_until_the_next_look(seed: int, kind: str, resolution: f
     for _ in range(24):
         if time >= 0.03 * (maps + 1):
             maps += 1
-            heightmap.replace(shape + 0.03 * maps * rise, time=0.03 * maps)
+            new = shape + 0.03 * maps * rise
+            for part in np.split(np.arange(SIZE), np.sort(rng.integers(1, SIZE, parts - 1))):
+                if part.size:
+                    heightmap.update_region(0, int(part[0]), new[:, part], time=0.03 * maps)
         batches = tracker.update(centres, speeds * DT, time, DT)
         check(heightmap, batches, centres, radii, config, rng, time)
         centres = centres + speeds * DT
@@ -192,3 +198,23 @@ def test_a_resting_body_does_not_change_back_and_forth(amplitude: float) -> None
         changes += sum(has.get(body) != before.get(body) for body in range(40)) if before else 0
         before = has
     assert changes <= 0.02 * 40 * 60
+
+
+def test_on_rough_ground_at_rest_a_rolling_body_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = 0
+
+    def counted(*arguments: Any) -> Choice:
+        nonlocal looks
+        looks += 1
+        return choose(*arguments)
+
+    monkeypatch.setattr("smartmesh_ros.patches.auto.choose", counted)
+    heightmap = HeightMap(np.random.default_rng(3).uniform(-0.02, 0.02, (SIZE, SIZE)), resolution=0.1)
+    tracker, rng = PatchTracker(Terrain(heightmap), PatchConfig()), np.random.default_rng(4)
+    tracker.set_bodies(np.array([0.2]), np.array([-1]))
+    travelled = np.linspace(1.0, 5.0, 960)
+    for step, x in enumerate(travelled):
+        centres = np.array([[x, 0.5 * x + 1.0, 0.2]])
+        batches = tracker.update(centres, np.array([[x - travelled[step - 1], 0.0, 0.0]]), step * DT, DT)
+        assert check(heightmap, batches, centres, np.array([0.2]), PatchConfig(), rng, 0.0) == 1
+    assert looks <= 4.0 / 0.1

@@ -1,0 +1,68 @@
+"""How much ground a look shows, and how far bodies may go on it until the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smartmesh_ros.patches.choice import FACET, FIELD, FITTED, SMALL_WINDOW, Choice
+from smartmesh_ros.patches.grid_collect import Collected
+from smartmesh_ros.patches.grid_window import Window
+from smartmesh_ros.search.grid import Cells
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
+
+# For how many steps of travel a look holds: more while that is no further than this share of the body's radius.
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.05
+# How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
+ROAM, WIDEST = 1.0, 4
+# Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
+# going through them size by size.
+FEW_SAMPLES = 20_000
+
+
+def roaming_reach(reach: FloatArray, radii: FloatArray, resolution: float) -> FloatArray:
+    """The reach (n,) [m] that shows bodies as much ground at rest as they may roam on."""
+    return np.asarray(np.maximum(reach, np.minimum(reach + ROAM * radii, (WIDEST - 0.5) * resolution)))
+
+
+def roaming_room(
+    choice: Choice, radii: FloatArray, centres: FloatArray, window: Window, hurried: BoolArray
+) -> FloatArray:
+    """How far bodies may slide (n,) [m] on patches of ground at rest that leave no sample out, 0 = on none; those are
+    widened for it. Wherever a body is over such a patch, it is all that the body can touch: who would soon have left
+    its plane, ``hurried`` (n,), gets one instead."""
+    full = radii + np.abs(centres[:, :2]).max(axis=1)
+    wide = np.minimum(np.ceil((full + ROAM * radii) / window.resolution), min(window.rings, WIDEST)).astype(np.int64)
+    room = wide * window.resolution - full
+    fit = (choice.state == FIELD) & (choice.stride == 1) & (wide >= choice.rings)
+    fit |= hurried & ((choice.state == FACET) | (choice.state == FITTED))
+    fit &= room > 0.0
+    choice.state[fit], choice.rings[fit], choice.stride[fit], choice.deviation[fit] = FIELD, wide[fit], 1, 0.0
+    return np.where(fit, room, 0.0)
+
+
+def travel(step: FloatArray, radii: FloatArray) -> FloatArray:
+    """How far bodies may get before the next look (n,) [m], that get so far in a ``step`` (n,) [m]."""
+    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
+
+
+def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:
+    """Windows of ``size`` rings from what was collected, now and, if the ground moves, ``ahead`` (n,) [s] later."""
+    side, heights = 2 * size + 1, ground.heights[None]
+    if ground.velocities is not None:
+        heights = np.concatenate([heights, heights + ground.velocities * ahead[:, None]])
+    heights = heights.reshape(len(heights), -1, side, side)
+    return Window(heights=heights, rings=size, resolution=geometry.resolution, holes=ground.holes)
+
+
+def sizes_together(geometry: GridGeometry, cells: Cells, rings: IntArray) -> IntArray:
+    """Sizes of windows around ``cells`` that show at least so many ``rings`` (n,), 0 = none, few enough to go through
+    them size by size."""
+    sizes = rings.copy()
+    sizes[(rings > 0) & (rings <= SMALL_WINDOW)] = SMALL_WINDOW
+    large = rings > SMALL_WINDOW
+    most = int(rings.max())
+    if large.any() and np.count_nonzero(large) * (2 * most + 1) ** 2 <= FEW_SAMPLES:
+        sizes[large] = most
+    room = np.minimum(np.minimum(cells.rows, geometry.rows - 1 - cells.rows),
+                      np.minimum(cells.columns, geometry.columns - 1 - cells.columns))  # fmt: skip
+    return np.asarray(np.where(sizes <= room, sizes, rings))
