@@ -31,13 +31,19 @@ def pareto_front(results: Mapping[str, Result]) -> list[str]:
     return front
 
 
-def unbeaten_by(ours: Mapping[str, Result], rivals: Mapping[str, Result]) -> list[str]:
-    """Rivals that are both faster and more accurate than every one of ours."""
+def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result], *, trajectory: bool) -> list[str]:
+    """Rivals that are both faster and more accurate than every one of ours: in penetration and, if so asked, in the
+    ``trajectory``, as far as its deviation from the reference was measured."""
     return [
         name
         for name, rival in rivals.items()
         if math.isfinite(error_of(rival))
-        and all(rival.cost < own.cost and error_of(rival) < error_of(own) for own in ours.values())
+        and all(
+            rival.cost < own.cost
+            and error_of(rival) < error_of(own)
+            and not (trajectory and rival.deviation > own.deviation)
+            for own in ours.values()
+        )
     ]
 
 

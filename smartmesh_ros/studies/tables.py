@@ -9,7 +9,7 @@ from pathlib import Path
 
 from smartmesh_ros.studies.configurations import Configuration
 from smartmesh_ros.studies.contest import Result
-from smartmesh_ros.studies.front import cheapest_as_accurate, error_of, pareto_front, unbeaten_by
+from smartmesh_ros.studies.front import beyond_all, cheapest_as_accurate, error_of, pareto_front
 from smartmesh_ros.studies.scene import Scene
 
 OURS = ("ours", "ours, less")
@@ -63,13 +63,17 @@ def summary_table(
             if fastest is None
             else f"{fastest}: {found[fastest].cost / own.cost:.2g} x, {_mm(found[fastest].p99)} mm"
         )
-        above = ", ".join(unbeaten_by(ours, rivals)) or "none"
+        above = beyond_all(ours, rivals, trajectory=True)
+        strays = [name for name in beyond_all(ours, rivals, trajectory=False) if name not in above]
         rows.append(
-            [scene.title, f"{own.cost / 1e3:.2f}", _mm(own.p99), f"{own.lost} of {own.bodies}", factor, quick, above]
-        )
+            [
+                scene.title, f"{own.cost / 1e3:.2f}", _mm(own.p99), f"{own.lost} of {own.bodies}", factor, quick,
+                ", ".join(above) or "none", ", ".join(strays) or "none",
+            ]
+        )  # fmt: skip
     header = [
         "scene", "defaults: cost [ms]", "p99 [mm]", "lost", "cheapest rival at no more penetration", "cheapest rival",
-        "faster and more accurate than all of ours",
+        "faster and more accurate than all of ours", "the same, but further from where bodies go",
     ]  # fmt: skip
     return table(header, rows)
 

@@ -1,5 +1,6 @@
 """The accuracy study: its arithmetic, that scenes run, and that the defaults pass the quick rows."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from smartmesh_ros.studies import accuracy
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import Result, run_scene
-from smartmesh_ros.studies.front import cheapest_as_accurate, pareto_front, unbeaten_by
+from smartmesh_ros.studies.front import beyond_all, cheapest_as_accurate, pareto_front
 from smartmesh_ros.studies.matrix.row import Outcome
 from smartmesh_ros.studies.matrix.run import ROWS, run_cell
 from smartmesh_ros.studies.scene import Bodies, Scene
@@ -38,7 +39,13 @@ def test_a_front_holds_what_nothing_beats() -> None:
     assert pareto_front(results) == ["quick and rough", "slow and true"]
     assert cheapest_as_accurate(results, 0.02) == "slow and true"
     ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
-    assert unbeaten_by(ours, {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}) == ["better"]
+    rivals = {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}
+    assert beyond_all(ours, rivals, trajectory=False) == ["better"]
+    true = {name: replace(result, deviation=0.01) for name, result in ours.items()}
+    astray = {name: replace(result, deviation=0.5) for name, result in rivals.items()}
+    assert beyond_all(true, astray, trajectory=True) == []
+    along = {name: replace(result, deviation=0.01) for name, result in rivals.items()}
+    assert beyond_all(true, along, trajectory=True) == ["better"]
 
 
 def small_scene() -> Scene:
