@@ -8,7 +8,7 @@ from typing import Any
 
 import pybullet as pb
 
-Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+from smartmesh_ros.physics.state import Vector
 
 
 class BulletCalls:
@@ -17,10 +17,10 @@ class BulletCalls:
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
 
-    def poses(self, bodies: list[int]) -> list[Pose]:
-        """Position [m] and orientation (x, y, z, w) of each body."""
+    def positions(self, bodies: list[int]) -> list[Vector]:
+        """Position of each body [m]."""
         get, client = pb.getBasePositionAndOrientation, self._client
-        return [get(body, client) for body in bodies]
+        return [get(body, client)[0] for body in bodies]
 
     def set_positions(self, bodies: list[int], positions: list[list[float]], orientation: Any) -> None:
         """Puts bodies at positions [m], all in one orientation (x, y, z, w). This stops them."""

@@ -24,6 +24,7 @@ class Movement:
         self._client = client
         self._calls = BulletCalls(client)
         self._followers: list[Follower] = []
+        self._bodies: list[int] = []
         self._links: list[int] = []
         self._told: list[tuple[list[int], FloatArray]] = []
         self._placed: set[int] = set()
@@ -32,6 +33,7 @@ class Movement:
         """Makes ``followers`` the ones there are; ``kept`` (N,): each one's index before, -1 = new."""
         carry_over(self, {"positions_w": np.nan}, kept)
         self._followers = followers
+        self._bodies = [follower.body for follower in followers]
         self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
         self._told.clear()
         self._placed.clear()
@@ -52,7 +54,7 @@ class Movement:
         self.positions_w = positions
 
     def _read_positions(self) -> FloatArray:
-        positions = [pose[0] for pose in self._calls.poses([follower.body for follower in self._followers])]
+        positions = self._calls.positions(self._bodies)
         for index in self._links:
             follower = self._followers[index]
             positions[index] = self._client.getLinkState(follower.body, follower.link)[0]

@@ -15,9 +15,9 @@ class Cells(NamedTuple):
     columns: IntArray
 
 
-def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: int = 1) -> Cells:
+def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
     """Vertices horizontally nearest to points given as fractional (row, column), shape (N, 2) (see
-    `GridGeometry.to_grid`), at least ``rim`` samples away from the map's edge.
+    `GridGeometry.to_grid`), the map's rim left out.
 
     Leaving out the rim keeps the topology of every patch constant (the report's Chapter 3, Figure 7); bodies beyond it
     get the nearest vertex inside. Assumes a uniform grid, where rounding finds the nearest vertex itself and no
@@ -25,12 +25,10 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray, rim: int = 1) 
     """
     nearest = grid_rc - 0.5
     np.ceil(nearest, out=nearest)
-    rows, columns = nearest.T.astype(np.int64)
-    np.minimum(rows, geometry.rows - 1 - rim, out=rows)
-    np.maximum(rows, rim, out=rows)
-    np.minimum(columns, geometry.columns - 1 - rim, out=columns)
-    np.maximum(columns, rim, out=columns)
-    return Cells(rows, columns)
+    cells = nearest.T.astype(np.int64, order="C")
+    np.minimum(cells, geometry.last_inside, out=cells)
+    np.maximum(cells, 1, out=cells)
+    return Cells(cells[0], cells[1])
 
 
 def uniform_grid_vertices(grid: UniformGrid, positions_w: FloatArray) -> IntArray:
