@@ -22,10 +22,10 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
-# many steps where the ground moves: fewer in small windows over ground whose velocity changes, where room for that
-# would soon mean a larger patch.
+# many steps where the ground moves: over ground whose velocity changes fewer in small windows, where room for that would
+# soon mean a larger patch, and fewer if they take longer than this [s], as curved ground would then not pass as flat.
 SLACK = 0.0005
-HORIZON, HORIZON_IN_SMALL = 8, 4
+HORIZON, SHORT_HORIZON, LONG = 8, 4, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.5
 # On a patch to roam on, how much nearer to the ground bodies may come before that is looked at again [radii].
@@ -148,7 +148,7 @@ class AutoPatches:
         due |= changed & np.isinf(until) if steady else changed
         if due.any():
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
-            due |= time + (1.0 - EARLY) * HORIZON_IN_SMALL * dt >= until
+            due |= time + (1.0 - EARLY) * SHORT_HORIZON * dt >= until
         return np.asarray(due)
 
     def _changed(self, heightmap: HeightMap, bodies: IntArray) -> BoolArray:
@@ -212,8 +212,8 @@ class AutoPatches:
             rise = np.nan_to_num(ground.velocities[:, patch_template(size).centre])
         changing = self._changing(bodies, rise, time, dt)
         horizon = np.full(len(bodies), HORIZON)
-        if size <= SMALL_WINDOW:
-            horizon[~(0.5 * (HORIZON * dt) ** 2 * changing <= SLACK)] = HORIZON_IN_SMALL
+        if size <= SMALL_WINDOW or HORIZON * dt > LONG:
+            horizon[~(0.5 * (HORIZON * dt) ** 2 * changing <= SLACK)] = SHORT_HORIZON
         ahead = horizon * dt
         window = window_of(geometry, size, ground, ahead)
         centres = np.empty((len(bodies), 3))
