@@ -22,8 +22,8 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
-# many steps where the ground moves: over ground whose velocity changes fewer in small windows, where room for that would
-# soon mean a larger patch, and fewer if they take longer than this [s], as curved ground would then not pass as flat.
+# many steps where the ground moves. Where its velocity changes it is fewer: in small windows, as room for that would
+# soon mean a larger patch, and in all if so many take longer than this [s], as curved ground would not pass as flat.
 SLACK = 0.0005
 HORIZON, SHORT_HORIZON, LONG = 8, 4, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.

@@ -230,7 +230,11 @@ class Ground:
             rows = np.flatnonzero(grounded)
         if rows.size:
             self._make_room(bodies[rows], _MESH)
-            self._apply_meshes(batch, rows, base, self._prediction.ahead(batch, time, dt))
+            twist = None
+            if self.config.carry_velocity:
+                twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
+                twist[:, 2] += self._prediction.ahead(batch, time, dt).faster
+            self._meshes.apply_batch(batch, rows, base, twist, self.followers, edge_filter=self.config.edge_filter)
         return bodies[rows]
 
     def _apply_planes(self, batch: PlaneBatch, time: float, dt: float) -> IntArray:
@@ -292,29 +296,6 @@ class Ground:
             self._release(index)
             self._held[index] = held
         self._away[indices] = False
-
-    def _apply_meshes(self, batch: PatchBatch, rows: IntArray, base: FloatArray, ahead: Ahead) -> None:
-        twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
-        twist[:, 2] += ahead.faster
-        assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
-        vertices = batch.vertices_w()
-        for row in rows.tolist():
-            index = int(batch.bodies[row])
-            triangles = batch.triangles
-            if batch.may_have_holes:
-                triangles = triangles[~np.isnan(vertices[row, :, 2])[triangles].any(axis=1)]
-            if not len(triangles):
-                self._meshes.release(self.followers[index])
-                continue
-            self._meshes.apply(
-                self.followers[index],
-                batch.kind,
-                np.nan_to_num(vertices[row], nan=float(base[row, 2])),
-                triangles,
-                base[row],
-                twist[row] if self.config.carry_velocity else None,
-                self.config.edge_filter,
-            )
 
     def _release(self, index: int) -> None:
         """Takes a follower's collider away, if it has one."""

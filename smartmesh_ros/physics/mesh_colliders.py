@@ -13,9 +13,10 @@ import numpy as np
 import pybullet as pb
 from numpy.typing import NDArray
 
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.pairs import Pairs
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
 
@@ -43,6 +44,31 @@ class MeshColliders:
         self._client = client
         self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
+
+    def apply_batch(
+        self,
+        batch: PatchBatch,
+        rows: IntArray,
+        base: FloatArray,
+        twist: FloatArray | None,
+        followers: list[Follower],
+        *,
+        edge_filter: bool,
+    ) -> None:
+        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, on bodies at
+        ``base`` (n, 3) [m] that carry the ground's ``twist`` (n, 6), None = at rest; none where all is holes."""
+        assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
+        vertices = batch.vertices_w()
+        for row in rows.tolist():
+            follower, triangles = followers[int(batch.bodies[row])], batch.triangles
+            if batch.may_have_holes:
+                triangles = triangles[~np.isnan(vertices[row, :, 2])[triangles].any(axis=1)]
+            if not len(triangles):
+                self.release(follower)
+                continue
+            surface = np.nan_to_num(vertices[row], nan=float(base[row, 2]))
+            carried = None if twist is None else twist[row]
+            self.apply(follower, batch.kind, surface, triangles, base[row], carried, edge_filter)
 
     def apply(
         self,
