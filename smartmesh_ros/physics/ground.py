@@ -262,6 +262,7 @@ class Ground:
             ahead = self._prediction.ahead(fields, time, dt)
             # Worth it only where there are steps between maps.
             keeping = not holes and fields.heightmap.lifetime > 1.5 * dt and fields.heightmap.slide_w == (0.0, 0.0)
+            keeping = keeping and self._heightfields.keeps(time)
         if keeping:
             held = self._heightfields.held(fields, time) & (self._held[fields.bodies] == _FIELD)
             due = np.flatnonzero(~held)
@@ -280,6 +281,8 @@ class Ground:
         if due.size:
             self._make_room(fields.bodies, _FIELD)
             self._heightfields.apply(fields, samples, base, ahead.of(due), touching[due], time, self.config)
+            if keeping:
+                self._heightfields.judge(fields.bodies, time, dt)
         return carried
 
     def _touching(self, fields: Fields) -> BoolArray:

@@ -28,6 +28,9 @@ ELSEWHERE = 0.01
 # PyBullet keeps the contacts of a heightfield that is replaced: a body stays up where the ground sank away under it.
 # They are dropped when any sample has sunk by more than this, seen from the collider's base [m].
 STALE = 5e-4
+# Where fewer than this share of colliders would be left alone in the next step, none is for so long [s]: telling which
+# costs as much as it saves.
+FEW, PAUSE = 0.25, 0.1
 # Ground that parts from its collider more slowly is taken to do so at this speed [m/s].
 SLOWEST = 1e-6
 
@@ -66,6 +69,7 @@ class Heightfields:
         self._yaws = np.empty(0)
         self._slopes = np.empty((0, 2))
         self._until = np.empty(0)
+        self._pause = -np.inf  # when the ground was last too lively for any to be left alone [s]
         # Heights when PyBullet last forgot their contacts [m], and which may have some.
         self._contact_heights = np.empty((0, 81))
         self._touched = np.empty(0, bool)
@@ -86,6 +90,15 @@ class Heightfields:
         """Has every heightfield replaced at the next `apply`."""
         self._heights[:] = np.nan
         self._until[:] = -np.inf
+
+    def keeps(self, time: float) -> bool:
+        """Whether colliders are to be left alone for some steps where they can."""
+        return not self._pause <= time < self._pause + PAUSE
+
+    def judge(self, bodies: IntArray, time: float, dt: float) -> None:
+        """Judges by followers (m,) just served, for steps of ``dt`` [s], whether leaving colliders alone pays."""
+        if np.count_nonzero(self._until[bodies] >= time + dt) < FEW * len(bodies):
+            self._pause = time
 
     def held(self, fields: Fields, time: float) -> BoolArray:
         """Whose collider moves on with its ground (m,), and needs no look at ``time`` [s]."""

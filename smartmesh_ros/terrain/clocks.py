@@ -14,7 +14,6 @@ from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionMode, progress
 BLOCK = 64
 
 Blocks = tuple[slice, slice]
-EVERYWHERE: Blocks = (slice(None), slice(None))
 
 
 class Stream(NamedTuple):
@@ -32,6 +31,7 @@ class BlockClocks:
     def __init__(self, rows: int, columns: int) -> None:
         shape = (-(-rows // BLOCK), -(-columns // BLOCK))
         self._columns = columns
+        self.all: Blocks = (slice(0, shape[0]), slice(0, shape[1]))
         self._time = np.full(shape, -np.inf)
         self._interval = np.full(shape, np.inf)  # velocity = (heights - before) / interval
         self._lifetime = np.zeros(shape)  # expected time to the next update; 0 = at rest
@@ -57,9 +57,13 @@ class BlockClocks:
         rows, columns = blocks
         return slice(rows.start * BLOCK, rows.stop * BLOCK), slice(columns.start * BLOCK, columns.stop * BLOCK)
 
-    def are_before(self, time: float, blocks: Blocks = EVERYWHERE) -> bool:
-        """Whether all of ``blocks`` were updated before ``time`` [s]."""
-        return bool(np.all(self._time[blocks] < time))
+    def before(self, time: float, blocks: Blocks) -> list[Blocks]:
+        """Those of ``blocks`` that were updated before ``time`` [s]: all at once if that are all, else one by one."""
+        older = self._time[blocks] < time
+        if older.all():
+            return [blocks]
+        found = np.argwhere(older) + (blocks[0].start, blocks[1].start)
+        return [(slice(row, row + 1), slice(column, column + 1)) for row, column in found.tolist()]
 
     def update(self, blocks: Blocks, time: float, version: int, max_interval: float, *, given: bool) -> None:
         """Notes that ``blocks`` were updated at ``time`` [s] with ``version`` of the map, and over which interval their

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain import triangles
-from smartmesh_ros.terrain.clocks import EVERYWHERE, BlockClocks, Blocks
+from smartmesh_ros.terrain.clocks import BlockClocks, Blocks
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import REST, MotionConfig
@@ -77,7 +77,7 @@ class HeightMap:
         self.velocity_given = False  # whether the last velocity was given, and not worked out
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self.version = 0  # counts the updates
-        self._set_clock(EVERYWHERE, time, given=speeds is not None)
+        self._set_clock(self.clocks.all, time, given=speeds is not None)
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -116,13 +116,16 @@ class HeightMap:
         shape = (self.geometry.rows, self.geometry.columns)
         new, speeds, has_holes = _checked(heights, velocities, shape, "the map")
         # Swapping the two buffers saves a copy; not where a block is corrected, whose heights before must stay.
-        if speeds is None and self.clocks.are_before(time):
-            self._heights, self._before = self._before, self._heights
+        if speeds is None:
+            if self.clocks.before(time, self.clocks.all) == [self.clocks.all]:
+                self._heights, self._before = self._before, self._heights
+            else:
+                self._keep_before(self.clocks.all, time)
         self._heights[...] = new
         if speeds is not None:
             np.subtract(self._heights, speeds, out=self._before)
         self._has_holes = has_holes
-        self._set_clock(EVERYWHERE, time, given=speeds is not None)
+        self._set_clock(self.clocks.all, time, given=speeds is not None)
 
     def update_region(
         self, row: int, column: int, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None
@@ -146,7 +149,9 @@ class HeightMap:
         new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
         region = (slice(row, end_row), slice(column, end_column))
         blocks = self.clocks.around(row, column, end_row, end_column)
-        if speeds is not None or self.clocks.are_before(time, blocks):
+        if speeds is None:
+            self._keep_before(blocks, time)
+        else:
             around = self.clocks.samples(blocks)
             self._before[around] = self._heights[around]
         self._heights[region] = new
@@ -232,6 +237,12 @@ class HeightMap:
         if corners.velocities is not None:
             velocities = (corners.velocities * points.weights).sum(axis=1)
         return Samples(heights.sum(axis=1), velocities)
+
+    def _keep_before(self, blocks: Blocks, time: float) -> None:
+        """Keeps the heights as those before, in ``blocks`` that are not merely corrected at ``time`` [s]."""
+        for part in self.clocks.before(time, blocks):
+            around = self.clocks.samples(part)
+            self._before[around] = self._heights[around]
 
     def _set_clock(self, blocks: Blocks, time: float, *, given: bool) -> None:
         """Notes that ``blocks`` were updated at ``time`` [s], with a ``given`` velocity or one to be worked out."""

@@ -180,7 +180,10 @@ def changing_batches(turn: int, holes: bool, rng: np.random.Generator) -> list[P
     """Patches of twenty bodies that change their sizes now and then, or move and lose some of them."""
     batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
     if turn % 3 == 0:
-        batches = [replace(batch, heights_w=batch.heights_w + rng.normal()) for batch in batches[:-1]]
+        batches = [
+            replace(batch, ground=batch.read()._replace(heights=batch.heights_w + rng.normal()))
+            for batch in batches[:-1]
+        ]
     return batches
 
 

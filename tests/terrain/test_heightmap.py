@@ -100,6 +100,21 @@ def test_regions_of_one_frame_may_share_a_stamp() -> None:
     assert velocity_at(heightmap, 5, 15, 0.1)[1] == pytest.approx(1.0, rel=1e-4)
 
 
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_frame_in_parts_that_share_blocks_has_one_velocity(whole: bool) -> None:
+    """The second part corrects the blocks it shares with the first, and is new to the others."""
+    size = 3 * BLOCK
+    heightmap = HeightMap(np.zeros((size, size)), time=0.0)
+    heightmap.replace(np.full((size, size), 0.1), time=0.1)
+    heightmap.update_region(0, 0, np.full((size, 100), 0.2), time=0.2)
+    if whole:
+        heightmap.replace(np.full((size, size), 0.2), time=0.2)
+    else:
+        heightmap.update_region(0, 100, np.full((size, size - 100), 0.2), time=0.2)
+    for column in (5, 80, 110, size - 5):
+        assert velocity_at(heightmap, 50, column, 0.2) == (pytest.approx(0.2), pytest.approx(1.0, rel=1e-4))
+
+
 def test_jumps_and_old_maps_give_no_velocity() -> None:
     motion = MotionConfig(max_interval=0.25, max_velocity=25.0)
     jumped = HeightMap(np.zeros((5, 5)), time=0.0, motion=motion)
