@@ -84,6 +84,7 @@ def choose(
     )  # fmt: skip
     limit = np.where((state == FACET) | (state == FITTED), 1.0, HYSTERESIS) * config.plane_tolerance
     few = np.flatnonzero(need <= FACET_RINGS)
+    # In small windows of moving ground facets seldom pass as planes: trying them costs more than it saves.
     planar = window.instants == 1 or not small or config.kind == "plane"
     if few.size and planar:
         inner, touching = window.inner(few, FACET_RINGS), balls.of(few)

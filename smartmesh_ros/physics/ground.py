@@ -243,10 +243,10 @@ class Ground:
         ahead, due = Ahead.nothing(len(bodies)), np.arange(len(bodies))
         if carry_velocity:
             ahead = self._prediction.ahead(batch, time, dt)
-            held = self._planes.held(batch, time) & (self._held[bodies] == _PLANE)
+            held = self._planes.held(batch, time)
             due = np.flatnonzero(~held)
             if due.size < len(bodies):
-                self._planes.go_on(batch, held, ahead.faster[held], time)
+                self._planes.go_on(bodies[held], ahead.faster[held], time)
         if due.size:
             self._make_room(bodies[due], _PLANE)
             radii = self._radii[bodies[due]]
@@ -255,7 +255,8 @@ class Ground:
 
     def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:
         """The same for batches of heightfields, in one pass; for each the followers that have ground under them."""
-        fields, holes = Fields.of(batches), any(batch.may_have_holes for batch in batches)
+        fields = Fields.of(batches)
+        holes = fields.holes
         carried, touching = [batch.bodies for batch in batches], self._touching(fields)
         ahead, due, keeping = Ahead.nothing(len(fields.bodies)), np.arange(len(fields.bodies)), False
         if self.config.carry_velocity:
@@ -264,7 +265,7 @@ class Ground:
             keeping = not holes and fields.heightmap.lifetime > 1.5 * dt and fields.heightmap.slide_w == (0.0, 0.0)
             keeping = keeping and self._heightfields.keeps(time)
         if keeping:
-            held = self._heightfields.held(fields, time) & (self._held[fields.bodies] == _FIELD)
+            held = self._heightfields.held(fields, time)
             due = np.flatnonzero(~held)
             if due.size < len(held):
                 self._heightfields.go_on(fields.bodies[held], ahead.faster[held], touching[held], time)

@@ -97,8 +97,8 @@ class Heightfields:
 
     def judge(self, bodies: IntArray, time: float, dt: float) -> None:
         """Judges by followers (m,) just served, for steps of ``dt`` [s], whether leaving colliders alone pays."""
-        if np.count_nonzero(self._until[bodies] >= time + dt) < FEW * len(bodies):
-            self._pause = time
+        lasting = np.count_nonzero(self._until[bodies] >= time + dt)
+        self._pause = time if lasting < FEW * len(bodies) else -np.inf
 
     def held(self, fields: Fields, time: float) -> BoolArray:
         """Whose collider moves on with its ground (m,), and needs no look at ``time`` [s]."""
@@ -166,6 +166,7 @@ class Heightfields:
         if field is not None:
             self._pool.give_back(field, follower.body, follower.link)
             follower.collider = None
+            self._carried.forget(index)
             self._sizes[index] = 0
 
     def _fit(self, index: int, size: int, spacing: float) -> None:

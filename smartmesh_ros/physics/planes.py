@@ -69,10 +69,10 @@ class Planes:
         same = self._carried.same_ground(bodies, batch.since, time)
         return np.asarray(same & (slid < BETWEEN * self._sizes[bodies]))
 
-    def go_on(self, batch: PlaneBatch, rows: BoolArray, faster: FloatArray, time: float) -> None:
-        """Has boxes of followers in ``rows`` (m,) move on with their planes, ``faster`` (m,) [m/s] upwards than the
-        batch says."""
-        self._carried.hasten(batch.bodies[rows], faster, time)
+    def go_on(self, bodies: IntArray, faster: FloatArray, time: float) -> None:
+        """Has boxes of followers (m,) move on with their planes, ``faster`` (m,) [m/s] upwards than these were said to
+        be."""
+        self._carried.hasten(bodies, faster, time)
 
     def apply(
         self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, ahead: Ahead, time: float, *, carry_velocity: bool
