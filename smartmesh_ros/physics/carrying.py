@@ -14,19 +14,23 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 SAME_VELOCITY = 2e-3
 
 
-_FILLS = {"colliders": -1, "bases": np.nan, "twists": 0.0, "times": np.nan, "_since": np.nan, "_rates": 0.0}
+_FILLS = {
+    "colliders": -1, "bases": np.nan, "depths": 0.0, "twists": 0.0, "times": np.nan, "_since": np.nan, "_rates": 0.0,
+}  # fmt: skip
 
 
 class Carried:
     """Where the colliders of followers are, by the follower's index.
 
     ``colliders`` (N,): their bodies in PyBullet. ``bases`` (N, 3) [m]: their positions at ``times`` (N,) [s], NaN = to
-    be placed anew; ``twists`` (N, 6) [m/s, rad/s]: what they were given since.
+    be placed anew; PyBullet has them ``depths`` (N,) [m] lower. ``twists`` (N, 6) [m/s, rad/s]: those they were given
+    since, at ``bases``.
     """
 
     def __init__(self, client: Any) -> None:
         self.colliders = np.empty(0, np.int64)
         self.bases = np.empty((0, 3))
+        self.depths = np.empty(0)
         self.twists = np.empty((0, 6))
         self.times = np.empty(0)
         # Since when the ground has gone on steadily that they were brought to [s], and its vertical velocity [m/s].
@@ -79,10 +83,20 @@ class Carried:
         """Whether the ground at ``time`` [s], steady ``since`` (n,) [s], is what the colliders were brought to (n,)."""
         return np.asarray((self._since[followers] == since) & (since < time))
 
+    def place(self, followers: IntArray, bases: FloatArray, orientation: Any) -> None:
+        """Puts colliders at ``bases`` (n, 3) [m] in one orientation (x, y, z, w). This stops them."""
+        self.bases[followers], self.twists[followers] = bases, 0.0
+        lower = bases.copy()
+        lower[:, 2] -= self.depths[followers]
+        self._calls.set_positions(self.colliders[followers].tolist(), lower.tolist(), orientation)
+
     def _tell(self, followers: IntArray, twist: FloatArray) -> None:
         if followers.size:
             self.twists[followers] = twist
-            self._calls.set_velocities(self.colliders[followers].tolist(), twist.tolist())
+            told, depths = twist.copy(), self.depths[followers]
+            told[:, 0] -= twist[:, 4] * depths
+            told[:, 1] += twist[:, 3] * depths
+            self._calls.set_velocities(self.colliders[followers].tolist(), told.tolist())
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -106,7 +106,9 @@ class Ground:
 
     def placed(self, body: int | None = None) -> None:
         """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
-        self._movement.placed(body)
+        chosen = [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
+        self._movement.placed(chosen)
+        self._heightfields.renew(chosen)
 
     @property
     def replacements(self) -> int:

@@ -28,6 +28,10 @@ ELSEWHERE = 0.01
 # PyBullet keeps the contacts of a heightfield that is replaced: a body stays up where the ground sank away under it.
 # They are dropped when any sample has sunk by more than this, seen from the collider's base [m].
 STALE = 5e-4
+# To drop them, PyBullet's body is lowered by so much under the same surface: contacts keep their places on it, part by
+# as much, and are forgotten. Once it is lower than DEEPEST it comes back up, and they are dropped by telling PyBullet
+# that the two may collide, for which it goes through the pairs of all bodies [m].
+LOWERED, DEEPEST = 5e-3, 0.1
 # Where fewer than this share of colliders would be left alone in the next step, none is for so long [s]: telling which
 # costs as much as it saves.
 FEW, PAUSE = 0.25, 0.1
@@ -90,6 +94,13 @@ class Heightfields:
         """Has every heightfield replaced at the next `apply`."""
         self._heights[:] = np.nan
         self._until[:] = -np.inf
+
+    def renew(self, indices: list[int]) -> None:
+        """Has the heightfields of followers start at the next `apply` as if they were new."""
+        self._heights[indices] = self._contact_heights[indices] = np.nan
+        self._touched[indices] = False
+        self._carried.forget(np.array(indices, np.int64))
+        self._raise(indices)
 
     def keeps(self, time: float) -> bool:
         """Whether colliders are to be left alone for some steps where they can."""
@@ -228,6 +239,7 @@ class Heightfields:
         stale = ~((self._contact_heights[bodies, room] - new).max(axis=1) <= STALE)
         self._contact_heights[bodies[stale], room] = new[stale]
         self._drop_contacts(bodies[stale & touched[rows]])
+        new += self._carried.depths[bodies][:, None]
         filtered = ~self._balls[bodies] if edge_filter else np.zeros(len(bodies), bool)
         for which, size in enumerate(fields.layout.sizes.tolist()):
             chosen = np.flatnonzero(fields.which[rows] == which) if fields.mixed else slice(None)
@@ -236,16 +248,23 @@ class Heightfields:
             self._calls.replace_heightfields(shapes, size, heights.tolist(), filtered[chosen].tolist())
 
     def _drop_contacts(self, bodies: IntArray) -> None:
-        """Has PyBullet forget the contacts of colliders whose surface sank away from them."""
-        for index in bodies.tolist():
+        """Has PyBullet forget the contacts of colliders that are to be placed anew, whose surface sank away."""
+        depths = self._carried.depths
+        depths[bodies] += LOWERED
+        self._raise(bodies[depths[bodies] > DEEPEST].tolist())
+
+    def _raise(self, indices: list[int]) -> None:
+        """Has colliders that are to be placed anew lie no lower than their ground says."""
+        self._carried.depths[indices] = 0.0
+        for index in indices:
             follower = self._followers[index]
-            self._pool.forget_contacts(self._fields[follower], follower.body, follower.link)
+            field = self._fields.get(follower)
+            if field is not None:
+                self._pool.forget_contacts(field, follower.body, follower.link)
 
     def _place(self, bodies: IntArray, base: FloatArray, yaw: float) -> None:
         """Puts colliders at ``base`` (m, 3) [m]. This stops them."""
-        carried = self._carried
-        self._calls.set_positions(carried.colliders[bodies].tolist(), base.tolist(), collider_yaw(yaw))
-        carried.bases[bodies], carried.twists[bodies] = base, 0.0
+        self._carried.place(bodies, base, collider_yaw(yaw))
         self._yaws[bodies], self._slopes[bodies] = yaw, 0.0
 
 

@@ -42,10 +42,9 @@ class Movement:
         """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
         self._told.append((indices, moved_w))
 
-    def placed(self, body: int | None) -> None:
-        """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
-        chosen = [index for index, follower in enumerate(self._followers) if body is None or follower.body == body]
-        self._placed.update(chosen)
+    def placed(self, indices: list[int]) -> None:
+        """Says that followers were put somewhere: how they got there is no motion that goes on."""
+        self._placed.update(indices)
 
     def read(self, dt: float) -> None:
         """Reads where followers are, before a step of ``dt`` [s]."""
