@@ -8,12 +8,21 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import EDGE, FACET, FIELD, FITTED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
+from smartmesh_ros.patches.choice import FACET, FIELD, FIXED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
-from smartmesh_ros.patches.grid_window import Balls, Window, window_rings
-from smartmesh_ros.patches.ranges import roaming_reach, roaming_room, sizes_together, travel, window_of
+from smartmesh_ros.patches.grid_window import Balls, window_rings
+from smartmesh_ros.patches.lively import CROWD, FINE, OFTEN, UNLOOKED, in_vain
+from smartmesh_ros.patches.ranges import (
+    roaming_reach,
+    roaming_room,
+    room_above,
+    room_on_planes,
+    sizes_together,
+    travel,
+    window_of,
+)
 from smartmesh_ros.patches.standing import Standing, turned
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
@@ -106,9 +115,13 @@ class AutoPatches:
     def patches(
         self, name: str, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]
     ) -> tuple[list[PatchBatch], IntArray]:
-        """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` are so near to
-        the tile's edge that they need a patch that ends there (m,)."""
+        """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` need one of
+        fixed extent instead (m,): at the tile's edge, and where looking would be in vain."""
         bodies, standing, method = moving.bodies, self._standing, self.config.collect
+        unlooked = (standing.state[bodies] == FIXED) & (standing.until[bodies] > time)
+        if unlooked.all() and time >= self._time:
+            self._time = time
+            return [], np.arange(len(bodies))
         if time < self._time:  # the clock was set anew: what holds until some time holds no more
             self.forget(slice(None))
             self._at_rest.clear()
@@ -126,10 +139,10 @@ class AutoPatches:
         elif rest is not None and np.array_equal(rest[0], bodies):
             return list(rest[1]), rest[2]
         with self._stopwatch.stage("collect"):
-            batches, edge = standing.batches(name, heightmap, bodies, moving.positions_w, time, method)
+            batches, fixed = standing.batches(name, heightmap, bodies, moving.positions_w, time, method)
         if not moves:
-            self._at_rest[name] = (bodies, list(batches), edge)
-        return batches, edge
+            self._at_rest[name] = (bodies, list(batches), fixed)
+        return batches, fixed
 
     def _due(self, heightmap: HeightMap, moving: Moving, time: float, dt: float) -> BoolArray:
         """Which bodies to look at (n,): those whose choice may not hold until the end of the step."""
@@ -148,7 +161,8 @@ class AutoPatches:
         due |= changed & np.isinf(until) if steady else changed
         if due.any():
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
-            due |= time + (1.0 - EARLY) * SHORT_HORIZON * dt >= until
+            vain = self._standing.state[bodies] == FIXED
+            due |= time + (1.0 - EARLY) * np.where(vain, UNLOOKED, SHORT_HORIZON * dt) >= until
         return np.asarray(due)
 
     def _changed(self, heightmap: HeightMap, bodies: IntArray) -> BoolArray:
@@ -169,10 +183,13 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        reach = moving.radii + SLACK + travel(across, moving.radii) + travel(along, moving.radii) + FALL * dt * dt
+        airborne = self._standing.state[bodies] == NONE
+        reach = moving.radii + SLACK + FALL * dt * dt
+        reach += travel(across, moving.radii, airborne) + travel(along, moving.radii, airborne)
         reach += np.abs(self._lean[bodies]).max(axis=1)
-        if not heightmap.moving(time):
-            reach = roaming_reach(reach, moving.radii, geometry.resolution)
+        if airborne.any() or not heightmap.moving(time):
+            far = roaming_reach(reach, moving.radii, geometry.resolution)
+            reach = np.where(airborne, far, reach) if heightmap.moving(time) else far
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
         standing.rows[bodies], standing.columns[bodies] = cells
@@ -181,7 +198,7 @@ class AutoPatches:
         inside &= (cells.columns >= rings) & (cells.columns < geometry.columns - rings)
         # The search leaves the rim out: the nearest vertex found may not be that.
         inside &= np.maximum(np.abs(foot[:, 0] - cells.rows), np.abs(foot[:, 1] - cells.columns)) <= 0.5 + 1e-9
-        standing.state[bodies[~inside]] = EDGE
+        standing.state[bodies[~inside]] = FIXED
         standing.until[bodies[~inside]] = -np.inf
         with self._stopwatch.stage("collect"):
             sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))
@@ -221,18 +238,24 @@ class AutoPatches:
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
         swerve = 0.5 * ahead * ahead * np.nan_to_num(changing)  # from where the ground's velocity leads
-        drop, slide = SLACK + travel(across, moving.radii) + swerve, SLACK + travel(along, moving.radii)
+        airborne = standing.state[bodies] == NONE
+        drop = SLACK + travel(across, moving.radii, airborne) + swerve
+        slide = SLACK + travel(along, moving.radii, airborne)
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
             standing.state[bodies], standing.rings[bodies], standing.stride[bodies], standing.spare[bodies],
         )  # fmt: skip
         if ground.velocities is None and not ground.holes:
-            slide = np.maximum(slide, self._room(bodies, window, choice, balls, centres))
+            room, deviation = room_on_planes(window, choice, balls, centres, self.config.plane_tolerance)
+            slide = np.maximum(slide, room)
             soon = np.where(standing.state[bodies] == FIELD, 1.5, 1.0) * HORIZON * along
             hurried = (slide < soon) & (choice.deviation > CURVED * self.config.plane_tolerance)
             roam = roaming_room(choice, moving.radii, centres, window, hurried)
             drop, slide = np.where(roam > slide, np.maximum(drop, NEARER * moving.radii), drop), np.maximum(slide, roam)
+            planar = (room > 0.0) & (choice.state != FIELD)
+            choice.deviation[planar] = np.maximum(choice.deviation, deviation)[planar]
+        before = standing.state[bodies]
         known = self._note(bodies, choice, centres, moving.radii, geometry.yaw)
         standing.rate[bodies], self._rise[bodies] = 0.0, rise
         standing.until[bodies] = np.inf
@@ -243,28 +266,20 @@ class AutoPatches:
             standing.until[bodies] = np.where(moves, time + (horizon - 0.5) * dt, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        clear = choice.state == NONE
-        if clear.any():
-            # As much approach as there is room above all ground around.
-            top = np.nan_to_num(window.heights[0, clear], nan=np.inf).max(axis=(1, 2))
-            room = moving.positions_w[clear, 2] - moving.radii[clear] - top - 2.0 * FALL * dt * dt
-            drop[clear] = np.maximum(drop[clear], room)
-            known[clear] |= room > 0.0
+        # As much approach as there is room above all ground around, and as much sliding as there is of that.
+        bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
+        above, aside = room_above(window, centres, moving.radii, bottoms_w, rise * ahead)
+        high = (choice.state == NONE) & (above > 0.0)
+        drop[high], slide[high] = np.maximum(drop, above)[high], np.maximum(slide, aside)[high]
+        self._normal[bodies[high]], known[high] = (0.0, 0.0, 1.0), True
+        if ground.velocities is not None and heightmap.lifetime <= OFTEN * dt and self.config.kind == "auto":
+            crowd = bool(np.count_nonzero(standing.state == FIXED) > CROWD * len(standing.state))
+            vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=crowd)
+            vain &= moves & ~high & (moving.radii + along <= FINE * geometry.resolution)
+            standing.state[bodies[vain]], standing.until[bodies[vain]] = FIXED, time + UNLOOKED
+            drop[vain], slide[vain], known[vain] = np.inf, np.inf, True
         # Where the ground's normal is not known, sliding may be an approach.
         self._drop[bodies], self._slide[bodies] = drop, np.where(known, slide, np.minimum(slide, drop))
-
-    def _room(self, bodies: IntArray, window: Window, choice: Choice, balls: Balls, centres: FloatArray) -> FloatArray:
-        """How far bodies may slide (n,) [m] before they touch ground at rest that is not shown to lie along the plane
-        that was chosen for them; 0 = no plane, or not all of the window lies along it."""
-        planes, places = choice.planes_at(0), window.places()
-        off = window.heights[0] - planes.height[:, None, None] - planes.slope_x[:, None, None] * places
-        off -= planes.slope_y[:, None, None] * places[:, None]
-        deviation = np.abs(off, out=off).max(axis=(1, 2))
-        along = ((choice.state == FACET) | (choice.state == FITTED)) & (deviation <= self.config.plane_tolerance)
-        room = places[-1] - np.abs(centres[:, :2]).max(axis=1) - balls.radii
-        known = self._standing.deviation
-        known[bodies] = np.where(along, np.maximum(deviation, known[bodies]), known[bodies])
-        return np.where(along, np.clip(room, 0.0, balls.radii), 0.0)
 
     def _changing(self, bodies: IntArray, rise: FloatArray, time: float, dt: float) -> FloatArray:
         """How fast the ground's velocity ``rise`` (n,) [m/s] has changed since the last look (n,) [m/s^2], NaN where

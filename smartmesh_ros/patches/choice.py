@@ -13,8 +13,8 @@ from smartmesh_ros.patches.planes import ALL_NINE, Planes, facet_under, near_dev
 from smartmesh_ros.patches.strides import HYSTERESIS, cheapest_extents
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
-# What a body stands on, as numbers in arrays.
-UNDECIDED, NONE, FACET, FITTED, FIELD, EDGE = -1, 0, 1, 2, 3, 4
+# What a body stands on, as numbers in arrays; FIXED: a patch of as many rings as its size asks for, unlooked at.
+UNDECIDED, NONE, FACET, FITTED, FIELD, FIXED = -1, 0, 1, 2, 3, 4
 
 # How far above the ground a body loses its collider, beyond what it may move [m].
 LEAVING = 0.002

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.patches.auto import AutoPatches, Moving
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.patches.choice import foot_offset
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
 from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
-from smartmesh_ros.patches.planes import facet_under, planes_through
+from smartmesh_ros.patches.planes import Planes, facet_under, planes_through
+from smartmesh_ros.patches.standing import turned
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
@@ -63,9 +66,9 @@ class GridPatches:
             return self.of_fixed_extent(name, moving, time, before)
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
-        batches, edge = self._auto.patches(name, heightmap, moving, time, dt, before)
-        if edge.size:
-            batches += self.of_fixed_extent(name, moving.of(edge), time, before)
+        batches, fixed = self._auto.patches(name, heightmap, moving, time, dt, before)
+        if fixed.size:
+            batches += self.of_fixed_extent(name, moving.of(fixed), time, before)
         return batches
 
     def of_fixed_extent(self, name: str, moving: Moving, time: float, before: list[PatchBatch]) -> list[PatchBatch]:
@@ -86,12 +89,12 @@ class GridPatches:
         rings = self._rings[bodies]
         first = int(rings[0])
         if (rings == first).all():
-            return [self._batch(name, heightmap, first, bodies, grid, cells, time)]
+            return [self._batch(name, heightmap, first, moving, cells, time)]
         batches: list[PatchBatch] = []
         for size in np.unique(rings):
             of_size = rings == size
             part = Cells(cells.rows[of_size], cells.columns[of_size])
-            batches.append(self._batch(name, heightmap, int(size), bodies[of_size], grid[of_size], part, time))
+            batches.append(self._batch(name, heightmap, int(size), moving.of(of_size), part, time))
         return batches
 
     def _set_extent(self, heightmap: HeightMap, bodies: IntArray, need: FloatArray) -> None:
@@ -107,43 +110,76 @@ class GridPatches:
         self._least[bodies], self._most[bodies] = extent.least, extent.most
 
     def _batch(
-        self, name: str, heightmap: HeightMap, rings: int, bodies: IntArray, grid: FloatArray, cells: Cells, time: float
+        self, name: str, heightmap: HeightMap, rings: int, moving: Moving, cells: Cells, time: float
     ) -> GridBatch:
-        template, stride = patch_template(rings), self._stride[bodies]
+        template, bodies = patch_template(rings), moving.bodies
+        stride = self._stride[bodies]
         with self._stopwatch.stage("collect"):
             if len(self._terrain.tiles) == 1:
                 cells = fit_in(heightmap.geometry, cells, rings * stride)
                 ground = collect_inside(heightmap, template, cells, stride, time, self._config.collect)
             else:
                 ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
-        linear_w, angular_w = twist_under(heightmap, ground, cells, stride, grid)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2], centres_w[:, 2] = heightmap.geometry.to_world(*cells), ground.heights[:, template.centre]
+        under = ground_under(heightmap, ground, cells, stride, moving, centres_w)
+        plane = under if self._config.grid_kind == "heightfield" and not ground.holes else None
         unknown = np.full(len(bodies), np.nan)
+        # All samples that a body can touch leave nothing to deviate.
+        deviation = unknown if self._config.rings else np.where(stride == 1, 0.0, np.nan)
         spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
         return GridBatch(
             tile=name, kind=self._config.grid_kind, bodies=bodies, triangles=template.triangles, rows=cells.rows,
-            columns=cells.columns, stride=stride, centres_w=centres_w, linear_w=linear_w, angular_w=angular_w,
-            deviation=unknown, heightmap=heightmap, template=template, spacing=spacing,
-            time=time, since=unknown, ground=ground,
+            columns=cells.columns, stride=stride, centres_w=centres_w, linear_w=under.linear_w,
+            angular_w=under.angular_w, deviation=deviation, heightmap=heightmap, template=template, spacing=spacing,
+            time=time, since=unknown, ground=ground, points_w=None if plane is None else plane.points_w,
+            normals_w=None if plane is None else plane.normals_w,
         )  # fmt: skip
 
 
-def twist_under(
-    heightmap: HeightMap, ground: Collected, cells: Cells, stride: IntArray, grid: FloatArray
-) -> FloatArray:
-    """Velocity of patches at their centres and their turning (2, n, 3) [m/s, rad/s]: that of the facet under each body.
+class Under(NamedTuple):
+    """The facet under n bodies, all (n, 3): its plane by its point nearest to the body [m] and its upward normal, NaN
+    over a hole; its velocity at the patch's centre [m/s] and its turning [rad/s]."""
 
-    ``grid`` (n, 2): the bodies' fractional (row, column). The rigid motion nearest to the whole patch is another one
-    where the velocity is curved: a body would sink into the crest of a wave.
+    points_w: FloatArray
+    normals_w: FloatArray
+    linear_w: FloatArray
+    angular_w: FloatArray
+
+
+def ground_under(
+    heightmap: HeightMap, ground: Collected, cells: Cells, stride: IntArray, moving: Moving, centres_w: FloatArray
+) -> Under:
+    """The facet under each body.
+
+    The rigid motion nearest to the whole patch is another one where the velocity is curved: a body would sink into the
+    crest of a wave.
     """
-    count = len(stride)
+    geometry, holes = heightmap.geometry, ground.holes
+    spacing = stride * geometry.resolution
+    u, v = (moving.grid[:, 1] - cells.columns) / stride, (moving.grid[:, 0] - cells.rows) / stride
+    nine = _middle_nine(ground.heights)
+    plane = planes_through(nine, facet_under(u, v), spacing, holes=holes)
+    # Nearest to the body is the foot of its perpendicular, aside of it where the ground is steep.
+    centres = np.stack([u * spacing, v * spacing, moving.positions_w[:, 2]], axis=1)
+    offset = np.nan_to_num(foot_offset(Planes(*plane.T), centres)) / spacing[:, None]
+    which = facet_under(u - offset[:, 0], v - offset[:, 1])
+    plane = planes_through(nine, which, spacing, holes=holes)
+    normals_w = turned(Planes(*plane.T).normals(), geometry.yaw)
+    place_w = centres_w.copy()
+    place_w[:, 2] = plane[:, 0]
+    above = np.einsum("ij,ij->i", moving.positions_w - place_w, normals_w)
+    points_w = moving.positions_w - above[:, None] * normals_w
     if ground.velocities is None:
-        return np.zeros((2, count, 3))
-    nine, side = ground.velocities, math.isqrt(ground.velocities.shape[1])
-    if side > 3:
-        middle = slice(side // 2 - 1, side // 2 + 2)
-        nine = nine.reshape(count, side, side)[:, middle, middle].reshape(count, 9)
-    under = facet_under((grid[:, 1] - cells.columns) / stride, (grid[:, 0] - cells.rows) / stride)
-    rates = planes_through(nine, under, stride * heightmap.geometry.resolution, holes=False)
-    return plane_twist(heightmap, rates)
+        return Under(points_w, normals_w, *np.zeros((2, len(stride), 3)))
+    rates = planes_through(_middle_nine(ground.velocities), which, spacing, holes=False)
+    return Under(points_w, normals_w, *plane_twist(heightmap, rates))
+
+
+def _middle_nine(samples: FloatArray) -> FloatArray:
+    """The 3 x 3 samples in the middle of patches (n, K), as (n, 9)."""
+    count, side = len(samples), math.isqrt(samples.shape[1])
+    if side == 3:
+        return samples
+    middle = slice(side // 2 - 1, side // 2 + 2)
+    return samples.reshape(count, side, side)[:, middle, middle].reshape(count, 9)

@@ -6,7 +6,7 @@ import numpy as np
 
 from smartmesh_ros.patches.choice import FACET, FIELD, FITTED, SMALL_WINDOW, Choice
 from smartmesh_ros.patches.grid_collect import Collected
-from smartmesh_ros.patches.grid_window import Window
+from smartmesh_ros.patches.grid_window import Balls, Window
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
@@ -40,9 +40,35 @@ def roaming_room(
     return np.where(fit, room, 0.0)
 
 
-def travel(step: FloatArray, radii: FloatArray) -> FloatArray:
+def room_on_planes(
+    window: Window, choice: Choice, balls: Balls, centres: FloatArray, tolerance: float
+) -> tuple[FloatArray, FloatArray]:
+    """How far bodies may slide (n,) [m] before they touch ground at rest that is not shown to lie along the plane that
+    was chosen for them, 0 = no plane, or not all of the window lies along it; and how far it all deviates (n,) [m]."""
+    planes, places = choice.planes_at(0), window.places()
+    off = window.heights[0] - planes.height[:, None, None] - planes.slope_x[:, None, None] * places
+    off -= planes.slope_y[:, None, None] * places[:, None]
+    deviation = np.abs(off, out=off).max(axis=(1, 2))
+    along = ((choice.state == FACET) | (choice.state == FITTED)) & (deviation <= tolerance)
+    room = places[-1] - np.abs(centres[:, :2]).max(axis=1) - balls.radii
+    return np.where(along, np.clip(room, 0.0, balls.radii), 0.0), deviation
+
+
+def room_above(
+    window: Window, centres: FloatArray, radii: FloatArray, bottoms_w: FloatArray, rising: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How far bodies whose lowest points are ``bottoms_w`` (n,) [m] are above all ground of their windows, at any of
+    its instants (n,) [m], less how far the ground falls away under them meanwhile, as it is ``rising`` (n,) [m]; and
+    how far aside they stay over it (n,) [m]."""
+    tops = np.nan_to_num(window.heights, nan=np.inf).max(axis=(0, 2, 3))
+    aside: FloatArray = window.places()[-1] - np.abs(centres[:, :2]).max(axis=1) - radii
+    return bottoms_w - tops + np.minimum(rising, 0.0), aside
+
+
+def travel(step: FloatArray, radii: FloatArray, airborne: BoolArray) -> FloatArray:
     """How far bodies may get before the next look (n,) [m], that get so far in a ``step`` (n,) [m]."""
-    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
+    far = np.where(airborne, np.inf, NEARBY * radii)
+    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, far)))
 
 
 def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:

@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import EDGE, FACET, FACET_RINGS, FIELD, FITTED, UNDECIDED
+from smartmesh_ros.patches.choice import FACET, FACET_RINGS, FIELD, FITTED, FIXED, UNDECIDED
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.planes import ALL_NINE, Planes, planes_through
@@ -109,12 +109,12 @@ class Standing:
         method: CollectMethod,
     ) -> tuple[list[PatchBatch], IntArray]:  # fmt: skip
         """Patches of ``bodies`` (n,) at ``positions_w`` (n, 3) [m] on the tile ``name`` at ``time`` [s], a batch per
-        size, and which of them are at its edge (m,)."""
+        size, and which of them get one of fixed extent instead (m,)."""
         state = self.state[bodies]
-        edge = np.flatnonzero(state == EDGE)
+        fixed = np.flatnonzero(state == FIXED)
         chosen = np.flatnonzero((state == FACET) | (state == FITTED) | (state == FIELD))
         if not chosen.size:
-            return [], edge
+            return [], fixed
         rings = np.where(state[chosen] == FIELD, self.rings[bodies[chosen]], PLANE)
         order = np.argsort(rings, kind="stable")
         chosen, rings = chosen[order], rings[order]
@@ -143,7 +143,7 @@ class Standing:
             else:
                 spacing: FloatArray = np.multiply(stride[part], heightmap.geometry.resolution, dtype=np.float64)
                 found.append(GridBatch(kind="heightfield", spacing=spacing, method=method, **common))
-        return found, edge
+        return found, fixed
 
     def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
         """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""

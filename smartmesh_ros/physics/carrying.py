@@ -99,6 +99,19 @@ class Carried:
             self._calls.set_velocities(self.colliders[followers].tolist(), told.tolist())
 
 
+def upright(angular_w: FloatArray, points_w: FloatArray, centres_w: FloatArray) -> FloatArray:
+    """What to add to the velocity (n, 3) [m/s] of colliders that turn with ``angular_w`` (n, 3) [rad/s] about
+    ``centres_w`` (n, 3) [m] so that they do not move sideways at ``points_w`` (n, 3) [m], where bodies stand.
+
+    Ground rises and falls where it is. A collider that stands for steep ground and turns about a point further down
+    moves sideways higher up, and so towards the body or away from it.
+    """
+    higher = points_w[:, 2] - centres_w[:, 2]
+    found = np.zeros_like(points_w)
+    found[:, 0], found[:, 1] = -angular_w[:, 1] * higher, angular_w[:, 0] * higher
+    return found
+
+
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Vector products (n, 3); NumPy's own takes five times as long for so few."""
     product = np.empty_like(a)

@@ -12,7 +12,7 @@ import pybullet as pb
 from smartmesh_ros.patches.batch import PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.carrying import Carried, cross
+from smartmesh_ros.physics.carrying import Carried, cross, upright
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.prediction import Ahead
@@ -97,7 +97,9 @@ class Planes:
         twist = np.zeros((len(bodies), 6))
         if carry_velocity:
             twist[:, :3], twist[:, 3:] = batch.linear_w[rows], batch.angular_w[rows]
-            twist[:, :3] += cross(twist[:, 3:], carried.bases[bodies] - batch.centres_w[rows])
+            centres = batch.centres_w[rows]
+            twist[:, :3] += cross(twist[:, 3:], carried.bases[bodies] - centres)
+            twist[:, :3] += upright(twist[:, 3:], batch.points_w[rows], centres)
         carried.push(bodies, twist, ahead.faster, batch.since[rows])
 
     def _fits(self, bodies: IntArray, points: FloatArray, normals: FloatArray, sizes: FloatArray) -> BoolArray:
