@@ -13,7 +13,7 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.grid_window import Balls, window_rings
-from smartmesh_ros.patches.lively import CROWD, FINE, OFTEN, UNLOOKED, in_vain
+from smartmesh_ros.patches.lively import FINE, OFTEN, UNLOOKED, in_vain, mostly_fields, mostly_unlooked
 from smartmesh_ros.patches.ranges import (
     roaming_reach,
     roaming_room,
@@ -89,6 +89,7 @@ class AutoPatches:
         self._stopwatch = stopwatch
         self._standing = Standing()
         self._time = -np.inf
+        self._lively = False
         # What ground at rest gave, by tile.
         self._at_rest: dict[str, tuple[IntArray, list[PatchBatch], IntArray]] = {}
         # The ground under the body: normal in the world, offset of the body from its foot in the grid's frame [m], and
@@ -113,10 +114,11 @@ class AutoPatches:
         self._lean[bodies] = 0.0
 
     def patches(
-        self, name: str, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]
-    ) -> tuple[list[PatchBatch], IntArray]:
+        self, name: str, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch],
+        *, lively: bool,
+    ) -> tuple[list[PatchBatch], IntArray]:  # fmt: skip
         """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` need one of
-        fixed extent instead (m,): at the tile's edge, and where looking would be in vain."""
+        fixed extent instead (m,): at the tile's edge, and where looking would be in vain as ground is ``lively``."""
         bodies, standing, method = moving.bodies, self._standing, self.config.collect
         unlooked = (standing.state[bodies] == FIXED) & (standing.until[bodies] > time)
         if unlooked.all() and time >= self._time:
@@ -126,6 +128,7 @@ class AutoPatches:
             self.forget(slice(None))
             self._at_rest.clear()
         self._time = time
+        self._lively = (lively or heightmap.lifetime <= OFTEN * dt) and self.config.kind == "auto"
         moves = heightmap.moving(time)
         rest = None if moves else self._at_rest.get(name)
         if moves:
@@ -272,9 +275,8 @@ class AutoPatches:
         high = (choice.state == NONE) & (above > 0.0)
         drop[high], slide[high] = np.maximum(drop, above)[high], np.maximum(slide, aside)[high]
         self._normal[bodies[high]], known[high] = (0.0, 0.0, 1.0), True
-        if ground.velocities is not None and heightmap.lifetime <= OFTEN * dt and self.config.kind == "auto":
-            crowd = bool(np.count_nonzero(standing.state == FIXED) > CROWD * len(standing.state))
-            vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=crowd)
+        if ground.velocities is not None and self._lively and mostly_fields(standing.state):
+            vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=mostly_unlooked(standing.state))
             vain &= moves & ~high & (moving.radii + along <= FINE * geometry.resolution)
             standing.state[bodies[vain]], standing.until[bodies[vain]] = FIXED, time + UNLOOKED
             drop[vain], slide[vain], known[vain] = np.inf, np.inf, True

@@ -59,14 +59,16 @@ class GridPatches:
         self._search.forget(bodies)
         self._auto.forget(bodies)
 
-    def patches(self, name: str, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> list[PatchBatch]:
+    def patches(
+        self, name: str, moving: Moving, time: float, dt: float, before: list[PatchBatch], *, lively: bool
+    ) -> list[PatchBatch]:
         """Patches on the tile ``name`` at ``time`` [s] for a step of ``dt`` [s]; ``before``: the batches of the update
-        before."""
+        before; ``lively``: colliders do not last."""
         if not self._config.chooses:
             return self.of_fixed_extent(name, moving, time, before)
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
-        batches, fixed = self._auto.patches(name, heightmap, moving, time, dt, before)
+        batches, fixed = self._auto.patches(name, heightmap, moving, time, dt, before, lively=lively)
         if fixed.size:
             batches += self.of_fixed_extent(name, moving.of(fixed), time, before)
         return batches

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.patches.choice import FIELD, FIXED, NONE, Choice
+from smartmesh_ros.patches.choice import FACET, FIELD, FITTED, FIXED, NONE, Choice
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
-# Maps that come at least every so many steps leave nothing to save between them.
+# Maps that come at least every so many steps leave colliders nothing to last for.
 OFTEN = 1.5
 # For so long such bodies get a patch of fixed extent and are not looked at [s].
 UNLOOKED = 0.1
 # Not where it would be a coarser one: under bodies that reach further [samples].
 FINE = 3.5
-# Where more than this share of the bodies is not looked at, nobody's plane is worth a look.
-CROWD = 0.5
+# Nor where there are more bodies: a look costs about the same for one as for a hundred, and a patch for each.
+MANY = 200
+
+
+def mostly_fields(state: IntArray) -> bool:
+    """Whether more of few bodies stand on patches than on planes, which are worth looking for."""
+    if len(state) > MANY:
+        return False
+    fields = np.count_nonzero((state == FIELD) | (state == FIXED))
+    return bool(fields > np.count_nonzero((state == FACET) | (state == FITTED)))
+
+
+def mostly_unlooked(state: IntArray) -> bool:
+    """Whether so few bodies are looked at that looking at them costs more than all their patches."""
+    return bool(np.count_nonzero(state == FIXED) > 0.5 * len(state))
 
 
 def in_vain(
@@ -22,10 +35,10 @@ def in_vain(
 ) -> BoolArray:
     """Under which bodies a look was in vain (n,): it found again that they need a patch, or that they will soon,
     ``approach``-ing (n,) [m/s] the ground. ``before`` (n,): what they stood on; ``centres`` (n, 3) [m], ``radii`` (n,)
-    [m]: the bodies in their windows; ``crowd``: whether most others are not looked at."""
-    planes = choice.planes_at(0)
-    gap = planes.above(centres) / planes.steepness() - radii
+    [m]: the bodies in their windows; ``crowd``: whether most are not looked at."""
     if crowd:
         return np.ones(len(radii), bool)
+    planes = choice.planes_at(0)
+    gap = planes.above(centres) / planes.steepness() - radii
     vain = (choice.state == FIELD) & ((before == FIELD) | (before == FIXED))
     return np.asarray(vain | (choice.state == NONE) & (gap <= approach * UNLOOKED))

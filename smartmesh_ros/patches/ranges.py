@@ -11,7 +11,7 @@ from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
 # For how many steps of travel a look holds: more while that is no further than this share of the body's radius.
-STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.05
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.1
 # How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
 ROAM, WIDEST = 1.0, 4
 # Windows of several sizes with no more samples than this all become as large as the largest: that costs less than

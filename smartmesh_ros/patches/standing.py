@@ -69,6 +69,7 @@ class Standing:
     def forget(self, bodies: IntArray | slice) -> None:
         """Has bodies looked at anew."""
         self.state[bodies] = UNDECIDED
+        self.rings[bodies] = self.stride[bodies] = self.spare[bodies] = 0
         self.until[bodies] = -np.inf
 
     def follow(self, heightmap: HeightMap, bodies: IntArray, time: float, method: CollectMethod) -> None:

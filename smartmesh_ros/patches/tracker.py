@@ -26,7 +26,7 @@ class PatchTracker:
         self.of_solid: list[PatchBatch] = []  # as of the last update
         self._late: list[PatchBatch] = []  # of the others, as last worked out
         self._waiting: list[tuple[str, Moving]] = []  # tiles, and the others on them
-        self._time, self._dt = 0.0, 0.0
+        self._time, self._dt, self._lively = 0.0, 0.0, False
         self._radii = np.empty(0)
         self._solid = np.empty(0, bool)
         self._tile = np.empty(0, np.int64)  # place of the body's tile in _names, -1 = none
@@ -65,14 +65,16 @@ class PatchTracker:
         for general in self._general.values():
             general.config = config
 
-    def update(self, positions_w: FloatArray, moved_w: FloatArray, time: float, dt: float) -> list[PatchBatch]:
+    def update(
+        self, positions_w: FloatArray, moved_w: FloatArray, time: float, dt: float, *, lively: bool = False
+    ) -> list[PatchBatch]:
         """Patches at ``time`` [s] for solid bodies among those at ``positions_w`` (N, 3) [m] that may move on by
         ``moved_w`` (N, 3) [m] in the step of ``dt`` [s] until the next update. Bodies off the terrain, or whose
-        position is not finite, get none."""
+        position is not finite, get none. ``lively``: colliders do not last from one step to the next."""
         if self.terrain.tiles != self._meshes:
             self._take_tiles()
         before, self.of_solid, self._waiting = self.of_solid, [], []
-        self._time, self._dt = time, dt
+        self._time, self._dt, self._lively = time, dt, lively
         if not (len(positions_w) and self._names):
             self._late = []
             return self.of_solid
@@ -98,7 +100,7 @@ class PatchTracker:
             reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
             return self._general[name].patches(name, moving.bodies, moving.positions_w, reach, time, before)
         if solid:
-            return self._grid.patches(name, moving, time, self._dt, before)
+            return self._grid.patches(name, moving, time, self._dt, before, lively=self._lively)
         return self._grid.of_fixed_extent(name, moving, time, before)
 
     def _take_tiles(self) -> None:

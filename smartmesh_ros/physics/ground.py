@@ -158,7 +158,8 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         self._movement.read(dt)
-        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt)
+        lively = not self._heightfields.keeps(time)
+        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
