@@ -15,9 +15,12 @@ from smartmesh_ros.physics.bounds import bounding_radius
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, require_between
-from smartmesh_ros.physics.shapes import Shape, Sphere
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 
+# PyBullet rounds the edges of boxes and cylinders by its margin, usually 1 mm: standing on one, a box would be 0.4 mm
+# deep in the ground [m].
+ROUNDED = 1e-4
 # Otherwise PyBullet makes inertias up from collision shapes.
 URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE
 
@@ -79,6 +82,8 @@ class BodyFactory:
             uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
             angularDamping=0.0,
         )  # fmt: skip
+        if isinstance(shape, Box | Cylinder):
+            client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
         body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *surface)
         self.place(body, state)
         return body

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import product
 
 import numpy as np
 import pybullet_data
@@ -227,3 +228,19 @@ def test_a_world_that_was_reset_goes_on_as_a_fresh_one() -> None:
             world.step(60)
             ends.append([world.state(f"ball_{index}").position for index in range(6)])
     assert ends[0] == ends[1]
+
+
+def test_a_plank_stands_on_its_edge_not_in_the_ground() -> None:
+    """PyBullet rounds edges by its margin: the one that the plank leans on sank in."""
+    heights = np.zeros((61, 61))
+    heights[:, 34:] = 0.3
+    tilt = 0.5 * math.radians(30.0)
+    orientation = (0.0, -math.sin(tilt), 0.0, math.cos(tilt))
+    with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0, 0.0))) as world:
+        world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, BodyState((0.05, 0.0, 0.36), orientation))
+        world.step(240)
+        state = world.state("plank")
+        turn = np.reshape(world.client.getMatrixFromQuaternion(state.orientation), (3, 3))
+        corners = np.array(list(product((-0.5, 0.5), (-0.1, 0.1), (-0.05, 0.05)))) @ turn.T + state.position
+        assert math.hypot(*state.linear) < 1e-3
+        assert -1e-4 < corners[:, 2].min() < 1e-3
