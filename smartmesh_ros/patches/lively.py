@@ -11,6 +11,8 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 OFTEN = 1.5
 # For so long such bodies get a patch of fixed extent and are not looked at [s].
 UNLOOKED = 0.1
+# Whoever is above the ground counts as on it if it comes there within so long [s].
+SOON = 0.03
 # Not where it would be a coarser one: under bodies that reach further [samples].
 FINE = 3.5
 # Nor where there are more bodies: a look costs about the same for one as for a hundred, and a patch for each.
@@ -33,12 +35,12 @@ def mostly_unlooked(state: IntArray) -> bool:
 def in_vain(
     choice: Choice, before: IntArray, centres: FloatArray, radii: FloatArray, approach: FloatArray, *, crowd: bool
 ) -> BoolArray:
-    """Under which bodies a look was in vain (n,): it found again that they need a patch, or that they will soon,
-    ``approach``-ing (n,) [m/s] the ground. ``before`` (n,): what they stood on; ``centres`` (n, 3) [m], ``radii`` (n,)
-    [m]: the bodies in their windows; ``crowd``: whether most are not looked at."""
-    if crowd:
-        return np.ones(len(radii), bool)
+    """Under which bodies a look was in vain (n,): it found again that they need a patch, or that they will soon, as
+    they ``approach`` (n,) [m/s] the ground. ``before`` (n,): what they stood on; ``centres`` (n, 3) [m], ``radii`` (n,)
+    [m]: the bodies in their windows; ``crowd``: whether most are not looked at, so that planes are no gain either."""
     planes = choice.planes_at(0)
     gap = planes.above(centres) / planes.steepness() - radii
-    vain = (choice.state == FIELD) & ((before == FIELD) | (before == FIXED))
-    return np.asarray(vain | (choice.state == NONE) & (gap <= approach * UNLOOKED))
+    stands = choice.state != NONE
+    if not crowd:
+        stands &= (choice.state == FIELD) & ((before == FIELD) | (before == FIXED))
+    return np.asarray(stands | (choice.state == NONE) & (gap <= approach * SOON))
