@@ -218,3 +218,36 @@ def test_on_rough_ground_at_rest_a_rolling_body_is_looked_at_now_and_then(monkey
         batches = tracker.update(centres, np.array([[x - travelled[step - 1], 0.0, 0.0]]), step * DT, DT)
         assert check(heightmap, batches, centres, np.array([0.2]), PatchConfig(), rng, 0.0) == 1
     assert looks <= 4.0 / 0.1
+
+
+def test_on_lively_ground_bodies_have_what_they_touch_and_are_seldom_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = 0
+
+    def counted(*arguments: Any) -> Choice:
+        nonlocal looks
+        looks += 1
+        return choose(*arguments)
+
+    monkeypatch.setattr("smartmesh_ros.patches.auto.choose", counted)
+    rows, columns = np.indices((SIZE, SIZE)) * 0.25
+
+    def ground(time: float) -> np.ndarray:
+        return np.asarray(0.3 * np.sin(0.8 * rows + 0.6 * columns + 4.0 * time))
+
+    heightmap, rng = HeightMap(ground(0.0), resolution=0.25), np.random.default_rng(5)
+    tracker, radii = PatchTracker(Terrain(heightmap), PatchConfig()), np.full(12, 0.2)
+    tracker.set_bodies(radii, np.full(12, -1))
+    start, speed = rng.uniform(5.0, 12.0, (12, 2)), rng.uniform(-1.5, 1.5, (12, 2))
+    hops = np.where(np.arange(12) < 3, 0.15, 0.0)  # some leave the ground and come back
+    before = np.full((12, 3), np.nan)
+    for step in range(360):
+        time = step * DT
+        if step:
+            heightmap.replace(ground(time), time=time)
+        place = start + speed * time
+        height = heightmap.at(place, time).heights + 0.98 * radii + hops * np.abs(np.sin(6.0 * time))
+        centres = np.column_stack([place, height])
+        moved = np.nan_to_num(centres - before)
+        before = centres
+        check(heightmap, tracker.update(centres, moved, time, DT), centres, radii, PatchConfig(), rng, time)
+    assert looks <= 90

@@ -279,3 +279,21 @@ def farthest_off(world: World) -> float:
         expected = world.terrain.at(feet, world.time).heights
         off = max(off, float(np.abs([hit[3][2] for hit in hits] - expected).max()))
     return off
+
+
+@pytest.mark.parametrize("kind", ["heightfield", "plane", "auto"])
+def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind) -> None:
+    """Ground rises and falls where it is; a collider that turns about a point aside would move into the ball."""
+    across = 0.5 * (np.indices((41, 41))[1] - 20)
+    with World(
+        heightmap := HeightMap(0.0 * across, resolution=0.5, origin=(-10.0, -10.0, 0.0)),
+        WorldConfig(patch=PatchConfig(kind=kind)),
+    ) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.22, 0.2, 0.2)))
+        for step in range(100):
+            if step:
+                heightmap.replace(0.8 * math.sin(3.0 * world.time) * across, time=world.time)
+            world.step()
+            slope, (x, _, z) = 0.8 * math.sin(3.0 * world.time), world.state("ball").position
+            clearance = (z - slope * x) / math.hypot(1.0, slope) - 0.2
+            assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
