@@ -8,12 +8,13 @@ import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import FACET, FIELD, FIXED, NONE, SMALL_WINDOW, Choice, choose, foot_offset
+from smartmesh_ros.patches.choice import FACET, FIELD, FIXED, NONE, SMALL_WINDOW, Choice, choose
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.grid_window import Balls, window_rings
 from smartmesh_ros.patches.lively import FINE, OFTEN, UNLOOKED, in_vain, mostly_fields, mostly_unlooked
+from smartmesh_ros.patches.planes import foot_offset
 from smartmesh_ros.patches.ranges import (
     roaming_reach,
     roaming_room,
@@ -120,14 +121,12 @@ class AutoPatches:
         """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` need one of
         fixed extent instead (m,): at the tile's edge, and where looking would be in vain as ground is ``lively``."""
         bodies, standing, method = moving.bodies, self._standing, self.config.collect
-        unlooked = (standing.state[bodies] == FIXED) & (standing.until[bodies] > time)
-        if unlooked.all() and time >= self._time:
-            self._time = time
-            return [], np.arange(len(bodies))
         if time < self._time:  # the clock was set anew: what holds until some time holds no more
             self.forget(slice(None))
             self._at_rest.clear()
         self._time = time
+        if ((standing.state[bodies] == FIXED) & (standing.until[bodies] > time)).all():
+            return [], np.arange(len(bodies))
         self._lively = (lively or heightmap.lifetime <= OFTEN * dt) and self.config.kind == "auto"
         moves = heightmap.moving(time)
         rest = None if moves else self._at_rest.get(name)
@@ -190,9 +189,9 @@ class AutoPatches:
         reach = moving.radii + SLACK + FALL * dt * dt
         reach += travel(across, moving.radii, airborne) + travel(along, moving.radii, airborne)
         reach += np.abs(self._lean[bodies]).max(axis=1)
-        if airborne.any() or not heightmap.moving(time):
-            far = roaming_reach(reach, moving.radii, geometry.resolution)
-            reach = np.where(airborne, far, reach) if heightmap.moving(time) else far
+        roams = airborne if heightmap.moving(time) else np.ones_like(airborne)
+        if roams.any():
+            reach = np.where(roams, roaming_reach(reach, moving.radii, geometry.resolution), reach)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
         standing.rows[bodies], standing.columns[bodies] = cells
@@ -269,12 +268,14 @@ class AutoPatches:
             standing.until[bodies] = np.where(moves, time + (horizon - 0.5) * dt, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        # As much approach as there is room above all ground around, and as much sliding as there is of that.
-        bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
-        above, aside = room_above(window, centres, moving.radii, bottoms_w, rise * ahead)
-        high = (choice.state == NONE) & (above > 0.0)
-        drop[high], slide[high] = np.maximum(drop, above)[high], np.maximum(slide, aside)[high]
-        self._normal[bodies[high]], known[high] = (0.0, 0.0, 1.0), True
+        high = choice.state == NONE
+        if high.any():
+            # As much approach as there is room above all ground around, and as much sliding as there is of that.
+            bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
+            above, aside = room_above(window, centres, moving.radii, bottoms_w, rise * ahead)
+            high &= above > 0.0
+            drop[high], slide[high] = np.maximum(drop, above)[high], np.maximum(slide, aside)[high]
+            self._normal[bodies[high]], known[high] = (0.0, 0.0, 1.0), True
         if ground.velocities is not None and self._lively and mostly_fields(standing.state):
             vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=mostly_unlooked(standing.state))
             vain &= moves & ~high & (moving.radii + along <= FINE * geometry.resolution)

@@ -9,7 +9,15 @@ import numpy as np
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.facets import facet_deviation, facets_of
 from smartmesh_ros.patches.grid_window import SIZES, Balls, Window
-from smartmesh_ros.patches.planes import ALL_NINE, Planes, facet_under, near_deviation, planes_through, rings_touched
+from smartmesh_ros.patches.planes import (
+    ALL_NINE,
+    Planes,
+    as_planes,
+    facet_nearest,
+    near_deviation,
+    planes_through,
+    rings_touched,
+)
 from smartmesh_ros.patches.strides import HYSTERESIS, cheapest_extents
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
@@ -117,14 +125,8 @@ def _facets_under(window: Window, balls: Balls, lean: FloatArray) -> tuple[IntAr
     """Which of the facets around the middles of windows the bodies stand on (n,), and its planes (t n,)."""
     count, resolution = len(balls.radii), window.resolution
     nine = window.inner(np.arange(count), FACET_RINGS).heights.reshape(window.instants, count, 9)
-    foot = (balls.centres[:, :2] - lean) / resolution
-    which = facet_under(foot[:, 0], foot[:, 1])
-    planes = _as_planes(planes_through(nine[0], which, resolution, holes=window.holes))
-    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
-    offset = foot_offset(planes, balls.centres)
-    foot = (balls.centres[:, :2] - (np.nan_to_num(offset) if window.holes else offset)) / resolution
-    which = facet_under(foot[:, 0], foot[:, 1])
-    planes = _as_planes(planes_through(nine, which, resolution, holes=window.holes))
+    which = facet_nearest(nine[0], balls.centres, lean, resolution, holes=window.holes)
+    planes = as_planes(planes_through(nine, which, resolution, holes=window.holes))
     _fill_holes(planes, window, balls)
     return which, planes
 
@@ -186,21 +188,10 @@ def _repeated(rows: IntArray, count: int, instants: int) -> IntArray | slice:
     return rows if instants == 1 else np.concatenate([rows + instant * count for instant in range(instants)])
 
 
-def foot_offset(planes: Planes, centres: FloatArray) -> FloatArray:
-    """Horizontal offset of points (n, 3) from the feet of their perpendiculars on the planes (n, 2) [m]."""
-    share = planes.above(centres) / (1.0 + planes.slope_x * planes.slope_x + planes.slope_y * planes.slope_y)
-    return np.stack([-share * planes.slope_x, -share * planes.slope_y], axis=1)
-
-
 def _fitted(window: Window, stride: IntArray) -> Planes:
     """Planes (t n,) through the 3 x 3 samples that are ``stride`` (n,) samples apart around the middle of windows."""
     step = window.rings + stride[:, None] * np.array([-1, 0, 1])
     body = np.arange(len(stride))[:, None, None]
     nine = window.heights[:, body, step[:, :, None], step[:, None, :]].reshape(window.instants, -1, 9)
     all_nine = np.full(len(stride), ALL_NINE)
-    return _as_planes(planes_through(nine, all_nine, stride * window.resolution, holes=window.holes))
-
-
-def _as_planes(coefficients: FloatArray) -> Planes:
-    """Planes (t n,) from their coefficients (..., n, 3)."""
-    return Planes(*np.ascontiguousarray(coefficients.reshape(-1, 3).T))
+    return as_planes(planes_through(nine, all_nine, stride * window.resolution, holes=window.holes))

@@ -10,13 +10,12 @@ import numpy as np
 from smartmesh_ros.patches.auto import AutoPatches, Moving
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
-from smartmesh_ros.patches.choice import foot_offset
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
 from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
-from smartmesh_ros.patches.planes import Planes, facet_under, planes_through
-from smartmesh_ros.patches.standing import turned
+from smartmesh_ros.patches.planes import facet_nearest, planes_through
+from smartmesh_ros.patches.standing import planes_in_world
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
@@ -118,17 +117,20 @@ class GridPatches:
         stride = self._stride[bodies]
         with self._stopwatch.stage("collect"):
             if len(self._terrain.tiles) == 1:
-                cells = fit_in(heightmap.geometry, cells, rings * stride)
+                nearest, cells = cells, fit_in(heightmap.geometry, cells, rings * stride)
                 ground = collect_inside(heightmap, template, cells, stride, time, self._config.collect)
             else:
-                ground = collect_across(self._terrain, heightmap, template, cells, stride, time)
+                nearest, ground = cells, collect_across(self._terrain, heightmap, template, cells, stride, time)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2], centres_w[:, 2] = heightmap.geometry.to_world(*cells), ground.heights[:, template.centre]
         under = ground_under(heightmap, ground, cells, stride, moving, centres_w)
-        plane = under if self._config.grid_kind == "heightfield" and not ground.holes else None
+        # Patches that were moved off the map's edge have other facets in their middle than those under the bodies.
+        known = not ground.holes and all(map(np.array_equal, nearest, cells))
+        plane = under if known and self._config.grid_kind == "heightfield" else None
         unknown = np.full(len(bodies), np.nan)
-        # All samples that a body can touch leave nothing to deviate.
-        deviation = unknown if self._config.rings else np.where(stride == 1, 0.0, np.nan)
+        # All samples that a body can touch leave nothing to deviate; another tile's may be read between its own.
+        whole = not (self._config.rings or ground.holes) and len(self._terrain.tiles) == 1
+        deviation = np.where(stride == 1, 0.0, np.nan) if whole else unknown
         spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
         return GridBatch(
             tile=name, kind=self._config.grid_kind, bodies=bodies, triangles=template.triangles, rows=cells.rows,
@@ -161,17 +163,10 @@ def ground_under(
     spacing = stride * geometry.resolution
     u, v = (moving.grid[:, 1] - cells.columns) / stride, (moving.grid[:, 0] - cells.rows) / stride
     nine = _middle_nine(ground.heights)
-    plane = planes_through(nine, facet_under(u, v), spacing, holes=holes)
-    # Nearest to the body is the foot of its perpendicular, aside of it where the ground is steep.
     centres = np.stack([u * spacing, v * spacing, moving.positions_w[:, 2]], axis=1)
-    offset = np.nan_to_num(foot_offset(Planes(*plane.T), centres)) / spacing[:, None]
-    which = facet_under(u - offset[:, 0], v - offset[:, 1])
+    which = facet_nearest(nine, centres, np.zeros((len(stride), 2)), spacing, holes=holes)
     plane = planes_through(nine, which, spacing, holes=holes)
-    normals_w = turned(Planes(*plane.T).normals(), geometry.yaw)
-    place_w = centres_w.copy()
-    place_w[:, 2] = plane[:, 0]
-    above = np.einsum("ij,ij->i", moving.positions_w - place_w, normals_w)
-    points_w = moving.positions_w - above[:, None] * normals_w
+    _, points_w, normals_w = planes_in_world(plane, centres_w[:, :2], moving.positions_w, geometry.yaw)
     if ground.velocities is None:
         return Under(points_w, normals_w, *np.zeros((2, len(stride), 3)))
     rates = planes_through(_middle_nine(ground.velocities), which, spacing, holes=False)

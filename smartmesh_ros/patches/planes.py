@@ -63,6 +63,31 @@ def planes_through(samples: FloatArray, which: IntArray, spacing: ArrayLike, *, 
     return planes
 
 
+def as_planes(coefficients: FloatArray) -> Planes:
+    """Planes (t n,) from their coefficients (..., n, 3)."""
+    return Planes(*np.ascontiguousarray(coefficients.reshape(-1, 3).T))
+
+
+def foot_offset(planes: Planes, centres: FloatArray) -> FloatArray:
+    """Horizontal offset of points (n, 3) from the feet of their perpendiculars on the planes (n, 2) [m]."""
+    share = planes.above(centres) / (1.0 + planes.slope_x * planes.slope_x + planes.slope_y * planes.slope_y)
+    return np.stack([-share * planes.slope_x, -share * planes.slope_y], axis=1)
+
+
+def facet_nearest(
+    nine: FloatArray, centres: FloatArray, lean: FloatArray, spacing: ArrayLike, *, holes: bool
+) -> IntArray:
+    """Which facet (n,) of 3 x 3 samples ``nine`` (n, 9) [m] that are ``spacing`` [m] apart lies nearest to points
+    ``centres`` (n, 3) [m] from the middle, that are ``lean`` (n, 2) [m] aside of their feet, as far as known."""
+    apart = np.reshape(spacing, (-1, 1))
+    foot = (centres[:, :2] - lean) / apart
+    which = facet_under(foot[:, 0], foot[:, 1])
+    # The foot of the perpendicular on that facet's plane lies nearer to where it will be.
+    offset = foot_offset(as_planes(planes_through(nine, which, spacing, holes=holes)), centres)
+    foot = (centres[:, :2] - (np.nan_to_num(offset) if holes else offset)) / apart
+    return facet_under(foot[:, 0], foot[:, 1])
+
+
 def _plane_weights() -> FloatArray:
     """Weights (9, 9, 3) of 3 x 3 samples in the planes through each facet and through all: height at the middle, and
     how much higher a column and a row further on."""

@@ -160,11 +160,19 @@ class Standing:
         plane = self.plane[bodies]
         if heightmap.moving(time):
             plane += self.rate[bodies] * (time - self.read_at[bodies])[:, None]
-        centres_w = np.empty((len(bodies), 3))
-        centres_w[:, :2], centres_w[:, 2] = self.middles_w[bodies], plane[:, 0]
-        normals_w = turned(Planes(*plane.T).normals(), heightmap.geometry.yaw)
-        above = np.einsum("ij,ij->i", positions_w - centres_w, normals_w)
-        return centres_w, positions_w - above[:, None] * normals_w, normals_w
+        return planes_in_world(plane, self.middles_w[bodies], positions_w, heightmap.geometry.yaw)
+
+
+def planes_in_world(
+    planes: FloatArray, middles_w: FloatArray, positions_w: FloatArray, yaw: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Planes by their coefficients (n, 3) around ``middles_w`` (n, 2) [m] of a grid turned by ``yaw`` [rad]: their
+    points there and nearest to ``positions_w`` (n, 3) [m], and their upward normals (n, 3)."""
+    places_w = np.empty((len(planes), 3))
+    places_w[:, :2], places_w[:, 2] = middles_w, planes[:, 0]
+    normals_w = turned(Planes(*planes.T).normals(), yaw)
+    above = np.einsum("ij,ij->i", positions_w - places_w, normals_w)
+    return places_w, positions_w - above[:, None] * normals_w, normals_w
 
 
 def turned(vectors: FloatArray, yaw: float) -> FloatArray:

@@ -93,22 +93,20 @@ class Carried:
     def _tell(self, followers: IntArray, twist: FloatArray) -> None:
         if followers.size:
             self.twists[followers] = twist
-            told, depths = twist.copy(), self.depths[followers]
-            told[:, 0] -= twist[:, 4] * depths
-            told[:, 1] += twist[:, 3] * depths
+            told = twist.copy()
+            told[:, :3] += velocity_below(twist[:, 3:], self.depths[followers])
             self._calls.set_velocities(self.colliders[followers].tolist(), told.tolist())
 
 
-def upright(angular_w: FloatArray, points_w: FloatArray, centres_w: FloatArray) -> FloatArray:
-    """What to add to the velocity (n, 3) [m/s] of colliders that turn with ``angular_w`` (n, 3) [rad/s] about
-    ``centres_w`` (n, 3) [m] so that they do not move sideways at ``points_w`` (n, 3) [m], where bodies stand.
+def velocity_below(angular_w: FloatArray, depths: FloatArray) -> FloatArray:
+    """How much faster what turns with ``angular_w`` (n, 3) [rad/s] moves ``depths`` (n,) [m] below a point than there
+    (n, 3) [m/s].
 
-    Ground rises and falls where it is. A collider that stands for steep ground and turns about a point further down
-    moves sideways higher up, and so towards the body or away from it.
+    Ground rises and falls where it is. Where a body stands on steep ground its collider must not move sideways, into
+    the body or away from it; so the vertex it is placed by, further down, must.
     """
-    higher = points_w[:, 2] - centres_w[:, 2]
-    found = np.zeros_like(points_w)
-    found[:, 0], found[:, 1] = -angular_w[:, 1] * higher, angular_w[:, 0] * higher
+    found = np.zeros_like(angular_w)
+    found[:, 0], found[:, 1] = -angular_w[:, 1] * depths, angular_w[:, 0] * depths
     return found
 
 

@@ -10,6 +10,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.lively import OFTEN
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
 from smartmesh_ros.physics.fields import Fields, base_over_holes, groups
@@ -265,7 +266,7 @@ class Ground:
         if self.config.carry_velocity:
             ahead = self._prediction.ahead(fields, time, dt)
             # Worth it only where there are steps between maps.
-            keeping = not holes and fields.heightmap.lifetime > 1.5 * dt and fields.heightmap.slide_w == (0.0, 0.0)
+            keeping = not holes and fields.heightmap.lifetime > OFTEN * dt and fields.heightmap.slide_w == (0.0, 0.0)
             keeping = keeping and self._heightfields.keeps(time)
         if keeping:
             held = self._heightfields.held(fields, time)

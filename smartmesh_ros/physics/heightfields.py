@@ -10,7 +10,7 @@ import numpy as np
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.carrying import Carried, upright
+from smartmesh_ros.physics.carrying import Carried, velocity_below
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
@@ -158,7 +158,7 @@ class Heightfields:
         if config.carry_velocity:
             twist = np.concatenate([fields.linear_w, fields.angular_w], axis=1)
             if fields.points_w is not None:
-                twist[:, :3] += upright(fields.angular_w, fields.points_w, fields.centres_w)
+                twist[:, :3] += velocity_below(fields.angular_w, fields.points_w[:, 2] - fields.centres_w[:, 2])
         self._carried.push(bodies, twist, ahead.faster, fields.since)
         self._until[bodies] = -np.inf
         if samples.velocities is not None:

@@ -12,7 +12,7 @@ import pybullet as pb
 from smartmesh_ros.patches.batch import PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.carrying import Carried, cross, upright
+from smartmesh_ros.physics.carrying import Carried, cross, velocity_below
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.prediction import Ahead
@@ -99,7 +99,7 @@ class Planes:
             twist[:, :3], twist[:, 3:] = batch.linear_w[rows], batch.angular_w[rows]
             centres = batch.centres_w[rows]
             twist[:, :3] += cross(twist[:, 3:], carried.bases[bodies] - centres)
-            twist[:, :3] += upright(twist[:, 3:], batch.points_w[rows], centres)
+            twist[:, :3] += velocity_below(twist[:, 3:], batch.points_w[rows, 2] - centres[:, 2])
         carried.push(bodies, twist, ahead.faster, batch.since[rows])
 
     def _fits(self, bodies: IntArray, points: FloatArray, normals: FloatArray, sizes: FloatArray) -> BoolArray:

@@ -200,15 +200,21 @@ def test_a_resting_body_does_not_change_back_and_forth(amplitude: float) -> None
     assert changes <= 0.02 * 40 * 60
 
 
-def test_on_rough_ground_at_rest_a_rolling_body_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = 0
+@pytest.fixture
+def looks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many bodies each look was for."""
+    found: list[int] = []
 
     def counted(*arguments: Any) -> Choice:
-        nonlocal looks
-        looks += 1
-        return choose(*arguments)
+        choice = choose(*arguments)
+        found.append(len(choice.state))
+        return choice
 
     monkeypatch.setattr("smartmesh_ros.patches.auto.choose", counted)
+    return found
+
+
+def test_on_rough_ground_at_rest_a_rolling_body_is_looked_at_now_and_then(looks: list[int]) -> None:
     heightmap = HeightMap(np.random.default_rng(3).uniform(-0.02, 0.02, (SIZE, SIZE)), resolution=0.1)
     tracker, rng = PatchTracker(Terrain(heightmap), PatchConfig()), np.random.default_rng(4)
     tracker.set_bodies(np.array([0.2]), np.array([-1]))
@@ -217,18 +223,10 @@ def test_on_rough_ground_at_rest_a_rolling_body_is_looked_at_now_and_then(monkey
         centres = np.array([[x, 0.5 * x + 1.0, 0.2]])
         batches = tracker.update(centres, np.array([[x - travelled[step - 1], 0.0, 0.0]]), step * DT, DT)
         assert check(heightmap, batches, centres, np.array([0.2]), PatchConfig(), rng, 0.0) == 1
-    assert looks <= 4.0 / 0.1
+    assert len(looks) <= 4.0 / 0.1
 
 
-def test_on_lively_ground_bodies_have_what_they_touch_and_are_seldom_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = 0
-
-    def counted(*arguments: Any) -> Choice:
-        nonlocal looks
-        looks += 1
-        return choose(*arguments)
-
-    monkeypatch.setattr("smartmesh_ros.patches.auto.choose", counted)
+def test_on_lively_ground_bodies_have_what_they_touch_and_are_seldom_looked_at(looks: list[int]) -> None:
     rows, columns = np.indices((SIZE, SIZE)) * 0.25
 
     def ground(time: float) -> np.ndarray:
@@ -250,4 +248,4 @@ def test_on_lively_ground_bodies_have_what_they_touch_and_are_seldom_looked_at(m
         moved = np.nan_to_num(centres - before)
         before = centres
         check(heightmap, tracker.update(centres, moved, time, DT), centres, radii, PatchConfig(), rng, time)
-    assert looks <= 90
+    assert len(looks) <= 90

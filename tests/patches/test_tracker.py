@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.patches.tracker import PatchTracker
@@ -177,3 +177,13 @@ def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() ->
     chosen.update(positions, moved, 3 * DT, DT)
     terrain.remove("")
     assert not others & set(by_body(chosen.batches))
+
+
+@pytest.mark.parametrize(("x", "known"), [(5.02, True), (0.22, False)])
+def test_a_patch_moved_off_the_edge_claims_no_plane_under_its_body(x: float, *, known: bool) -> None:
+    """Its middle, whose facets are taken for those under the body, is elsewhere."""
+    heights = (0.1 * (np.arange(101) - 50.0)) ** 2
+    tracker = tracker_for(HeightMap(np.tile(heights, (101, 1)), resolution=0.1), [0.3])
+    [batch] = tracker.update(np.array([[x, 5.0, 0.0]]), np.zeros((1, 3)), 0.0, DT)
+    assert isinstance(batch, GridBatch)
+    assert (batch.points_w is not None) == known
