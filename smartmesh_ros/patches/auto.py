@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smartmesh_ros.patches.airborne import aloft
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import FACET, FIELD, FIXED, NONE, SMALL_WINDOW, Choice, choose
@@ -13,15 +14,24 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.grid_window import Balls, window_rings
-from smartmesh_ros.patches.lively import FINE, OFTEN, UNLOOKED, in_vain, mostly_fields, mostly_unlooked
+from smartmesh_ros.patches.lively import (
+    FINE,
+    LONGEST,
+    OFTEN,
+    UNLOOKED,
+    in_vain,
+    look_again,
+    mostly_fields,
+    mostly_unlooked,
+)
 from smartmesh_ros.patches.planes import foot_offset
 from smartmesh_ros.patches.ranges import (
+    SLACK,
+    leeway,
     roaming_reach,
     roaming_room,
-    room_above,
     room_on_planes,
     sizes_together,
-    travel,
     window_of,
 )
 from smartmesh_ros.patches.standing import Standing, turned
@@ -31,10 +41,8 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m], and for so
-# many steps where the ground moves. Where its velocity changes it is fewer: in small windows, as room for that would
+# A choice holds for so many steps where the ground moves. Where its velocity changes it is fewer: in small windows, as room for that would
 # soon mean a larger patch, and in all if so many take longer than this [s], as curved ground would not pass as flat.
-SLACK = 0.0005
 HORIZON, SHORT_HORIZON, LONG = 8, 4, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.5
@@ -44,6 +52,7 @@ NEARER = 0.1
 CURVED = 0.1
 # What a body gains in a step by falling, at most [m/s^2].
 FALL = 10.0
+HURRY = 32
 # Ground that accelerates by more is not waited for [m/s^2].
 SWERVE = 20.0
 
@@ -73,6 +82,16 @@ class Moving(NamedTuple):
     def of(self, rows: IntArray | BoolArray) -> Moving:
         """Those in ``rows``."""
         return Moving(self.bodies[rows], self.grid[rows], self.positions_w[rows], self.radii[rows], self.moved_w[rows])
+
+
+class Way(NamedTuple):
+    """How far n bodies come ``across`` the ground and go ``along`` it in a step, and how far they may until the next
+    look (``drop``, ``slide``), shapes (n,) [m]."""
+
+    across: FloatArray
+    along: FloatArray
+    drop: FloatArray
+    slide: FloatArray
 
 
 class AutoPatches:
@@ -164,7 +183,8 @@ class AutoPatches:
         if due.any():
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
             vain = self._standing.state[bodies] == FIXED
-            due |= time + (1.0 - EARLY) * np.where(vain, UNLOOKED, SHORT_HORIZON * dt) >= until
+            since = self._since[bodies]
+            due |= ~vain & (time + dt - since >= EARLY * (until - since))
         return np.asarray(due)
 
     def _changed(self, heightmap: HeightMap, bodies: IntArray) -> BoolArray:
@@ -175,7 +195,48 @@ class AutoPatches:
         rows, columns = standing.rows[bodies], standing.columns[bodies]
         return heightmap.clocks.changed(rows, columns, self._window[bodies], version)
 
+    def _look_up(self, heightmap: HeightMap, moving: Moving, time: float, dt: float) -> BoolArray:
+        """Looks at those of the bodies (n,) that were in the air: which stay there, how far and for how long; on lively
+        ground the others get a patch of fixed extent. Says which bodies were not dealt with (n,)."""
+        standing = self._standing
+        high = np.asarray(standing.state[moving.bodies] == NONE)
+        if not high.any():
+            return ~high
+        moving = moving.of(high)
+        bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
+        along = np.hypot(moving.moved_w[:, 0], moving.moved_w[:, 1])
+        room = aloft(heightmap, moving.grid, bottoms_w, moving.radii, along, time, self.config.collect)
+        stay = (room.above > SLACK) & (room.aside > along) & (room.lasts >= SHORT_HORIZON * dt)
+        bodies = moving.bodies[stay]
+        standing.rows[bodies], standing.columns[bodies] = room.cells.rows[stay], room.cells.columns[stay]
+        standing.until[bodies] = time + room.lasts[stay] - 0.5 * dt
+        self._window[bodies], self._version[bodies] = room.rings[stay], heightmap.version
+        self._where[bodies], self._since[bodies] = moving.positions_w[stay], time
+        self._drop[bodies], self._slide[bodies] = room.above[stay], room.aside[stay]
+        self._normal[bodies], self._lean[bodies], self._rise[bodies] = (0.0, 0.0, 1.0), 0.0, room.rise[stay]
+        if self._lively and mostly_fields(standing.state):
+            stay |= self._leave_alone(
+                moving, ~stay & (moving.radii + along <= FINE * heightmap.geometry.resolution), time
+            )
+        high[high] = stay
+        return ~high
+
+    def _leave_alone(self, moving: Moving, vain: BoolArray, time: float) -> BoolArray:
+        """Gives bodies where it is ``vain`` (n,) to look a patch of fixed extent for a while."""
+        standing, bodies = self._standing, moving.bodies[vain]
+        unlooked = np.clip(2.0 * standing.unlooked[bodies], UNLOOKED, LONGEST)
+        standing.unlooked[moving.bodies] = 0.0
+        standing.unlooked[bodies] = unlooked
+        standing.state[bodies], standing.until[bodies] = FIXED, look_again(time, unlooked)
+        self._drop[bodies] = self._slide[bodies] = np.inf
+        return vain
+
     def _decide(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch]) -> None:
+        left = self._look_up(heightmap, moving, time, dt)
+        if not left.all():
+            moving = moving.of(left)
+            if not moving.bodies.size:
+                return
         geometry, bodies = heightmap.geometry, moving.bodies
         with self._stopwatch.stage("search"):
             foot = moving.grid - self._lean[bodies][:, ::-1] / geometry.resolution
@@ -185,13 +246,11 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        airborne = self._standing.state[bodies] == NONE
-        reach = moving.radii + SLACK + FALL * dt * dt
-        reach += travel(across, moving.radii, airborne) + travel(along, moving.radii, airborne)
-        reach += np.abs(self._lean[bodies]).max(axis=1)
-        roams = airborne if heightmap.moving(time) else np.ones_like(airborne)
-        if roams.any():
-            reach = np.where(roams, roaming_reach(reach, moving.radii, geometry.resolution), reach)
+        moves = heightmap.moving(time)
+        drop, slide = leeway(across, along, moving.radii, geometry.resolution, moves=moves)
+        reach = moving.radii + drop + slide + FALL * dt * dt + np.abs(self._lean[bodies]).max(axis=1)
+        if not moves:
+            reach = roaming_reach(reach, moving.radii, geometry.resolution)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing
         standing.rows[bodies], standing.columns[bodies] = cells
@@ -206,7 +265,8 @@ class AutoPatches:
             sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))
             for size in np.unique(sizes[inside]).tolist():
                 rows = np.flatnonzero(sizes == size)
-                self._decide_size(heightmap, size, moving.of(rows), across[rows], along[rows], time, dt)
+                way = Way(across[rows], along[rows], drop[rows], slide[rows])
+                self._decide_size(heightmap, size, moving.of(rows), way, time, dt)
         self._version[bodies] = heightmap.version
         self._window[bodies] = rings
 
@@ -215,13 +275,11 @@ class AutoPatches:
         heightmap: HeightMap,
         size: int,
         moving: Moving,
-        across: FloatArray,
-        along: FloatArray,
+        way: Way,
         time: float,
         dt: float,
     ) -> None:
-        """Decides for bodies with windows of ``size`` rings, which come ``across`` and go ``along`` (n,) [m] in a
-        step."""
+        """Decides for bodies with windows of ``size`` rings."""
         geometry, bodies, standing = heightmap.geometry, moving.bodies, self._standing
         cells = Cells(standing.rows[bodies], standing.columns[bodies])
         ones = np.ones_like(bodies)
@@ -240,9 +298,8 @@ class AutoPatches:
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * geometry.resolution
         centres[:, 2] = moving.positions_w[:, 2]
         swerve = 0.5 * ahead * ahead * np.nan_to_num(changing)  # from where the ground's velocity leads
-        airborne = standing.state[bodies] == NONE
-        drop = SLACK + travel(across, moving.radii, airborne) + swerve
-        slide = SLACK + travel(along, moving.radii, airborne)
+        across, along, drop, slide = way
+        drop = drop + swerve
         balls = Balls(centres=centres, radii=moving.radii + drop + FALL * dt * dt, lateral=slide)
         choice = choose(
             window, balls, self._lean[bodies], self.config,
@@ -268,21 +325,18 @@ class AutoPatches:
             standing.until[bodies] = np.where(moves, time + (horizon - 0.5) * dt, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version
         self._where[bodies], self._since[bodies] = moving.positions_w, time
-        high = choice.state == NONE
-        if high.any():
-            # As much approach as there is room above all ground around, and as much sliding as there is of that.
-            bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
-            above, aside = room_above(window, centres, moving.radii, bottoms_w, rise * ahead)
-            high &= above > 0.0
-            drop[high], slide[high] = np.maximum(drop, above)[high], np.maximum(slide, aside)[high]
-            self._normal[bodies[high]], known[high] = (0.0, 0.0, 1.0), True
-        if ground.velocities is not None and self._lively and mostly_fields(standing.state):
-            vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=mostly_unlooked(standing.state))
-            vain &= moves & ~high & (moving.radii + along <= FINE * geometry.resolution)
-            standing.state[bodies[vain]], standing.until[bodies[vain]] = FIXED, time + UNLOOKED
-            drop[vain], slide[vain], known[vain] = np.inf, np.inf, True
         # Where the ground's normal is not known, sliding may be an approach.
         self._drop[bodies], self._slide[bodies] = drop, np.where(known, slide, np.minimum(slide, drop))
+        if mostly_fields(standing.state) and self.config.kind == "auto":
+            if ground.velocities is None:
+                vain = (choice.state == FIELD) & ((before == FIELD) | (before == FIXED)) & (choice.stride == 1)
+                vain &= slide < HURRY * along
+                self._leave_alone(moving, vain & (moving.radii + along <= FINE * geometry.resolution), time)
+            elif self._lively:
+                vain = in_vain(
+                    choice, before, centres, moving.radii, across / dt, crowd=mostly_unlooked(standing.state)
+                )
+                self._leave_alone(moving, vain & moves & (moving.radii + along <= FINE * geometry.resolution), time)
 
     def _changing(self, bodies: IntArray, rise: FloatArray, time: float, dt: float) -> FloatArray:
         """How fast the ground's velocity ``rise`` (n,) [m/s] has changed since the last look (n,) [m/s^2], NaN where

@@ -9,8 +9,9 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Maps that come at least every so many steps leave colliders nothing to last for.
 OFTEN = 1.5
-# For so long such bodies get a patch of fixed extent and are not looked at [s].
-UNLOOKED = 0.1
+# For so long such bodies get a patch of fixed extent and are not looked at [s]; twice as long each time that looking
+# was found in vain again, up to the longest.
+UNLOOKED, LONGEST = 0.1, 0.4
 # Whoever is above the ground counts as on it if it comes there within so long [s].
 SOON = 0.03
 # Not where it would be a coarser one: under bodies that reach further [samples].
@@ -30,6 +31,12 @@ def mostly_fields(state: IntArray) -> bool:
 def mostly_unlooked(state: IntArray) -> bool:
     """Whether so few bodies are looked at that looking at them costs more than all their patches."""
     return bool(np.count_nonzero(state == FIXED) > 0.5 * len(state))
+
+
+def look_again(time: float, unlooked: FloatArray) -> FloatArray:
+    """When to look at bodies again (n,) [s] that are left ``unlooked`` for about so long (n,) [s]: at instants they
+    share, as a look costs about the same for one body as for many."""
+    return UNLOOKED * np.ceil((time + unlooked) / UNLOOKED - 0.5)
 
 
 def in_vain(

@@ -11,7 +11,13 @@ from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
 # For how many steps of travel a look holds: more while that is no further than this share of the body's radius.
-STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.1
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.2
+# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m].
+SLACK = 0.0005
+LEEWAY = 0.02
+# On fine ground at rest bodies may slide so far [radii], but no further than in so many steps, and come nearer to it by
+# this share of that.
+AT_REST, AT_REST_STEPS, SLOPING = 0.4, 32, 0.05
 # How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
 ROAM, WIDEST = 1.0, 4
 # Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
@@ -33,7 +39,7 @@ def roaming_room(
     full = radii + np.abs(centres[:, :2]).max(axis=1)
     wide = np.minimum(np.ceil((full + ROAM * radii) / window.resolution), min(window.rings, WIDEST)).astype(np.int64)
     room = wide * window.resolution - full
-    fit = (choice.state == FIELD) & (choice.stride == 1) & (wide >= choice.rings)
+    fit = (choice.state == FIELD) & (choice.stride == 1)
     fit |= hurried & ((choice.state == FACET) | (choice.state == FITTED))
     fit &= room > 0.0
     choice.state[fit], choice.rings[fit], choice.stride[fit], choice.deviation[fit] = FIELD, wide[fit], 1, 0.0
@@ -54,21 +60,23 @@ def room_on_planes(
     return np.where(along, np.clip(room, 0.0, balls.radii), 0.0), deviation
 
 
-def room_above(
-    window: Window, centres: FloatArray, radii: FloatArray, bottoms_w: FloatArray, rising: FloatArray
+def leeway(
+    across: FloatArray, along: FloatArray, radii: FloatArray, resolution: float, *, moves: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """How far bodies whose lowest points are ``bottoms_w`` (n,) [m] are above all ground of their windows, at any of
-    its instants (n,) [m], less how far the ground falls away under them meanwhile, as it is ``rising`` (n,) [m]; and
-    how far aside they stay over it (n,) [m]."""
-    tops = np.nan_to_num(window.heights, nan=np.inf).max(axis=(0, 2, 3))
-    aside: FloatArray = window.places()[-1] - np.abs(centres[:, :2]).max(axis=1) - radii
-    return bottoms_w - tops + np.minimum(rising, 0.0), aside
+    """How much nearer to the ground bodies may come and how far they may slide along it before the next look (n,) [m],
+    that come ``across`` and go ``along`` (n,) [m] in a step. On ground at rest that is too fine to roam on it is
+    more, as looks last until it is used up."""
+    drop, slide = SLACK + _travel(across, radii), LEEWAY * radii + _travel(along, radii)
+    if not moves:
+        fine = (1.0 + ROAM) * radii > WIDEST * resolution
+        far = np.where(fine, np.minimum(AT_REST * radii, AT_REST_STEPS * along), 0.0)
+        np.maximum(slide, far, out=slide)
+        np.maximum(drop, SLOPING * far, out=drop)
+    return drop, slide
 
 
-def travel(step: FloatArray, radii: FloatArray, airborne: BoolArray) -> FloatArray:
-    """How far bodies may get before the next look (n,) [m], that get so far in a ``step`` (n,) [m]."""
-    far = np.where(airborne, np.inf, NEARBY * radii)
-    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, far)))
+def _travel(step: FloatArray, radii: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
 
 
 def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:

@@ -37,6 +37,7 @@ _FILLS = {
     "read_at": 0.0,
     "read_from": -1,
     "until": -np.inf,
+    "unlooked": 0.0,
 }
 
 
@@ -48,6 +49,7 @@ class Standing:
     and ``deviation`` from the mesh [m]. ``facet``: that under the body, as by `facet_under`, or `ALL_NINE`. ``plane``,
     ``rate`` (N, 3): coefficients of a plane along the ground in the frame of the middle sample and how they change a
     second, as read at ``read_at`` [s] from version ``read_from`` of the map. ``until`` [s]: when to look again.
+    ``unlooked``: for how long [s] a patch of fixed extent was given as looking was in vain, 0 = it was not.
     """
 
     def __init__(self) -> None:
@@ -60,7 +62,7 @@ class Standing:
         self.facet = np.empty(0, np.int64)
         self.plane, self.rate = np.empty((0, 3)), np.empty((0, 3))
         self.read_at, self.read_from = np.empty(0), np.empty(0, np.int64)
-        self.until = np.empty(0)
+        self.until, self.unlooked = np.empty(0), np.empty(0)
 
     def set_bodies(self, kept: IntArray) -> None:
         """Says which bodies there are, by their index before, -1 = new (N,)."""
@@ -70,7 +72,7 @@ class Standing:
         """Has bodies looked at anew."""
         self.state[bodies] = UNDECIDED
         self.rings[bodies] = self.stride[bodies] = self.spare[bodies] = 0
-        self.until[bodies] = -np.inf
+        self.until[bodies], self.unlooked[bodies] = -np.inf, 0.0
 
     def follow(self, heightmap: HeightMap, bodies: IntArray, time: float, method: CollectMethod) -> None:
         """Reads the planes under ``bodies`` (n,) anew where the ground does not move on as it was read."""
