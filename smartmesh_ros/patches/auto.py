@@ -41,8 +41,9 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A choice holds for so many steps where the ground moves. Where its velocity changes it is fewer: in small windows, as room for that would
-# soon mean a larger patch, and in all if so many take longer than this [s], as curved ground would not pass as flat.
+# A choice holds for so many steps where the ground moves. Where its velocity changes it is fewer: in small windows, as
+# room for that would soon mean a larger patch, and in all if so many take longer than this [s], as curved ground would
+# not pass as flat.
 HORIZON, SHORT_HORIZON, LONG = 8, 4, 0.05
 # A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
 EARLY = 0.5
@@ -206,7 +207,11 @@ class AutoPatches:
         bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
         along = np.hypot(moving.moved_w[:, 0], moving.moved_w[:, 1])
         room = aloft(heightmap, moving.grid, bottoms_w, moving.radii, along, time, self.config.collect)
-        stay = (room.above > SLACK) & (room.aside > along) & (room.lasts >= SHORT_HORIZON * dt)
+        stay = (
+            (room.above > SLACK + np.abs(moving.moved_w[:, 2]))
+            & (room.aside > along)
+            & (room.lasts >= SHORT_HORIZON * dt)
+        )
         bodies = moving.bodies[stay]
         standing.rows[bodies], standing.columns[bodies] = room.cells.rows[stay], room.cells.columns[stay]
         standing.until[bodies] = time + room.lasts[stay] - 0.5 * dt

@@ -103,7 +103,7 @@ def choose(
         deviation = facet_deviation(facets_of(inner), under, touching.repeated(window.instants))
         _take_planes(choice, few, window, under, deviation, limit, FACET, np.ones_like(few))
     if few.size < count:
-        many = np.flatnonzero(need > FACET_RINGS)
+        many = np.flatnonzero((need > FACET_RINGS) & (_bend(window, need) <= limit))
         sizes = SIZES[np.searchsorted(SIZES, need[many])]
         for size in np.unique(sizes).tolist():
             _stand_on_fits(choice, many[sizes == size], size, need, window, balls, limit)
@@ -146,6 +146,17 @@ def _fill_holes(planes: Planes, window: Window, balls: Balls) -> None:
         hole = np.flatnonzero(np.isnan(planes.height))
         planes.height[hole] = balls.centres[hole % len(balls.radii), 2]
         planes.slope_x[hole] = planes.slope_y[hole] = 0.0
+
+
+def _bend(window: Window, need: IntArray) -> FloatArray:
+    """How far any plane lies at least (n,) [m] from one of three samples in a row or in a column, apart by half of what
+    each body needs, ``need`` (n,) [rings]; NaN where one is a hole."""
+    heights, middle, body = window.heights[0], window.rings, np.arange(len(need))
+    aside = np.maximum(need // 2, 1)
+    twice = 2.0 * heights[:, middle, middle]
+    row = heights[body, middle, middle - aside] + heights[body, middle, middle + aside] - twice
+    column = heights[body, middle - aside, middle] + heights[body, middle + aside, middle] - twice
+    return np.asarray(0.25 * np.maximum(np.abs(row), np.abs(column)))
 
 
 def _stand_on_fits(

@@ -121,19 +121,30 @@ def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
     cos = 1.0 / steepness
     sine = np.sqrt(np.maximum(1.0 - cos * cos, 0.0))
     distance = planes.above(balls.centres) * cos
-    away_x = _away(balls.centres[:, 0] + distance * planes.slope_x * cos, place, balls.lateral)
-    away_y = _away(balls.centres[:, 1] + distance * planes.slope_y * cos, place, balls.lateral)
-    z = window.heights[0] if window.instants == 1 else window.heights.max(axis=0)
+    foot_x = balls.centres[:, 0] + distance * planes.slope_x * cos
+    foot_y = balls.centres[:, 1] + distance * planes.slope_y * cos
+    z = window.heights[0] if window.instants == 1 else np.maximum(*window.heights)
     over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
     over -= (planes.slope_x[:, None] * place)[:, None, :]
     if window.holes:
-        over[np.isnan(over)] = np.inf
+        hole = np.isnan(over)
+        over[hole] = 0.0
+    flat = over.reshape(len(over), -1)
+    highest, lowest = flat.max(axis=1), flat.min(axis=1)
+    shift = np.maximum(highest, -lowest) * sine
+    if window.holes:
+        over[hole] = np.inf
+        highest[hole.any(axis=(1, 2))] = np.inf
+    # No ball reaches further than over ground that is all as high as the highest; the rest is not looked at closely.
+    depth = np.maximum(distance - np.maximum(highest, 0.0) * cos, 0.0)
+    reach = np.sqrt(np.maximum(balls.radii**2 - depth * depth, 0.0)) + shift + balls.lateral
+    reach += np.maximum(np.abs(foot_x), np.abs(foot_y))
+    rings = min(window.rings, int(reach.max() / window.resolution) + 1)
+    cut = slice(window.rings - rings, window.rings + rings + 1)
+    over, place = over[:, cut, cut], place[cut]
+    away_x, away_y = _away(foot_x, place, balls.lateral), _away(foot_y, place, balls.lateral)
     top = np.maximum(over[:, :-1], over[:, 1:])
     top = np.maximum(top[:, :, :-1], top[:, :, 1:])
-    np.abs(over, out=over)
-    if window.holes:
-        over[over == np.inf] = 0.0
-    shift = over.max(axis=(1, 2)) * sine
     np.maximum(top, 0.0, out=top)
     top *= -cos[:, None, None]
     top += distance[:, None, None]
@@ -145,7 +156,7 @@ def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
         along *= along
     along += top
     touched = along <= (balls.radii**2)[:, None, None]
-    index = np.arange(-window.rings, window.rings)
+    index = np.arange(-rings, rings)
     ring = np.maximum(-index, index + 1)
     rows = (touched.any(axis=2) * ring).max(axis=1)
     columns = (touched.any(axis=1) * ring).max(axis=1)

@@ -17,7 +17,7 @@ SLACK = 0.0005
 LEEWAY = 0.02
 # On fine ground at rest bodies may slide so far [radii], but no further than in so many steps, and come nearer to it by
 # this share of that.
-AT_REST, AT_REST_STEPS, SLOPING = 0.4, 32, 0.05
+AT_REST, AT_REST_STEPS, SLOPING = 0.25, 32, 0.03
 # How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
 ROAM, WIDEST = 1.0, 4
 # Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
@@ -83,7 +83,10 @@ def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: Float
     """Windows of ``size`` rings from what was collected, now and, if the ground moves, ``ahead`` (n,) [s] later."""
     side, heights = 2 * size + 1, ground.heights[None]
     if ground.velocities is not None:
-        heights = np.concatenate([heights, heights + ground.velocities * ahead[:, None]])
+        heights = np.empty((2, *ground.heights.shape))
+        heights[0] = ground.heights
+        np.multiply(ground.velocities, ahead[:, None], out=heights[1])
+        heights[1] += ground.heights
     heights = heights.reshape(len(heights), -1, side, side)
     return Window(heights=heights, rings=size, resolution=geometry.resolution, holes=ground.holes)
 

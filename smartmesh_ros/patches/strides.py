@@ -69,16 +69,18 @@ def cheapest_extents(
     ``bodies`` of a window.
 
     ``rings``, ``stride`` (n,): what the bodies have now, 0 = nothing. A cheaper patch must keep a share of the
-    tolerance, so that no body changes back and forth. Where none will do, the finest there is; its deviation says so.
+    tolerance, so that no body changes back and forth, and is one size smaller at most where it leaves samples out.
+    Where none will do, the finest there is; its deviation says so.
     """
     result = Extents(np.zeros_like(need), np.ones_like(need), np.full(len(need), np.inf))
     open_ = np.ones(len(need), bool)
-    for count in RINGS:
+    for count, next_count in zip(RINGS, [*RINGS[1:], np.inf], strict=True):
         steps = -(-need // count)
-        for step in np.unique(steps[open_]).tolist():
+        tried = open_ & ((next_count >= rings) | (steps == 1))
+        for step in np.unique(steps[tried]).tolist():
             if count * step > window.rings:
                 continue
-            rows = np.flatnonzero(open_ & (steps == step))
+            rows = np.flatnonzero(tried & (steps == step))
             deviation = stride_deviation(window, bodies[rows], count, step)
             result.rings[rows], result.stride[rows], result.deviation[rows] = count, step, deviation
             cheaper = (count < rings[rows]) | ((count == rings[rows]) & (step > stride[rows]))

@@ -17,7 +17,7 @@ from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.guard import rescue
+from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
 from smartmesh_ros.physics.landing import Radii
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
@@ -68,6 +68,7 @@ class World:
         self.client: Any = BulletClient(pb.DIRECT)
         self._apply_physics(self.config.physics)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
+        self._guard = Guard(self.ground)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
         self._follower_names: list[str] = []
@@ -171,7 +172,7 @@ class World:
         self.ground.update(self.time, dt)
         if self._drop_lost():
             self.ground.update(self.time, dt)
-        rescued = rescue(self.client, self.ground, self._of_followers, self.time) if self.config.physics.guard else 0
+        rescued = self._guard.rescue(self.client, self._of_followers, self.time) if self.config.physics.guard else 0
         if rescued:
             self.rescues += rescued
             self.ground.update(self.time, dt)
