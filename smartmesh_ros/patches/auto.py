@@ -251,10 +251,9 @@ class AutoPatches:
         shift[:, 2] -= self._rise[bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self._normal[bodies]))
         along = np.sqrt(np.maximum(np.einsum("ij,ij->i", shift, shift) - across * across, 0.0))
-        moves = heightmap.moving(time)
-        drop, slide = leeway(across, along, moving.radii, geometry.resolution, moves=moves)
+        drop, slide = leeway(across, along, moving.radii)
         reach = moving.radii + drop + slide + FALL * dt * dt + np.abs(self._lean[bodies]).max(axis=1)
-        if not moves:
+        if not heightmap.moving(time):
             reach = roaming_reach(reach, moving.radii, geometry.resolution)
         rings = window_rings(reach, geometry.resolution)
         standing = self._standing

@@ -9,7 +9,7 @@ import numpy as np
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # Sizes of windows [rings]: few, so that bodies of about one size share a pass.
-SIZES = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
+SIZES = np.array([1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 64])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,18 +11,13 @@ from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
 # For how many steps of travel a look holds: more while that is no further than this share of the body's radius.
-STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.2
-# A choice holds while the body has come no nearer to the ground than this, beyond what its speed says [m].
-SLACK = 0.0005
-LEEWAY = 0.02
-# On fine ground at rest bodies may slide so far [radii], but no further than in so many steps, and come nearer to it by
-# this share of that.
-AT_REST, AT_REST_STEPS, SLOPING = 0.25, 32, 0.03
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.1
+# Beyond what its speed says, a body may come nearer to the ground by this [m] and slide so far [radii].
+SLACK, ROOM = 0.0005, 0.02
 # How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
 ROAM, WIDEST = 1.0, 4
-# Windows of several sizes with no more samples than this all become as large as the largest: that costs less than
-# going through them size by size.
-FEW_SAMPLES = 20_000
+# Going through windows size by size costs as much as so many samples for each further size.
+SAMPLES_PER_SIZE = 20_000
 
 
 def roaming_reach(reach: FloatArray, radii: FloatArray, resolution: float) -> FloatArray:
@@ -60,19 +55,10 @@ def room_on_planes(
     return np.where(along, np.clip(room, 0.0, balls.radii), 0.0), deviation
 
 
-def leeway(
-    across: FloatArray, along: FloatArray, radii: FloatArray, resolution: float, *, moves: bool
-) -> tuple[FloatArray, FloatArray]:
+def leeway(across: FloatArray, along: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How much nearer to the ground bodies may come and how far they may slide along it before the next look (n,) [m],
-    that come ``across`` and go ``along`` (n,) [m] in a step. On ground at rest that is too fine to roam on it is
-    more, as looks last until it is used up."""
-    drop, slide = SLACK + _travel(across, radii), LEEWAY * radii + _travel(along, radii)
-    if not moves:
-        fine = (1.0 + ROAM) * radii > WIDEST * resolution
-        far = np.where(fine, np.minimum(AT_REST * radii, AT_REST_STEPS * along), 0.0)
-        np.maximum(slide, far, out=slide)
-        np.maximum(drop, SLOPING * far, out=drop)
-    return drop, slide
+    that come ``across`` and go ``along`` (n,) [m] in a step."""
+    return SLACK + _travel(across, radii), ROOM * radii + _travel(along, radii)
 
 
 def _travel(step: FloatArray, radii: FloatArray) -> FloatArray:
@@ -92,14 +78,16 @@ def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: Float
 
 
 def sizes_together(geometry: GridGeometry, cells: Cells, rings: IntArray) -> IntArray:
-    """Sizes of windows around ``cells`` that show at least so many ``rings`` (n,), 0 = none, few enough to go through
-    them size by size."""
+    """Sizes of windows around ``cells`` that show at least so many ``rings`` (n,), 0 = none: of one size where that
+    costs less than going through them size by size."""
     sizes = rings.copy()
     sizes[(rings > 0) & (rings <= SMALL_WINDOW)] = SMALL_WINDOW
-    large = rings > SMALL_WINDOW
-    most = int(rings.max())
-    if large.any() and np.count_nonzero(large) * (2 * most + 1) ** 2 <= FEW_SAMPLES:
-        sizes[large] = most
+    large = sizes[rings > SMALL_WINDOW]
+    if large.size:
+        most, several = int(large.max()), int(np.unique(large).size - 1)
+        further = large.size * (2 * most + 1) ** 2 - int(((2 * large + 1) ** 2).sum())
+        if several and further <= several * SAMPLES_PER_SIZE:
+            sizes[rings > SMALL_WINDOW] = most
     room = np.minimum(np.minimum(cells.rows, geometry.rows - 1 - cells.rows),
                       np.minimum(cells.columns, geometry.columns - 1 - cells.columns))  # fmt: skip
     return np.asarray(np.where(sizes <= room, sizes, rings))

@@ -9,43 +9,53 @@ import numpy as np
 
 from smartmesh_ros.patches.grid_window import Window
 from smartmesh_ros.terrain import triangles
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # A cheaper patch than a body has must keep this share of the tolerance.
 HYSTERESIS = 0.75
 # Rings a patch may have, cheapest first. The cost of a collider follows its samples.
 RINGS = (1, 2, 3, 4, 6, 8, 12, 16)
+# Strides from which on some of the samples tell where a look at all of them is in vain, if those are not few.
+COARSE, MANY = 4, 1000
+# The deviation grows as the square of the stride, which the next smaller patch has at least a third larger: where this
+# share of the tolerance is used none will keep `HYSTERESIS`.
+USED = HYSTERESIS * 0.75**2
+LARGE = 1 << 16
 
 
 class _Interpolation(NamedTuple):
-    """Three samples (3, K) of a window of K samples, by index, and their weights (3, K), for every sample."""
+    """K samples of a window, by index (K,), and for each the three it lies between on a patch (3, K) and their weights
+    (3, K)."""
 
+    samples: IntArray
     corners: IntArray
     weights: FloatArray
 
 
 @lru_cache
-def _interpolation(rings: int, stride: int) -> _Interpolation:
-    """Of which samples a strided patch is made at every sample of the window it covers."""
+def _interpolation(rings: int, stride: int, step: int) -> _Interpolation:
+    """What a strided patch is made of at every ``step``-th sample, along each side, of the window it covers."""
     reach, size = rings * stride, 2 * rings * stride + 1
-    fine = np.stack(np.meshgrid(np.arange(size), np.arange(size), indexing="ij"), axis=-1).reshape(-1, 2) - reach
-    points = triangles.locate(fine / stride + rings, 2 * rings + 1, 2 * rings + 1)
+    places = np.arange(0, size, step)
+    fine = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = triangles.locate((fine - reach) / stride + rings, 2 * rings + 1, 2 * rings + 1)
     corners = points.rows * stride * size + points.columns * stride
-    return _Interpolation(corners.T.copy(), points.weights.T.copy())
+    return _Interpolation(fine @ (size, 1), corners.T.copy(), points.weights.T.copy())
 
 
-def stride_deviation(window: Window, rows: IntArray, rings: int, stride: int) -> FloatArray:
-    """How far a patch of ``rings`` and ``stride`` lies from the mesh at most, for the windows in ``rows`` (m,) [m].
+def stride_deviation(window: Window, rows: IntArray, rings: int, stride: int, step: int = 1) -> FloatArray:
+    """How far a patch of ``rings`` and ``stride`` lies from the mesh at most, for the windows in ``rows`` (m,) [m]; by
+    every ``step``-th sample only: at least.
 
     Infinite where samples are left out beside a hole. Both surfaces are linear on every facet of the finer one - the
     coarse diagonals run along the fine ones - so they differ most at a sample.
     """
     if stride == 1:
         return np.zeros(len(rows))
-    corners, weights = _interpolation(rings, stride)
+    samples, corners, weights = _interpolation(rings, stride, step)
     covered = window.inner(rows, rings * stride)
     heights = covered.stacked.reshape(len(rows) * window.instants, -1)
-    difference = -heights
+    difference = -heights if step == 1 else -heights[:, samples]
     for corner, weight in zip(corners, weights, strict=True):
         difference += heights[:, corner] * weight
     np.abs(difference, out=difference)
@@ -62,6 +72,30 @@ class Extents(NamedTuple):
     deviation: FloatArray
 
 
+def _keep(
+    result: Extents,
+    window: Window,
+    bodies: IntArray,
+    need: IntArray,
+    tolerance: float,
+    rings: IntArray,
+    stride: IntArray,
+) -> BoolArray:
+    """Notes the patches that are near enough as they are and use so much of the tolerance that no cheaper one would
+    be, and says which (n,)."""
+    kept = np.zeros(len(need), bool)
+    same = (stride > 1) & (-(-need // np.maximum(rings, 1)) == stride) & (rings * stride <= window.rings)
+    sizes = np.where(same, rings * LARGE + stride, 0)
+    for size in np.unique(sizes[same]).tolist():
+        rows = np.flatnonzero(sizes == size)
+        deviation = stride_deviation(window, bodies[rows], *divmod(size, LARGE))
+        fits = (deviation <= tolerance) & (deviation > USED * tolerance)
+        rows = rows[fits]
+        kept[rows], result.deviation[rows] = True, deviation[fits]
+    result.rings[kept], result.stride[kept] = rings[kept], stride[kept]
+    return kept
+
+
 def cheapest_extents(
     window: Window, bodies: IntArray, need: IntArray, tolerance: float, rings: IntArray, stride: IntArray
 ) -> Extents:
@@ -69,20 +103,24 @@ def cheapest_extents(
     ``bodies`` of a window.
 
     ``rings``, ``stride`` (n,): what the bodies have now, 0 = nothing. A cheaper patch must keep a share of the
-    tolerance, so that no body changes back and forth, and is one size smaller at most where it leaves samples out.
-    Where none will do, the finest there is; its deviation says so.
+    tolerance, so that no body changes back and forth. Where none will do, the finest there is; its deviation says so.
     """
     result = Extents(np.zeros_like(need), np.ones_like(need), np.full(len(need), np.inf))
-    open_ = np.ones(len(need), bool)
-    for count, next_count in zip(RINGS, [*RINGS[1:], np.inf], strict=True):
+    open_ = ~_keep(result, window, bodies, need, tolerance, rings, stride)
+    for count in RINGS:
         steps = -(-need // count)
-        tried = open_ & ((next_count >= rings) | (steps == 1))
-        for step in np.unique(steps[tried]).tolist():
+        for step in np.unique(steps[open_]).tolist():
             if count * step > window.rings:
                 continue
-            rows = np.flatnonzero(tried & (steps == step))
-            deviation = stride_deviation(window, bodies[rows], count, step)
-            result.rings[rows], result.stride[rows], result.deviation[rows] = count, step, deviation
+            rows = np.flatnonzero(open_ & (steps == step))
             cheaper = (count < rings[rows]) | ((count == rings[rows]) & (step > stride[rows]))
-            open_[rows] = deviation > np.where(cheaper, HYSTERESIS * tolerance, tolerance)
+            limit = np.where(cheaper, HYSTERESIS * tolerance, tolerance)
+            if step >= COARSE and count < RINGS[-2] and rows.size * (count * step) ** 2 > MANY:
+                # Where the middles of its cells are too far away already, the rest need not be looked at.
+                rough = stride_deviation(window, bodies[rows], count, step, step // 2)
+                rows, limit = rows[rough <= limit], limit[rough <= limit]
+            if rows.size:
+                deviation = stride_deviation(window, bodies[rows], count, step)
+                result.rings[rows], result.stride[rows], result.deviation[rows] = count, step, deviation
+                open_[rows] = deviation > limit
     return result
