@@ -53,7 +53,7 @@ NEARER = 0.1
 CURVED = 0.1
 # What a body gains in a step by falling, at most [m/s^2].
 FALL = 10.0
-HURRY = 32
+HURRY = 24
 # Ground that accelerates by more is not waited for [m/s^2].
 SWERVE = 20.0
 
@@ -147,8 +147,8 @@ class AutoPatches:
         self._time = time
         if ((standing.state[bodies] == FIXED) & (standing.until[bodies] > time)).all():
             return [], np.arange(len(bodies))
-        self._lively = (lively or heightmap.lifetime <= OFTEN * dt) and self.config.kind == "auto"
         moves = heightmap.moving(time)
+        self._lively = moves and (lively or heightmap.lifetime <= OFTEN * dt) and self.config.kind == "auto"
         rest = None if moves else self._at_rest.get(name)
         if moves:
             standing.follow(heightmap, bodies, time, method)
@@ -219,7 +219,7 @@ class AutoPatches:
         self._where[bodies], self._since[bodies] = moving.positions_w[stay], time
         self._drop[bodies], self._slide[bodies] = room.above[stay], room.aside[stay]
         self._normal[bodies], self._lean[bodies], self._rise[bodies] = (0.0, 0.0, 1.0), 0.0, room.rise[stay]
-        if self._lively and mostly_fields(standing.state):
+        if (self._lively and mostly_fields(standing.state)) or mostly_unlooked(standing.state):
             stay |= self._leave_alone(
                 moving, ~stay & (moving.radii + along <= FINE * heightmap.geometry.resolution), time
             )
@@ -331,16 +331,14 @@ class AutoPatches:
         self._where[bodies], self._since[bodies] = moving.positions_w, time
         # Where the ground's normal is not known, sliding may be an approach.
         self._drop[bodies], self._slide[bodies] = drop, np.where(known, slide, np.minimum(slide, drop))
-        if mostly_fields(standing.state) and self.config.kind == "auto":
-            if ground.velocities is None:
-                vain = (choice.state == FIELD) & ((before == FIELD) | (before == FIXED)) & (choice.stride == 1)
-                vain &= slide < HURRY * along
-                self._leave_alone(moving, vain & (moving.radii + along <= FINE * geometry.resolution), time)
-            elif self._lively:
-                vain = in_vain(
-                    choice, before, centres, moving.radii, across / dt, crowd=mostly_unlooked(standing.state)
-                )
-                self._leave_alone(moving, vain & moves & (moving.radii + along <= FINE * geometry.resolution), time)
+        hurried = slide < HURRY * along
+        if ground.velocities is not None:
+            hurried = np.asarray(moves & self._lively)
+        if hurried.any() and mostly_fields(standing.state) and self.config.kind == "auto":
+            crowd = mostly_unlooked(standing.state)
+            vain = in_vain(choice, before, centres, moving.radii, across / dt, crowd=crowd)
+            vain &= (hurried | crowd) & (moving.radii + along <= FINE * geometry.resolution)
+            self._leave_alone(moving, vain, time)
 
     def _changing(self, bodies: IntArray, rise: FloatArray, time: float, dt: float) -> FloatArray:
         """How fast the ground's velocity ``rise`` (n,) [m/s] has changed since the last look (n,) [m/s^2], NaN where
