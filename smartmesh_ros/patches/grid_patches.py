@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.patches.auto import AutoPatches, Moving
+from smartmesh_ros.patches.auto import AutoPatches
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
 from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
+from smartmesh_ros.patches.moving import Moving
 from smartmesh_ros.patches.planes import facet_nearest, planes_through
 from smartmesh_ros.patches.standing import planes_in_world
 from smartmesh_ros.patches.template import patch_template
@@ -43,7 +44,8 @@ class GridPatches:
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings; every patch is made anew."""
-        self._config = self._auto.config = config
+        self._config = config
+        self._auto.configure(config)
         self.forget(slice(None))
 
     def set_bodies(self, kept: IntArray) -> None:

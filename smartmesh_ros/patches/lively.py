@@ -1,4 +1,5 @@
-"""Ground so lively that telling how little of it a body needs takes longer than giving it all that it can touch."""
+"""Where telling how little ground a body needs takes longer than giving it all that it can touch: on lively ground,
+and under bodies that cross rough ground in a hurry."""
 
 from __future__ import annotations
 
@@ -16,6 +17,8 @@ UNLOOKED, LONGEST = 0.1, 0.4
 SOON = 0.03
 # Not where it would be a coarser one: under bodies that reach further [samples].
 FINE = 3.5
+# On ground at rest: bodies whose look lasts for fewer steps.
+HURRY = 24
 # Nor where there are more bodies: a look costs about the same for one as for a hundred, and a patch for each.
 MANY = 200
 
@@ -31,6 +34,11 @@ def mostly_fields(state: IntArray) -> bool:
 def mostly_unlooked(state: IntArray) -> bool:
     """Whether so few bodies are looked at that looking at them costs more than all their patches."""
     return bool(np.count_nonzero(state == FIXED) > 0.5 * len(state))
+
+
+def unlooked_for(before: FloatArray) -> FloatArray:
+    """For how long to leave bodies unlooked (n,) [s] that were left so for so long ``before`` (n,) [s]."""
+    return np.clip(2.0 * before, UNLOOKED, LONGEST)
 
 
 def look_again(time: float, unlooked: FloatArray) -> FloatArray:

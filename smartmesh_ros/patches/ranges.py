@@ -10,6 +10,8 @@ from smartmesh_ros.patches.grid_window import Balls, Window
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
+# A choice holds for so many steps where the ground moves, or for fewer where its velocity changes.
+HORIZON, SHORT_HORIZON = 8, 4
 # For how many steps of travel a look holds: more while that is no further than this share of the body's radius.
 STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.1
 # Beyond what its speed says, a body may come nearer to the ground by this [m] and slide so far [radii].

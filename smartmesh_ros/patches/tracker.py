@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.patches.auto import Moving
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_patches import GridPatches
 from smartmesh_ros.patches.mesh_patches import MeshPatches
+from smartmesh_ros.patches.moving import Moving
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap

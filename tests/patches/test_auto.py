@@ -210,7 +210,7 @@ def looks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         found.append(len(choice.state))
         return choice
 
-    monkeypatch.setattr("smartmesh_ros.patches.auto.choose", counted)
+    monkeypatch.setattr("smartmesh_ros.patches.looks.choose", counted)
     return found
 
 
