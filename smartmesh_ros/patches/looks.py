@@ -225,11 +225,11 @@ class Looks:
         slide = np.maximum(way.slide, room)
         soon = np.where(before == FIELD, 1.5, 1.0) * HORIZON * way.along
         hurried = (slide < soon) & (choice.deviation > CURVED * tolerance)
-        roam = roaming_room(choice, moving.radii, balls.centres, window, hurried)
-        drop = np.where(roam > slide, np.maximum(way.drop, NEARER * moving.radii), way.drop)
+        roam = roaming_room(choice, moving.radii, balls.centres, way.slide, window, hurried)
+        drop = np.where(roam > 0.0, np.maximum(way.drop, NEARER * moving.radii), way.drop)
         planar = (room > 0.0) & (choice.state != FIELD)
         choice.deviation[planar] = np.maximum(choice.deviation, deviation)[planar]
-        return way._replace(drop=drop, slide=np.maximum(slide, roam))
+        return way._replace(drop=drop, slide=np.where(roam > 0.0, roam, slide))
 
     def _note(self, choice: Choice, moving: Moving, centres: FloatArray, yaw: float) -> BoolArray:
         """Notes what was chosen for bodies at ``centres`` (n, 3) [m] of their windows, and how the ground runs; says

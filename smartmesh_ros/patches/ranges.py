@@ -28,17 +28,17 @@ def roaming_reach(reach: FloatArray, radii: FloatArray, resolution: float) -> Fl
 
 
 def roaming_room(
-    choice: Choice, radii: FloatArray, centres: FloatArray, window: Window, hurried: BoolArray
+    choice: Choice, radii: FloatArray, centres: FloatArray, slide: FloatArray, window: Window, hurried: BoolArray
 ) -> FloatArray:
-    """How far bodies may slide (n,) [m] on patches of ground at rest that leave no sample out, 0 = on none; those are
-    widened for it. Wherever a body is over such a patch, it is all that the body can touch: who would soon have left
-    its plane, ``hurried`` (n,), gets one instead."""
+    """How far bodies may slide (n,) [m], at least ``slide`` (n,) [m], on patches of ground at rest that leave no sample
+    out, 0 = on none; those are made as wide as it takes. Wherever a body is over such a patch, it is all that the body
+    can touch: who would soon have left its plane, ``hurried`` (n,), gets one instead."""
     full = radii + np.abs(centres[:, :2]).max(axis=1)
     wide = np.minimum(np.ceil((full + ROAM * radii) / window.resolution), min(window.rings, WIDEST)).astype(np.int64)
     room = wide * window.resolution - full
     fit = (choice.state == FIELD) & (choice.stride == 1)
     fit |= hurried & ((choice.state == FACET) | (choice.state == FITTED))
-    fit &= room > 0.0
+    fit &= room >= slide
     choice.state[fit], choice.rings[fit], choice.stride[fit], choice.deviation[fit] = FIELD, wide[fit], 1, 0.0
     return np.where(fit, room, 0.0)
 

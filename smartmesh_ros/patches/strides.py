@@ -14,12 +14,16 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 # A cheaper patch than a body has must keep this share of the tolerance.
 HYSTERESIS = 0.75
 # Rings a patch may have, cheapest first. The cost of a collider follows its samples.
-RINGS = (1, 2, 3, 4, 6, 8, 12, 16)
+RINGS = (1, 2, 3, 4, 6, 8, 10, 12, 16)
 # Strides from which on some of the samples tell where a look at all of them is in vain, if those are not few.
 COARSE, MANY = 4, 1000
-# The deviation grows as the square of the stride, which the next smaller patch has at least a third larger: where this
-# share of the tolerance is used none will keep `HYSTERESIS`.
-USED = HYSTERESIS * 0.75**2
+# Some patch of at least so many rings covers what is needed and lies in the window, whatever its size: these are never
+# left out.
+SURE = 10
+# The deviation grows as the square of the stride, which the next smaller patch has at least a fifth larger: where this
+# share of the tolerance is used it is not likely to keep `HYSTERESIS`.
+USED = HYSTERESIS / 1.2**2
+# Makes one number of rings and stride.
 LARGE = 1 << 16
 
 
@@ -115,7 +119,7 @@ def cheapest_extents(
             rows = np.flatnonzero(open_ & (steps == step))
             cheaper = (count < rings[rows]) | ((count == rings[rows]) & (step > stride[rows]))
             limit = np.where(cheaper, HYSTERESIS * tolerance, tolerance)
-            if step >= COARSE and count < RINGS[-2] and rows.size * (count * step) ** 2 > MANY:
+            if step >= COARSE and count < SURE and rows.size * (count * step) ** 2 > MANY:
                 # Where the middles of its cells are too far away already, the rest need not be looked at.
                 rough = stride_deviation(window, bodies[rows], count, step, step // 2)
                 rows, limit = rows[rough <= limit], limit[rough <= limit]

@@ -249,3 +249,40 @@ def test_on_lively_ground_bodies_have_what_they_touch_and_are_seldom_looked_at(l
         before = centres
         check(heightmap, tracker.update(centres, moved, time, DT), centres, radii, PatchConfig(), rng, time)
     assert len(looks) <= 90
+
+
+@pytest.mark.parametrize("frequency", [0.0, 4.0])
+def test_thrown_bodies_are_looked_at_closely_when_they_come_down(looks: list[int], frequency: float) -> None:
+    rows, columns = np.indices((SIZE, SIZE)) * 0.25
+
+    def ground(time: float) -> np.ndarray:
+        return np.asarray(0.2 * np.sin(0.8 * rows + 0.6 * columns + frequency * time))
+
+    heightmap, rng = HeightMap(ground(0.0), resolution=0.25), np.random.default_rng(6)
+    tracker, radii = PatchTracker(Terrain(heightmap), PatchConfig()), np.full(12, 0.2)
+    tracker.set_bodies(radii, np.full(12, -1))
+    start, speed = rng.uniform(5.0, 12.0, (12, 2)), rng.uniform(-3.0, 3.0, (12, 2))
+    before = np.full((12, 3), np.nan)
+    for step in range(240):
+        time = step * DT
+        if step and frequency:
+            heightmap.replace(ground(time), time=time)
+        flight = 4.9 * time * (0.98 - time)  # a second, a metre high
+        place = start + speed * time
+        centres = np.column_stack([place, np.maximum(0.6 + flight, heightmap.at(place, time).heights + 0.15)])
+        moved, before = np.nan_to_num(centres - before), centres
+        check(heightmap, tracker.update(centres, moved, time, DT), centres, radii, PatchConfig(), rng, time)
+    assert 0 < len(looks) <= 40
+
+
+def test_who_crosses_rough_ground_in_a_hurry_gets_what_it_may_touch_unlooked(looks: list[int]) -> None:
+    heightmap = HeightMap(np.random.default_rng(7).uniform(-0.02, 0.02, (200, SIZE)), resolution=0.1)
+    tracker, rng = PatchTracker(Terrain(heightmap), PatchConfig()), np.random.default_rng(8)
+    tracker.set_bodies(np.full(4, 0.15), np.full(4, -1))
+    travelled = np.linspace(1.0, 7.0, 240)  # 6 m/s
+    for step, x in enumerate(travelled):
+        centres = np.column_stack([np.full(4, x), 2.0 + 4.0 * np.arange(4), np.full(4, 0.15)])
+        moved = np.tile([x - travelled[step - 1] if step else 0.0, 0.0, 0.0], (4, 1))
+        batches = tracker.update(centres, moved, step * DT, DT)
+        assert check(heightmap, batches, centres, np.full(4, 0.15), PatchConfig(), rng, 0.0) == 4
+    assert len(looks) <= 12
