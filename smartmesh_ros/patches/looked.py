@@ -6,13 +6,15 @@ import numpy as np
 
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import FIXED
+from smartmesh_ros.patches.lively import MANY
 from smartmesh_ros.patches.moving import Moving
 from smartmesh_ros.patches.ranges import HORIZON
 from smartmesh_ros.patches.standing import Standing
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# A look costs about the same for one body as for many: who has used up this share of a choice goes with others.
+# A look costs about the same for one body as for a hundred: who has used up this share of a choice goes with others,
+# unless they are so many that some are due in every step.
 EARLY = 0.5
 # Ground that accelerates by more is not waited for [m/s^2].
 SWERVE = 20.0
@@ -69,7 +71,7 @@ class Looked:
         steady = heightmap.moving(time) and heightmap.lifetime <= HORIZON * dt
         changed = self._changed(standing, heightmap, bodies)
         due |= changed & np.isinf(until) if steady else changed
-        if due.any():
+        if due.any() and len(bodies) <= MANY:
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
             due |= (standing.state[bodies] != FIXED) & (time + dt - since >= EARLY * (until - since))
         return np.asarray(due)
