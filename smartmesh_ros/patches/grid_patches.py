@@ -165,7 +165,8 @@ def ground_under(
     spacing = stride * geometry.resolution
     u, v = (moving.grid[:, 1] - cells.columns) / stride, (moving.grid[:, 0] - cells.rows) / stride
     nine = _middle_nine(ground.heights)
-    centres = np.stack([u * spacing, v * spacing, moving.positions_w[:, 2]], axis=1)
+    centres = np.empty((len(u), 3))
+    centres[:, 0], centres[:, 1], centres[:, 2] = u * spacing, v * spacing, moving.positions_w[:, 2]
     which = facet_nearest(nine, centres, np.zeros((len(stride), 2)), spacing, holes=holes)
     plane = planes_through(nine, which, spacing, holes=holes)
     _, points_w, normals_w = planes_in_world(plane, centres_w[:, :2], moving.positions_w, geometry.yaw)

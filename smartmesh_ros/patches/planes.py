@@ -71,7 +71,9 @@ def as_planes(coefficients: FloatArray) -> Planes:
 def foot_offset(planes: Planes, centres: FloatArray) -> FloatArray:
     """Horizontal offset of points (n, 3) from the feet of their perpendiculars on the planes (n, 2) [m]."""
     share = planes.above(centres) / (1.0 + planes.slope_x * planes.slope_x + planes.slope_y * planes.slope_y)
-    return np.stack([-share * planes.slope_x, -share * planes.slope_y], axis=1)
+    offset = np.empty((len(share), 2))
+    offset[:, 0], offset[:, 1] = -share * planes.slope_x, -share * planes.slope_y
+    return offset
 
 
 def facet_nearest(

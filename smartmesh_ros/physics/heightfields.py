@@ -136,7 +136,7 @@ class Heightfields:
         relative = samples.heights - base[:, 2:]
         if fields.holes:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
-        np.clip(relative, -BOUND, BOUND, out=relative)
+        np.minimum(np.maximum(relative, -BOUND, out=relative), BOUND, out=relative)
         base[:, 2] += ahead.higher
         unfit = (self._sizes[bodies] != sizes) | (self._spacings[bodies] != fields.spacing)
         for index in np.flatnonzero(unfit).tolist():
@@ -156,7 +156,7 @@ class Heightfields:
         self._touched[bodies] = touching
         twist = np.zeros((len(bodies), 6))
         if config.carry_velocity:
-            twist = np.concatenate([fields.linear_w, fields.angular_w], axis=1)
+            twist[:, :3], twist[:, 3:] = fields.linear_w, fields.angular_w
             if fields.points_w is not None:
                 twist[:, :3] += velocity_below(fields.angular_w, fields.points_w[:, 2] - fields.centres_w[:, 2])
         self._carried.push(bodies, twist, ahead.faster, fields.since)
@@ -273,7 +273,10 @@ class Heightfields:
 def _slopes(turns: FloatArray, yaw: float) -> FloatArray:
     """What turns (n, 3) [rad], or turning [rad/s], are as slopes per row and per column of the grid (n, 2)."""
     cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.stack([cos * turns[:, 0] + sin * turns[:, 1], sin * turns[:, 0] - cos * turns[:, 1]], axis=1)
+    slopes = np.empty((len(turns), 2))
+    slopes[:, 0] = cos * turns[:, 0] + sin * turns[:, 1]
+    slopes[:, 1] = sin * turns[:, 0] - cos * turns[:, 1]
+    return slopes
 
 
 def _astray(fields: Fields, velocities: FloatArray, twist: FloatArray, yaw: float) -> FloatArray:

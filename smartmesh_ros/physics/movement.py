@@ -73,5 +73,5 @@ class Movement:
         travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
         far = ~(travel <= FASTEST * dt)
         if far.any():
-            moved[far] *= np.nan_to_num(FASTEST * dt / travel[far])[:, None]
-        return np.nan_to_num(moved)
+            moved[far] = np.nan_to_num(moved[far] * np.nan_to_num(FASTEST * dt / travel[far])[:, None])
+        return moved

@@ -138,7 +138,7 @@ class BlockClocks:
         return self._progress_known
 
     def _block_rows(self, rows: IntArray) -> IntArray:
-        return np.asarray(np.clip(rows // BLOCK, 0, self._time.shape[0] - 1))
+        return np.minimum(np.maximum(rows // BLOCK, 0), self._time.shape[0] - 1)
 
     def _block_columns(self, columns: IntArray) -> IntArray:
-        return np.asarray(np.clip(columns // BLOCK, 0, self._time.shape[1] - 1))
+        return np.minimum(np.maximum(columns // BLOCK, 0), self._time.shape[1] - 1)
