@@ -52,7 +52,8 @@ def targets(results: Results) -> str:
     low, high = results.at("low"), results.at("high")
     for target in TARGETS:
         value = target.value(results)
-        spread = sorted((target.value(low), target.value(high)))
+        # The percentiles of a ratio are not ratios of percentiles.
+        spread = [] if target.unit == "x" else sorted((target.value(low), target.value(high)))
         verdict = "not measured" if math.isnan(value) else "reached" if target.reached(results) else "**missed**"
         sign = ">=" if target.at_least else "<="
         rows.append(
