@@ -32,9 +32,10 @@ class PatchMarkers:
     def __init__(self) -> None:
         self._message = ArrayMessage()
         self._ids: dict[str, int] = {}
+        self._id_of = np.empty(0, np.int64)  # by the batches' indices
         self._next_id = 0
         self._names: list[str] = []
-        self._shown: set[int] = set()
+        self._shown = np.empty(0, np.int64)  # ids, ascending
         self._sent = SentPatches()
 
     def write(
@@ -47,16 +48,16 @@ class PatchMarkers:
         if names is not self._names:
             self._names = names
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
+            self._id_of = np.array([self._ids[name] for name in names], np.int64)
             self._next_id += len(names)
             self._sent = SentPatches(len(names))
         message = self._message
         message.start("markers", MarkerArray)
         stamp = stamp_fields(header)
-        shown: set[int] = set()
+        seen = [np.empty(0, np.int64)]
         for group in by_triangles(batches):
-            ids = np.array([self._ids[names[index]] for index in group.bodies.tolist()], np.int64)
-            shown.update(ids.tolist())
-            vertices = group.vertices_w
+            ids, vertices = self._id_of[group.bodies], group.vertices_w
+            seen.append(ids)
             if only_changed:
                 changed = self._sent.changed(group, "marker", vertices)
                 ids, vertices = ids[changed], vertices[changed]
@@ -67,12 +68,14 @@ class PatchMarkers:
                 len(ids),
                 {**stamp, "id": ids, "points": vertices[:, corners]},
             )
-        gone = sorted(self._shown - shown)
+        shown = np.sort(np.concatenate(seen))
+        gone = self._shown
+        gone = gone[:0] if np.array_equal(gone, shown) else np.setdiff1d(gone, shown)
         message.add(
             (header.frame_id, "gone"),
             lambda: _marker(header.frame_id, Marker.DELETE, 0),
             len(gone),
-            {**stamp, "id": np.array(gone)},
+            {**stamp, "id": gone},
         )
         self._shown = shown
         if only_changed:
