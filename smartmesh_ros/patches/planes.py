@@ -125,23 +125,13 @@ def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
     distance = planes.above(balls.centres) * cos
     foot_x = balls.centres[:, 0] + distance * planes.slope_x * cos
     foot_y = balls.centres[:, 1] + distance * planes.slope_y * cos
-    z = window.heights[0] if window.instants == 1 else np.maximum(*window.heights)
-    over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
-    over -= (planes.slope_x[:, None] * place)[:, None, :]
-    if window.holes:
-        hole = np.isnan(over)
-        over[hole] = 0.0
-    flat = over.reshape(len(over), -1)
-    highest, lowest = flat.max(axis=1), flat.min(axis=1)
-    shift = np.maximum(highest, -lowest) * sine
-    if window.holes:
-        over[hole] = np.inf
-        highest[hole.any(axis=(1, 2))] = np.inf
+    over, highest, furthest = _rise(window, planes)
+    shift = furthest * sine
     # No ball reaches further than over ground that is all as high as the highest; the rest is not looked at closely.
     depth = np.maximum(distance - np.maximum(highest, 0.0) * cos, 0.0)
     reach = np.sqrt(np.maximum(balls.radii**2 - depth * depth, 0.0)) + shift + balls.lateral
-    reach += np.maximum(np.abs(foot_x), np.abs(foot_y))
-    rings = min(window.rings, int(reach.max() / window.resolution) + 1)
+    most = float((reach + np.maximum(np.abs(foot_x), np.abs(foot_y))).max())
+    rings = min(window.rings, int(most / window.resolution) + 1) if most < np.inf else window.rings
     cut = slice(window.rings - rings, window.rings + rings + 1)
     over, place = over[:, cut, cut], place[cut]
     away_x, away_y = _away(foot_x, place, balls.lateral), _away(foot_y, place, balls.lateral)
@@ -163,6 +153,25 @@ def rings_touched(window: Window, planes: Planes, balls: Balls) -> IntArray:
     rows = (touched.any(axis=2) * ring).max(axis=1)
     columns = (touched.any(axis=1) * ring).max(axis=1)
     return np.asarray(np.maximum(rows, columns))
+
+
+def _rise(window: Window, planes: Planes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """How far the ground rises above planes at every sample, at any instant of the window (n, S, S) [m], inf = a hole;
+    at the highest (n,); and how far it is from them at the furthest, holes left out (n,)."""
+    place = window.places()
+    z = window.heights[0] if window.instants == 1 else np.maximum(*window.heights)
+    over = z - (planes.slope_y[:, None] * place + planes.height[:, None])[:, :, None]
+    over -= (planes.slope_x[:, None] * place)[:, None, :]
+    hole = np.isnan(over) if window.holes else None
+    if hole is not None:
+        over[hole] = 0.0
+    flat = over.reshape(len(over), -1)
+    highest, lowest = flat.max(axis=1), flat.min(axis=1)
+    furthest = np.maximum(highest, -lowest)
+    if hole is not None:
+        over[hole] = np.inf
+        highest[hole.any(axis=(1, 2))] = np.inf
+    return over, highest, furthest
 
 
 def _away(foot: FloatArray, place: FloatArray, lateral: FloatArray) -> FloatArray:
