@@ -9,7 +9,7 @@ import numpy as np
 
 from smartmesh_ros.patches.grid_window import Window
 from smartmesh_ros.terrain import triangles
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 # A cheaper patch than a body has must keep this share of the tolerance.
 HYSTERESIS = 0.75
@@ -20,11 +20,6 @@ COARSE, MANY = 4, 1000
 # Some patch of at least so many rings covers what is needed and lies in the window, whatever its size: these are never
 # left out.
 SURE = 10
-# The deviation grows as the square of the stride, which the next smaller patch has at least a fifth larger: where this
-# share of the tolerance is used it is not likely to keep `HYSTERESIS`.
-USED = HYSTERESIS / 1.2**2
-# Makes one number of rings and stride.
-LARGE = 1 << 16
 
 
 class _Interpolation(NamedTuple):
@@ -76,30 +71,6 @@ class Extents(NamedTuple):
     deviation: FloatArray
 
 
-def _keep(
-    result: Extents,
-    window: Window,
-    bodies: IntArray,
-    need: IntArray,
-    tolerance: float,
-    rings: IntArray,
-    stride: IntArray,
-) -> BoolArray:
-    """Notes the patches that are near enough as they are and use so much of the tolerance that no cheaper one would
-    be, and says which (n,)."""
-    kept = np.zeros(len(need), bool)
-    same = (stride > 1) & (-(-need // np.maximum(rings, 1)) == stride) & (rings * stride <= window.rings)
-    sizes = np.where(same, rings * LARGE + stride, 0)
-    for size in np.unique(sizes[same]).tolist():
-        rows = np.flatnonzero(sizes == size)
-        deviation = stride_deviation(window, bodies[rows], *divmod(size, LARGE))
-        fits = (deviation <= tolerance) & (deviation > USED * tolerance)
-        rows = rows[fits]
-        kept[rows], result.deviation[rows] = True, deviation[fits]
-    result.rings[kept], result.stride[kept] = rings[kept], stride[kept]
-    return kept
-
-
 def cheapest_extents(
     window: Window, bodies: IntArray, need: IntArray, tolerance: float, rings: IntArray, stride: IntArray
 ) -> Extents:
@@ -110,7 +81,7 @@ def cheapest_extents(
     tolerance, so that no body changes back and forth. Where none will do, the finest there is; its deviation says so.
     """
     result = Extents(np.zeros_like(need), np.ones_like(need), np.full(len(need), np.inf))
-    open_ = ~_keep(result, window, bodies, need, tolerance, rings, stride)
+    open_ = np.ones(len(need), bool)
     for count in RINGS:
         steps = -(-need // count)
         for step in np.unique(steps[open_]).tolist():

@@ -114,7 +114,7 @@ class BlockClocks:
         ``version`` (n,) of the map."""
         if self._alike:
             return np.asarray(version < self._version[0, 0])
-        found = reach >= BLOCK  # such a patch may lie on blocks that none of its corners is in
+        found = 2 * reach > BLOCK  # such a patch may lie on blocks that none of its corners is in
         for down in (-reach, reach):
             row = self._block_rows(rows + down)
             for aside in (-reach, reach):

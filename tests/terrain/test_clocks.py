@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.clocks import BLOCK
@@ -24,6 +24,7 @@ def raise_region(heightmap: HeightMap, region: tuple[int, int, int, int], by: fl
 
 
 @given(st.lists(regions, min_size=1, max_size=4), corners, corners, st.integers(0, 2 * BLOCK), st.integers(0, 3))
+@example([(BLOCK, 0, 1, 1)], BLOCK + 1, 0, BLOCK - 1, 0)  # between the blocks of the corners
 def test_a_patch_without_a_changed_block_has_not_changed(
     updates: list[tuple[int, int, int, int]], row: int, column: int, reach: int, seen: int
 ) -> None:
