@@ -9,9 +9,9 @@ import numpy as np
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_window import window_rings
-from smartmesh_ros.patches.ranges import MORE_STEPS, NEARBY, sizes_together
+from smartmesh_ros.patches.ranges import MORE_STEPS, NEARBY, rings_to_edge, sizes_together
 from smartmesh_ros.patches.template import patch_template
-from smartmesh_ros.search.grid import Cells
+from smartmesh_ros.search.grid import Cells, nearest_vertices
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
@@ -43,10 +43,9 @@ def aloft(
     window's fastest sample, and faster by `UPWARD`, while that below the body may sink.
     """
     geometry, count = heightmap.geometry, len(radii)
-    cells = Cells(*np.ceil(grid.T - 0.5).astype(np.int64))
+    cells = nearest_vertices(geometry, grid)
     rings = window_rings((1.0 + NEARBY) * radii + MORE_STEPS * along, geometry.resolution)
-    inside = (np.minimum(*cells) >= rings) & (cells.rows < geometry.rows - rings)
-    inside &= cells.columns < geometry.columns - rings
+    inside = rings_to_edge(geometry, cells) >= rings
     found = Aloft(np.full(count, -np.inf), np.zeros(count), np.full(count, np.inf), np.zeros(count), rings, cells)
     sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))
     for size in np.unique(sizes[inside]).tolist():

@@ -46,7 +46,8 @@ class GridPatches:
         """Takes other settings; every patch is made anew."""
         self._config = config
         self._auto.configure(config)
-        self.forget(slice(None))
+        self._most[:] = -1.0
+        self._search.forget(slice(None))
 
     def set_bodies(self, kept: IntArray) -> None:
         """Says which bodies there are, by their index before, -1 = new (N,)."""

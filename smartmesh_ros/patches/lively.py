@@ -16,7 +16,7 @@ UNLOOKED, LONGEST = 0.1, 0.4
 # Whoever is above the ground counts as on it if it comes there within so long [s].
 SOON = 0.03
 # Not where it would be a coarser one: under bodies that reach further [samples].
-FINE = 3.5
+FEW = 3.5
 # On ground at rest: bodies whose look lasts for fewer steps.
 HURRY = 24
 # Nor where there are more bodies: a look costs about the same for one as for a hundred, and a patch for each.
@@ -34,6 +34,11 @@ def mostly_fields(state: IntArray) -> bool:
 def mostly_unlooked(state: IntArray) -> bool:
     """Whether so few bodies are looked at that looking at them costs more than all their patches."""
     return bool(np.count_nonzero(state == FIXED) > 0.5 * len(state))
+
+
+def reaches_few(reach: FloatArray, resolution: float) -> BoolArray:
+    """Which bodies reach so few samples (n,) that a patch of fixed extent leaves none out."""
+    return np.asarray(reach <= FEW * resolution)
 
 
 def unlooked_for(before: FloatArray) -> FloatArray:

@@ -13,7 +13,15 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_collect import Collected, collect_inside
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.grid_window import Balls, Window, window_rings
-from smartmesh_ros.patches.lively import FINE, HURRY, in_vain, look_again, mostly_fields, mostly_unlooked, unlooked_for
+from smartmesh_ros.patches.lively import (
+    HURRY,
+    in_vain,
+    look_again,
+    mostly_fields,
+    mostly_unlooked,
+    reaches_few,
+    unlooked_for,
+)
 from smartmesh_ros.patches.looked import Looked
 from smartmesh_ros.patches.moving import Moving
 from smartmesh_ros.patches.planes import foot_offset
@@ -22,6 +30,7 @@ from smartmesh_ros.patches.ranges import (
     SHORT_HORIZON,
     SLACK,
     leeway,
+    rings_to_edge,
     roaming_reach,
     roaming_room,
     room_on_planes,
@@ -115,7 +124,7 @@ class Looks:
         if self.config.kind == "auto" and (
             mostly_unlooked(standing.state) or (lively and mostly_fields(standing.state))
         ):
-            fine = moving.radii + along <= FINE * heightmap.geometry.resolution
+            fine = reaches_few(moving.radii + along, heightmap.geometry.resolution)
             self._leave_alone(moving, fine & ~stay, time)
             stay |= fine
         high[high] = stay
@@ -146,8 +155,7 @@ class Looks:
         rings = window_rings(reach, geometry.resolution)
         standing.rows[bodies], standing.columns[bodies] = cells
         standing.middles_w[bodies] = geometry.to_world(*cells)
-        inside = (cells.rows >= rings) & (cells.rows < geometry.rows - rings)
-        inside &= (cells.columns >= rings) & (cells.columns < geometry.columns - rings)
+        inside = rings_to_edge(geometry, cells) >= rings
         # The search leaves the rim out: the nearest vertex found may not be that.
         inside &= np.maximum(np.abs(foot[:, 0] - cells.rows), np.abs(foot[:, 1] - cells.columns)) <= 0.5 + 1e-9
         standing.state[bodies[~inside]] = FIXED
@@ -187,7 +195,7 @@ class Looks:
         if hurried.any() and mostly_fields(standing.state) and self.config.kind == "auto":
             crowd = mostly_unlooked(standing.state)
             vain = in_vain(choice, before, view.balls.centres, moving.radii, way.across / dt, crowd=crowd)
-            vain &= (hurried | crowd) & (moving.radii + way.along <= FINE * heightmap.geometry.resolution)
+            vain &= (hurried | crowd) & reaches_few(moving.radii + way.along, heightmap.geometry.resolution)
             self._leave_alone(moving, vain, time)
 
     def _view(

@@ -90,6 +90,10 @@ def sizes_together(geometry: GridGeometry, cells: Cells, rings: IntArray) -> Int
         further = large.size * (2 * most + 1) ** 2 - int(((2 * large + 1) ** 2).sum())
         if several and further <= several * SAMPLES_PER_SIZE:
             sizes[rings > SMALL_WINDOW] = most
-    room = np.minimum(np.minimum(cells.rows, geometry.rows - 1 - cells.rows),
-                      np.minimum(cells.columns, geometry.columns - 1 - cells.columns))  # fmt: skip
-    return np.asarray(np.where(sizes <= room, sizes, rings))
+    return np.asarray(np.where(sizes <= rings_to_edge(geometry, cells), sizes, rings))
+
+
+def rings_to_edge(geometry: GridGeometry, cells: Cells) -> IntArray:
+    """How many rings of samples there are around ``cells`` (n,), negative beyond the map's edge."""
+    return np.asarray(np.minimum(np.minimum(cells.rows, geometry.rows - 1 - cells.rows),
+                                 np.minimum(cells.columns, geometry.columns - 1 - cells.columns)))  # fmt: skip

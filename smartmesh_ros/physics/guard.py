@@ -21,8 +21,9 @@ from smartmesh_ros.terrain.terrain import MainMesh
 FASTEST_RESCUED = 5.0
 # Bodies whose middle is nearer to the plane along the ground under them are looked at closely [radii].
 NEAR = 0.5
-# Who was found above ground at rest is not looked at closely again before going this share of that.
-CLEAR = 0.25
+# Who was found above ground at rest is not looked at closely again before going this share of that, or for so long [s]:
+# it may go into a cliff.
+CLEAR, AGAIN = 0.25, 0.05
 
 
 class Guard:
@@ -30,10 +31,10 @@ class Guard:
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
-        # Of which followers and maps it is known where bodies were found how far above the ground [m].
+        # Of which followers and maps it is known where and when bodies were found how far above the ground [m].
         self._followers: list[Follower] = []
         self._maps: list[tuple[MainMesh, int]] = []
-        self._places_w, self._room = np.empty((0, 3)), np.empty(0)
+        self._places_w, self._room, self._asked = np.empty((0, 3)), np.empty(0), np.empty(0)
 
     def rescue(self, client: Any, bodies: list[Body | None], time: float) -> int:
         """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
@@ -61,6 +62,7 @@ class Guard:
         heights, velocities = ground.terrain.at(positions_w[index, :2], time)
         room = positions_w[index, 2] - heights
         self._places_w[index], self._room[index] = positions_w[index], np.maximum(room, 0.0)
+        self._asked[index] = time
         below = room < 0.0
         rates = np.zeros(len(index)) if velocities is None else np.nan_to_num(velocities)
         return index[below], heights[below], rates[below]
@@ -71,9 +73,12 @@ class Guard:
         maps = [(mesh, mesh.version) for mesh in meshes]
         if self._followers is not ground.followers or self._maps != maps or any(mesh.moving(time) for mesh in meshes):
             self._followers, self._maps = ground.followers, maps
-            self._places_w, self._room = np.zeros((len(self._followers), 3)), np.zeros(len(self._followers))
+            count = len(self._followers)
+            self._places_w, self._room, self._asked = np.zeros((count, 3)), np.zeros(count), np.full(count, np.inf)
         gone = ground.positions_w[index] - self._places_w[index]
-        return bool((np.einsum("ij,ij->i", gone, gone) < (CLEAR * self._room[index]) ** 2).all())
+        near = np.einsum("ij,ij->i", gone, gone) < (CLEAR * self._room[index]) ** 2
+        ago = time - self._asked[index]
+        return bool((near & (ago >= 0.0) & (ago < AGAIN)).all())
 
 
 def suspects(batches: list[PatchBatch], positions_w: FloatArray, radii: FloatArray) -> IntArray:

@@ -262,3 +262,17 @@ def test_the_guard_looks_now_and_then_at_who_roams_a_patch_and_at_once_at_who_is
         world.client.resetBasePositionAndOrientation(uid, (0.0, 0.8, -0.9), (0, 0, 0, 1))
         world.refresh()
         assert world.rescues == 1
+
+
+def test_the_guard_finds_who_went_a_little_way_into_a_cliff() -> None:
+    y = 0.5 * np.arange(-20, 21)
+    cliff = HeightMap(20.0 * np.maximum(y, 0.0)[:, None] * np.ones(41), resolution=0.5, origin=(-10.0, -10.0))
+    with World(cliff, WorldConfig(physics=PhysicsConfig(landing=False))) as world:
+        world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, -0.01, 0.2)))
+        world.refresh()
+        assert world.rescues == 0
+        uid = world.bodies["ball"].uid
+        world.client.resetBasePositionAndOrientation(uid, (0.0, 0.03, 0.2), (0, 0, 0, 1))
+        world.time += 0.06
+        world.refresh()
+        assert world.rescues == 1
