@@ -13,7 +13,15 @@ from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.carrying import Carried, velocity_below
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.physics.heightfield import BOUND, Heightfield, HeightfieldPool, collider_order, collider_yaw
+from smartmesh_ros.physics.heightfield import (
+    BOUND,
+    LOWER,
+    Heightfield,
+    HeightfieldPool,
+    collider_order,
+    collider_yaw,
+    room,
+)
 from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.prediction import Ahead
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
@@ -31,7 +39,7 @@ STALE = 5e-4
 # To drop them, PyBullet's body is lowered by so much under the same surface: contacts keep their places on it, part by
 # as much, and are forgotten. Once it is lower than DEEPEST it comes back up, and they are dropped by telling PyBullet
 # that the two may collide, for which it goes through the pairs of all bodies [m].
-LOWERED, DEEPEST = 5e-3, 0.1
+LOWERED, DEEPEST = 5e-3, LOWER
 # Where fewer than this share of colliders would be left alone in the next step, none is for so long [s]: telling which
 # costs as much as it saves.
 FEW, PAUSE = 0.25, 0.1
@@ -41,6 +49,7 @@ SLOWEST = 1e-6
 _FILLS = {
     "_sizes": 0,
     "_spacings": 0.0,
+    "_bounds": 0.0,
     "_shapes": -1,
     "_heights": np.nan,
     "_contact_heights": np.nan,
@@ -61,9 +70,11 @@ class Heightfields:
         self._followers: list[Follower] = []
         self._fields: dict[Follower, Heightfield] = {}
         self._balls = np.empty(0, bool)  # they need no edge filter
-        # The followers' colliders, size 0 = none: samples on a side, their distance [m] and shape.
+        # The followers' colliders, size 0 = none: samples on a side, their distance [m], how far they may be above or
+        # below the middle one [m], and shape.
         self._sizes = np.empty(0, np.int64)
         self._spacings = np.empty(0)
+        self._bounds = np.empty(0)
         self._shapes = np.empty(0, np.int64)
         self._carried = Carried(client)
         # What they were last given: heights [m].
@@ -138,9 +149,11 @@ class Heightfields:
             np.nan_to_num(relative, copy=False, nan=-BOUND)
         np.minimum(np.maximum(relative, -BOUND, out=relative), BOUND, out=relative)
         base[:, 2] += ahead.higher
+        bounds = room(sizes, fields.spacing, np.maximum(relative.max(axis=1), -relative.min(axis=1)))
         unfit = (self._sizes[bodies] != sizes) | (self._spacings[bodies] != fields.spacing)
+        unfit |= bounds > self._bounds[bodies]
         for index in np.flatnonzero(unfit).tolist():
-            self._fit(int(bodies[index]), int(sizes[index]), float(fields.spacing[index]))
+            self._fit(int(bodies[index]), int(sizes[index]), float(fields.spacing[index]), float(bounds[index]))
         self._make_room(relative.shape[1])
         yaw = fields.heightmap.geometry.yaw
         self._slopes[bodies] += _slopes(self._carried.advance(bodies, time), yaw)
@@ -182,13 +195,13 @@ class Heightfields:
             self._carried.forget(index)
             self._sizes[index] = 0
 
-    def _fit(self, index: int, size: int, spacing: float) -> None:
+    def _fit(self, index: int, size: int, spacing: float, bound: float) -> None:
         """Gives a follower a heightfield of another size."""
         self.release(index)
         follower = self._followers[index]
-        field = self._fields[follower] = self._pool.take(size, spacing, follower.body, follower.link)
+        field = self._fields[follower] = self._pool.take(size, spacing, bound + LOWER, follower.body, follower.link)
         follower.collider = field.body
-        self._sizes[index], self._spacings[index] = size, spacing
+        self._sizes[index], self._spacings[index], self._bounds[index] = size, spacing, bound
         self._shapes[index], self._carried.colliders[index] = field.shape, field.body
         self._heights[index] = np.nan
         self._carried.forget(index)

@@ -10,6 +10,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.physics import heightfield
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -265,3 +266,29 @@ def test_no_patch_stays_where_a_body_was_when_others_come(kind: PatchKind) -> No
         world.step(2)
         assert not world.ground.batches
         assert colliders_near(world, 5.01, 5.02) == 0
+
+
+def width_on_a_seesaw() -> float:
+    """How wide the bounds of a ball's collider get on ground that tilts [m]."""
+    x = 0.1 * np.arange(41) - 2.0
+    heightmap = HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))
+    config = WorldConfig(patch=PatchConfig(kind="heightfield"))
+    widest = 0.0
+    with World(heightmap, config) as world:
+        world.spawn("ball", Sphere(0.15), 1.0, BodyState((0.5, 0.0, 0.15)))
+        for step in range(60):
+            if step % 8 == 0:
+                heightmap.replace(0.5 * world.time * x * np.ones((41, 1)), time=world.time)
+            world.step()
+            low, high = world.client.getAABB(world.ground.followers[0].collider)
+            widest = max(widest, high[0] - low[0], high[1] - low[1])
+    return widest
+
+
+def test_the_bounds_of_leaning_colliders_do_not_reach_over_others() -> None:
+    assert width_on_a_seesaw() < 1.0
+
+
+def test_bounds_as_high_as_they_may_be_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(heightfield, "SLOPE", np.inf)
+    assert width_on_a_seesaw() > 10.0

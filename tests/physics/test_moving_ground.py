@@ -9,7 +9,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics import heightfield
+from smartmesh_ros.physics import heightfields
 from smartmesh_ros.physics.heightfields import CARRIED
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import InwardWaves, Wave
@@ -60,7 +60,7 @@ def test_ground_above_everything_seen_before_carries() -> None:
 
 
 def test_without_preallocated_bounds_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(heightfield, "BOUND", 0.0)
+    monkeypatch.setattr(heightfields, "room", lambda sizes, *_: np.zeros(len(sizes)))
     assert depth_in_pit() > 0.5
 
 
