@@ -8,18 +8,14 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
-from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.lively import OFTEN
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
+from smartmesh_ros.physics.colliders import Colliders, Held
 from smartmesh_ros.physics.fields import Fields, base_over_holes, groups
 from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.physics.heightfields import Heightfields
-from smartmesh_ros.physics.mesh_colliders import MeshColliders
 from smartmesh_ros.physics.movement import Movement
-from smartmesh_ros.physics.pairs import Pairs
-from smartmesh_ros.physics.planes import Planes
 from smartmesh_ros.physics.prediction import Ahead, Prediction
 from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
 from smartmesh_ros.search.methods import require_search
@@ -31,9 +27,6 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # A body so far from the plane under it touches nothing of its patch [m].
 APART = 0.01
-
-# Which collider a follower has.
-_BARE, _FIELD, _PLANE, _MESH = range(4)
 
 
 def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
@@ -65,16 +58,11 @@ class Ground:
         self._client = client
         self._movement = Movement(client)
         self._tracker = PatchTracker(self.terrain, self.config, self.stopwatch)
-        pairs = Pairs(client)
-        self._heightfields = Heightfields(client, pairs)
-        self._planes = Planes(client, pairs)
+        self._colliders = Colliders(client)
         self._prediction = Prediction()
-        self._meshes = MeshColliders(client, pairs)
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._radii = np.empty(0)
-        self._held = np.empty(0, np.int64)
-        self._away = np.empty(0, bool)  # whose collider waits far away
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -109,17 +97,17 @@ class Ground:
         """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
         chosen = [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
         self._movement.placed(chosen)
-        self._heightfields.renew(chosen)
+        self._colliders.fields.renew(chosen)
 
     @property
     def replacements(self) -> int:
         """Colliders whose surface was changed so far."""
-        return self._heightfields.replacements + self._meshes.built
+        return self._colliders.fields.replacements + self._colliders.meshes.built
 
     @property
     def leaked(self) -> int:
         """Colliders that were built anew so far; PyBullet keeps some KiB of each."""
-        return self._meshes.built
+        return self._colliders.meshes.built
 
     def attach(
         self, body: int, link: int = -1, *, radius: float | None = None, solid: bool = True, ball: bool | None = None
@@ -142,7 +130,7 @@ class Ground:
         """Takes the patches of ``body`` and its links away. Call it before the body is removed from PyBullet."""
         for index, follower in enumerate(self.followers):
             if follower.body == body:
-                self._release(index)
+                self._colliders.release(index)
         self._adopt([follower for follower in self.followers if follower.body != body])
 
     def configure(self, config: PatchConfig) -> None:
@@ -151,7 +139,7 @@ class Ground:
         for mesh in self.terrain.tiles.values():
             require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
-            self._heightfields.forget_heights()
+            self._colliders.fields.forget_heights()
         self._applied = []
         self.config = config
         self._tracker.configure(config)
@@ -159,7 +147,7 @@ class Ground:
     def update(self, time: float, dt: float) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
         self._movement.read(dt)
-        lively = not self._heightfields.keeps(time)
+        lively = not self._colliders.fields.keeps(time)
         batches = self._tracker.update(self.positions_w, self.moved_w, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
@@ -173,7 +161,7 @@ class Ground:
     def close(self) -> None:
         """Takes all colliders away."""
         for index in range(len(self.followers)):
-            self._release(index)
+            self._colliders.release(index)
         self._whole.release()
         self._adopt([])
 
@@ -181,13 +169,11 @@ class Ground:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
         before = {follower: index for index, follower in enumerate(self.followers)}
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
-        carry_over(self, {"_held": _BARE, "_away": False}, kept)
         self.followers = followers
         self._applied = []
         self._radii = np.array([follower.radius for follower in followers])
         self._movement.adopt(followers, kept)
-        self._heightfields.adopt(followers, kept)
-        self._planes.adopt(followers, kept)
+        self._colliders.adopt(followers, kept)
         self._prediction.adopt(kept)
         solid = np.array([follower.solid for follower in followers], bool)
         self._tracker.set_bodies(self._radii, kept, solid)
@@ -212,16 +198,7 @@ class Ground:
         for _, carried in applied:
             supported[carried] = True
         self._applied = applied
-        self._put_away(np.flatnonzero(~supported & (self._held != _BARE) & ~self._away))
-
-    def _put_away(self, indices: IntArray) -> None:
-        """Takes colliders from followers that need none now; the usual ones wait for when they do again."""
-        self._away[indices] = True
-        held = self._held[indices]
-        self._heightfields.put_away(indices[held == _FIELD])
-        self._planes.put_away(indices[held == _PLANE])
-        for index in indices[held == _MESH].tolist():
-            self._release(index)
+        self._colliders.put_away(supported)
 
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
@@ -233,12 +210,14 @@ class Ground:
             base, grounded = base_over_holes(base, batch.vertices_w()[..., 2])
             rows = np.flatnonzero(grounded)
         if rows.size:
-            self._make_room(bodies[rows], _MESH)
+            self._colliders.make_room(bodies[rows], Held.MESH)
             twist = None
             if self.config.carry_velocity:
                 twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
                 twist[:, 2] += self._prediction.ahead(batch, time, dt).faster
-            self._meshes.apply_batch(batch, rows, base, twist, self.followers, edge_filter=self.config.edge_filter)
+            self._colliders.meshes.apply_batch(
+                batch, rows, base, twist, self.followers, edge_filter=self.config.edge_filter
+            )
         return bodies[rows]
 
     def _apply_planes(self, batch: PlaneBatch, time: float, dt: float) -> IntArray:
@@ -247,14 +226,14 @@ class Ground:
         ahead, due = Ahead.nothing(len(bodies)), np.arange(len(bodies))
         if carry_velocity:
             ahead = self._prediction.ahead(batch, time, dt)
-            held = self._planes.held(batch, time)
+            held = self._colliders.planes.held(batch, time)
             due = np.flatnonzero(~held)
             if due.size < len(bodies):
-                self._planes.go_on(bodies[held], ahead.faster[held], time)
+                self._colliders.planes.go_on(bodies[held], ahead.faster[held], time)
         if due.size:
-            self._make_room(bodies[due], _PLANE)
+            self._colliders.make_room(bodies[due], Held.PLANE)
             radii = self._radii[bodies[due]]
-            self._planes.apply(batch, due, radii, ahead.of(due), time, carry_velocity=carry_velocity)
+            self._colliders.planes.apply(batch, due, radii, ahead.of(due), time, carry_velocity=carry_velocity)
         return bodies
 
     def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:
@@ -267,12 +246,12 @@ class Ground:
             ahead = self._prediction.ahead(fields, time, dt)
             # Worth it only where there are steps between maps.
             keeping = not holes and fields.heightmap.lifetime > OFTEN * dt and fields.heightmap.slide_w == (0.0, 0.0)
-            keeping = keeping and self._heightfields.keeps(time)
+            keeping = keeping and self._colliders.fields.keeps(time)
         if keeping:
-            held = self._heightfields.held(fields, time)
+            held = self._colliders.fields.held(fields, time)
             due = np.flatnonzero(~held)
             if due.size < len(held):
-                self._heightfields.go_on(fields.bodies[held], ahead.faster[held], touching[held], time)
+                self._colliders.fields.go_on(fields.bodies[held], ahead.faster[held], touching[held], time)
         if not due.size:
             return carried
         if due.size < len(fields.bodies):
@@ -284,10 +263,10 @@ class Ground:
             due = np.flatnonzero(grounded)
             fields, base, samples = fields.of_rows(due), base[due], Samples(samples.heights[due], None)
         if due.size:
-            self._make_room(fields.bodies, _FIELD)
-            self._heightfields.apply(fields, samples, base, ahead.of(due), touching[due], time, self.config)
+            self._colliders.make_room(fields.bodies, Held.FIELD)
+            self._colliders.fields.apply(fields, samples, base, ahead.of(due), touching[due], time, self.config)
             if keeping:
-                self._heightfields.judge(fields.bodies, time, dt)
+                self._colliders.fields.judge(fields.bodies, time, dt)
         return carried
 
     def _touching(self, fields: Fields) -> BoolArray:
@@ -297,17 +276,3 @@ class Ground:
             return np.ones(len(bodies), bool)
         distance = np.einsum("ij,ij->i", self.positions_w[bodies] - fields.points_w, fields.normals_w)
         return np.asarray(distance <= self._radii[bodies] + APART)
-
-    def _make_room(self, indices: IntArray, held: int) -> None:
-        """Takes colliders of another kind from followers."""
-        for index in indices[self._held[indices] != held].tolist():
-            self._release(index)
-            self._held[index] = held
-        self._away[indices] = False
-
-    def _release(self, index: int) -> None:
-        """Takes a follower's collider away, if it has one."""
-        self._heightfields.release(index)
-        self._planes.release(index)
-        self._meshes.release(self.followers[index])
-        self._held[index] = _BARE

@@ -54,7 +54,7 @@ class Heightfield:
 
 
 def room(sizes: IntArray, spacings: FloatArray, highest: FloatArray) -> FloatArray:
-    """How far above or below their middle heightfields have room (n,) [m] for samples as far as ``highest`` (n,) [m]."""
+    """How far above or below their middle heightfields have room (n,) [m] for samples that go ``highest`` (n,) [m]."""
     low = 0.5 * SLOPE * (sizes - 1) * spacings
     return np.asarray(np.where(highest > low, BOUND - LOWER, np.minimum(low, BOUND - LOWER)))
 

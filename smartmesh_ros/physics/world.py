@@ -19,19 +19,15 @@ from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
-from smartmesh_ros.physics.landing import Radii
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
+from smartmesh_ros.physics.roll import call_roll
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
+from smartmesh_ros.physics.solver import set_up
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-
-# PyBullet keeps a contact point until it has moved by this share of the body's size; at its default of 0.02 the points
-# that a rolling body leaves behind hold it back and make it hop. Far smaller values let boxes creep down slopes. The
-# value holds for all worlds of a process.
-CONTACT_BREAKING = 2e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +62,12 @@ class World:
         self.time = 0.0
         self.bodies: dict[str, Body] = {}
         self.client: Any = BulletClient(pb.DIRECT)
-        self._apply_physics(self.config.physics)
+        set_up(self.client, self.config.physics)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
         self._guard = Guard(self.ground)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
-        self._follower_names: list[str] = []
-        self._of_followers: list[Body | None] = []  # simulated bodies by the followers' indices
-        self._radii = Radii.of([])
+        self._roll = call_roll([], [])
         self._met: list[int] = []  # followers that met the ground in the last step
 
     def __enter__(self) -> World:
@@ -85,7 +79,7 @@ class World:
     def configure(self, config: WorldConfig) -> None:
         """Takes other settings while bodies rest on their patches; friction and restitution hold for later bodies."""
         self.config = config
-        self._apply_physics(config.physics)
+        set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.ground.configure(config.patch)
 
@@ -143,7 +137,7 @@ class World:
         self.client.removeBody(body.uid)
         self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.uid}
         del self.bodies[name]
-        self._rename_followers()
+        self._call_roll()
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = its limit."""
@@ -172,7 +166,7 @@ class World:
         self.ground.update(self.time, dt)
         if self._drop_lost():
             self.ground.update(self.time, dt)
-        rescued = self._guard.rescue(self.client, self._of_followers, self.time) if self.config.physics.guard else 0
+        rescued = self._guard.rescue(self.client, self._roll.bodies, self.time) if self.config.physics.guard else 0
         if rescued:
             self.rescues += rescued
             self.ground.update(self.time, dt)
@@ -260,31 +254,30 @@ class World:
 
     def follower_names(self) -> list[str]:
         """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
-        return self._follower_names
+        return self._roll.names
 
     def contacts(self) -> list[GroundContact]:
         """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
-        return ground_contacts(self.client, self.ground, self._follower_names)
+        return ground_contacts(self.client, self.ground, self._roll.names)
 
     def wrenches(self) -> list[GroundWrench]:
         """What the ground exerted in the last step on each simulated body and link that can touch it."""
-        return wrenches_of_step(self.client, self.ground.followers, self._follower_names)
+        return wrenches_of_step(self.client, self.ground.followers, self._roll.names)
 
     def below_ground(self) -> list[str]:
         """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
         positions = self.ground.positions_w
         heights = self.terrain.at(positions[:, :2], self.time).heights
         below = np.flatnonzero(positions[:, 2] < heights)
-        return [self._follower_names[index] for index in below if self.ground.followers[index].solid]
+        return [self._roll.names[index] for index in below if self.ground.followers[index].solid]
 
     def _step(self) -> None:
         """Steps PyBullet, bodies meeting the ground softly where that is asked for."""
         physics, meeting = self.config.physics, None
         if physics.landing:
             with self.stopwatch.stage("collider"):
-                meeting = landing.meet(
-                    self.client, self.ground, self._of_followers, self._radii, self._met, self.time, physics
-                )
+                bodies, radii = self._roll.bodies, self._roll.radii
+                meeting = landing.meet(self.client, self.ground, bodies, radii, self._met, self.time, physics)
         with self.stopwatch.stage("step"):
             for (uid, index), effort in self._efforts.items():
                 apply_effort(self.client, uid, index, effort)
@@ -297,18 +290,10 @@ class World:
         if np.abs(positions).max(initial=0.0) <= FARTHEST:  # not so either where there is a NaN
             return False
         there = (np.abs(positions) <= FARTHEST).all(axis=1)
-        names = {self._follower_names[index].partition("/")[0] for index in np.flatnonzero(~there)}
-        for name in sorted(names):
+        for name in self._roll.bodies_of(np.flatnonzero(~there)):
             self.remove(name)
             self.lost.append(name)
         return True
-
-    def _apply_physics(self, physics: PhysicsConfig) -> None:
-        self.client.setGravity(*physics.gravity)
-        self.client.setTimeStep(physics.dt)
-        self.client.setPhysicsEngineParameter(
-            contactERP=physics.contact_erp, erp=physics.contact_erp, contactBreakingThreshold=CONTACT_BREAKING
-        )
 
     def _body(self, name: str) -> Body:
         try:
@@ -332,17 +317,8 @@ class World:
         else:
             ball = isinstance(body.shape, Sphere)
             self.ground.attach(body.uid, radius=body.radius, solid=not body.tracked, ball=ball)
-        self._rename_followers()
+        self._call_roll()
 
-    def _rename_followers(self) -> None:
-        names = {}
-        for body in self.bodies.values():
-            names[body.uid, -1] = body.name
-            for link, name in body.links.items():
-                names[body.uid, link] = f"{body.name}/{name}"
-        followers = self.ground.followers
-        self._follower_names = [names[follower.body, follower.link] for follower in followers]
-        simulated = {body.uid: body for body in self.bodies.values() if not body.tracked}
-        self._of_followers = [simulated.get(follower.body) for follower in followers]
-        self._radii = Radii.of(self._of_followers)
+    def _call_roll(self) -> None:
+        self._roll = call_roll(self.bodies.values(), self.ground.followers)
         self._met = []
