@@ -17,6 +17,7 @@ from smartmesh_ros.patches.template import PatchTemplate
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,11 +131,14 @@ class PlaneBatch(PatchBatch):
 class MeshBatch(PatchBatch):
     """The patch of one body on a general mesh, n = 1.
 
-    ``positions_w``: its vertices (1, K, 3) [m]; ``vertices``: their indices in the mesh (K,).
+    ``positions_w``: its vertices (1, K, 3) [m]; ``vertices``: their indices in the mesh (K,). ``points_w``: a point of
+    the ground under the body (1, 3) [m].
     """
 
+    mesh: TriangleMesh
     positions_w: FloatArray
     vertices: IntArray
+    points_w: FloatArray
 
     def vertices_w(self) -> FloatArray:
         """Vertices (1, K, 3) [m]."""
@@ -173,13 +177,16 @@ def plane_twist(heightmap: HeightMap, rates: FloatArray) -> FloatArray:
     return twist
 
 
-def mesh_twist(offsets: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+def mesh_twist(
+    offsets: FloatArray, velocities: FloatArray, body: FloatArray, edge: float
+) -> tuple[FloatArray, FloatArray]:
     """Twist of the rigid motion nearest to the ``velocities`` (k, 3) of points at ``offsets`` (k, 3) from a centre.
 
-    By least squares, weighted towards the centre, where the body is.
+    By least squares, weighted towards where the ``body`` is (3,) from that centre [m]: at a distance of one ``edge``
+    [m] the weight is a seventh. The mean over a patch is another motion where the velocity is curved.
     """
-    distance = np.linalg.norm(offsets, axis=1)
-    weight = np.exp(-2.0 * (distance / max(float(distance.max()), 1e-12)) ** 2)[:, None]
+    distance = np.einsum("ij,ij->i", offsets - body, offsets - body)
+    weight = np.exp(-2.0 * (distance - distance.min()) / (edge * edge))[:, None]
     share = weight / weight.sum()
     middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
     arm, swing = offsets - middle, velocities - linear

@@ -55,8 +55,10 @@ class MeshPatches:
         self._vertex[bodies] = found
         with self._stopwatch.stage("collect"):
             return [
-                self._batch(name, body, vertex, distance, time)
-                for body, vertex, distance in zip(bodies.tolist(), found.tolist(), reach.tolist(), strict=True)
+                self._batch(name, body, position_w, vertex, distance, time)
+                for body, position_w, vertex, distance in zip(
+                    bodies.tolist(), positions_w, found.tolist(), reach.tolist(), strict=True
+                )
             ]
 
     def _search(self, bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> IntArray:
@@ -88,7 +90,9 @@ class MeshPatches:
                 found[index] = batch.vertices[hit] if hit >= 0 else -1
         return found
 
-    def _batch(self, name: str, body: int, vertex: int, reach: float, time: float) -> PatchBatch:
+    def _batch(
+        self, name: str, body: int, position_w: FloatArray, vertex: int, reach: float, time: float
+    ) -> PatchBatch:
         mesh = self.mesh
         rings = self.config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_RINGS)
         topology = self._topology(vertex, rings)
@@ -96,7 +100,8 @@ class MeshPatches:
         centre = samples.positions[np.searchsorted(topology.vertices, vertex)]
         linear = angular = np.zeros(3)
         if samples.velocities is not None:
-            linear, angular = mesh_twist(samples.positions - centre, samples.velocities)
+            offsets, edge = samples.positions - centre, mesh.edge_length
+            linear, angular = mesh_twist(offsets, samples.velocities, position_w - centre, edge)
         return MeshBatch(
             tile=name,
             kind=self.config.mesh_kind,
@@ -109,8 +114,10 @@ class MeshPatches:
             linear_w=linear[None],
             angular_w=angular[None],
             deviation=np.zeros(1),
+            mesh=mesh,
             positions_w=samples.positions[None],
             vertices=topology.vertices,
+            points_w=np.array([[*position_w[:2], centre[2]]]),
         )
 
     def _topology(self, vertex: int, rings: int) -> PatchTopology:

@@ -211,12 +211,13 @@ class Ground:
             rows = np.flatnonzero(grounded)
         if rows.size:
             self._colliders.make_room(bodies[rows], Held.MESH)
-            twist = None
+            twist, ahead = None, Ahead.nothing(len(bodies))
             if self.config.carry_velocity:
+                ahead = self._prediction.ahead(batch, time, dt)
                 twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)
-                twist[:, 2] += self._prediction.ahead(batch, time, dt).faster
+                twist[:, 2] += ahead.faster
             self._colliders.meshes.apply_batch(
-                batch, rows, base, twist, self.followers, edge_filter=self.config.edge_filter
+                batch, rows, base, ahead.higher, twist, self.followers, edge_filter=self.config.edge_filter
             )
         return bodies[rows]
 

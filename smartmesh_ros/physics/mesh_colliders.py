@@ -50,13 +50,15 @@ class MeshColliders:
         batch: PatchBatch,
         rows: IntArray,
         base: FloatArray,
+        higher: FloatArray,
         twist: FloatArray | None,
         followers: list[Follower],
         *,
         edge_filter: bool,
     ) -> None:
         """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, on bodies at
-        ``base`` (n, 3) [m] that carry the ground's ``twist`` (n, 6), None = at rest; none where all is holes."""
+        ``base`` (n, 3) [m] that carry the ground's ``twist`` (n, 6), None = at rest, and are ``higher`` (n,) [m] than
+        the batch says; none where all is holes."""
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         vertices = batch.vertices_w()
         for row in rows.tolist():
@@ -68,7 +70,7 @@ class MeshColliders:
                 continue
             surface = np.nan_to_num(vertices[row], nan=float(base[row, 2]))
             carried = None if twist is None else twist[row]
-            self.apply(follower, batch.kind, surface, triangles, base[row], carried, edge_filter)
+            self.apply(follower, batch.kind, surface, triangles, base[row], float(higher[row]), carried, edge_filter)
 
     def apply(
         self,
@@ -77,11 +79,12 @@ class MeshColliders:
         vertices_w: FloatArray,
         triangles: NDArray[np.int32],
         base: FloatArray,
+        higher: float,
         twist: FloatArray | None,
         edge_filter: bool,
     ) -> None:
         """Gives a follower its collider: a surface of ``vertices_w`` (K, 3) [m] and ``triangles`` (T, 3), on a body at
-        ``base`` (3,) [m] that carries the ground's ``twist`` (6,), None = at rest."""
+        ``base`` (3,) [m], ``higher`` [m] than that, that carries the ground's ``twist`` (6,), None = at rest."""
         relative = vertices_w - base
         old = self._colliders.get(follower)
         if old is None or not _same(old, kind, edge_filter, relative, triangles):
@@ -91,7 +94,8 @@ class MeshColliders:
             follower.collider = uid
             self._pairs.join(uid, follower.body, follower.link)
             self.built += 1
-        self._client.resetBasePositionAndOrientation(old.uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
+        x, y, z = base.tolist()
+        self._client.resetBasePositionAndOrientation(old.uid, (x, y, z + higher), (0.0, 0.0, 0.0, 1.0))
         if twist is not None:
             self._client.resetBaseVelocity(old.uid, twist[:3].tolist(), twist[3:].tolist())
 

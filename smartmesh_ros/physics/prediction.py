@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
+from smartmesh_ros.patches.batch import GridBatch, MeshBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -55,27 +55,30 @@ class Prediction:
 
     def ahead(self, batch: PatchBatch | Fields, time: float, dt: float) -> Ahead:
         """What the ground under a batch's bodies is ahead of, in the middle of the step of ``dt`` [s] from ``time``
-        [s], if the map's velocity were constant; nothing on a general mesh."""
+        [s], if the map's velocity were constant."""
         bodies = batch.bodies
-        if not isinstance(batch, GridBatch | PlaneBatch | Fields):
-            return Ahead.nothing(len(bodies))
-        known = (batch.since < time) & (self._stamps[bodies] <= batch.since)
-        if not known.all():
+        assert isinstance(batch, GridBatch | PlaneBatch | MeshBatch | Fields)
+        if isinstance(batch, MeshBatch) or not ((batch.since < time) & (self._stamps[bodies] <= batch.since)).all():
             self._look(batch, time)
         acceleration = self._accelerations[bodies]
         if not acceleration.any():
             return Ahead.nothing(len(bodies))
         age, interval = time - self._stamps[bodies], self._intervals[bodies]
-        lag = np.zeros_like(interval) if batch.heightmap.velocity_given else interval
+        given = batch.mesh.velocity_given if isinstance(batch, MeshBatch) else batch.heightmap.velocity_given
+        lag = np.zeros_like(interval) if given else interval
         return Ahead(0.5 * acceleration * age * (age + lag), acceleration * (0.5 * lag + age + 0.5 * dt))
 
-    def _look(self, batch: GridBatch | PlaneBatch | Fields, time: float) -> None:
+    def _look(self, batch: GridBatch | PlaneBatch | MeshBatch | Fields, time: float) -> None:
         """Looks whether there are newer maps, and how the ground's velocity has changed in them."""
-        heightmap, bodies = batch.heightmap, batch.bodies
-        stamps, interval = heightmap.clocks.of(batch.rows, batch.columns)
+        bodies = batch.bodies
+        if isinstance(batch, MeshBatch):
+            motion, stamps, interval = batch.mesh.motion, np.array([batch.mesh.time]), np.array([batch.mesh.lifetime])
+        else:
+            motion = batch.heightmap.motion
+            stamps, interval = batch.heightmap.clocks.of(batch.rows, batch.columns)
         age = time - stamps
         steady = (age >= 0.0) & (age <= PATIENCE * interval) & (interval > 0.0)
-        if heightmap.motion.mode != "extrapolate":
+        if motion.mode != "extrapolate":
             steady[:] = False
         if not steady.all():
             self._stamps[bodies[~steady]] = np.nan

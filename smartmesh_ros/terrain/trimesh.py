@@ -47,7 +47,8 @@ class TriangleMesh:
         self._before = self._now.copy()
         self.time = time
         self._interval = np.inf
-        self._lifetime = 0.0
+        self.lifetime = 0.0  # expected time from an update to the next [s], 0 = none is expected
+        self.velocity_given = False  # with the last update
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)
         corners = np.argsort(self.triangles.ravel(), kind="stable")
@@ -121,16 +122,17 @@ class TriangleMesh:
         recent = 0.0 < since <= self.motion.max_interval
         if speeds is not None:
             self._before[:, target] = new - speeds
-            self._interval, self._lifetime = 1.0, since if recent else self.motion.max_interval
+            self._interval, self.lifetime = 1.0, since if recent else self.motion.max_interval
         elif since != 0.0:
-            self._interval, self._lifetime = (since, since) if recent else (np.inf, 0.0)
+            self._interval, self.lifetime = (since, since) if recent else (np.inf, 0.0)
+        self.velocity_given = speeds is not None
         self.time = time
         self._shape = shape
         self.version += 1
 
     def moving(self, time: float) -> bool:
         """Whether any vertex may move at ``time`` [s]."""
-        return self._lifetime > 0.0 and time - self.time < REST * self._lifetime
+        return self.lifetime > 0.0 and time - self.time < REST * self.lifetime
 
     def shift_time(self, by: float) -> None:
         """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
@@ -145,7 +147,7 @@ class TriangleMesh:
         velocities = (positions - self._before[:, indices].T) / self._interval
         # Faster than anything moves: it has jumped.
         velocities[np.linalg.norm(velocities, axis=1) > self.motion.max_velocity] = 0.0
-        done = progress(self.motion.mode, np.array([age]), np.array([self._lifetime]))
+        done = progress(self.motion.mode, np.array([age]), np.array([self.lifetime]))
         return MeshSamples(positions + velocities * done.offset, velocities * done.rate)
 
     def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:

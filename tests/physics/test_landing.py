@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics.shapes import Capsule, Cylinder, Shape, support
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 DT = 1.0 / 240.0
 TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
@@ -164,16 +166,26 @@ def test_without_the_guard_it_stays_there() -> None:
         assert world.below_ground() == ["buried"]
 
 
-def test_bodies_ride_on_ground_that_accelerates() -> None:
+@pytest.mark.parametrize(
+    ("general", "kind"), [(False, "auto"), (False, "trimesh"), (True, "auto")], ids=["auto", "trimesh", "general mesh"]
+)
+def test_bodies_ride_on_ground_that_accelerates(general: bool, kind: PatchKind) -> None:
     """Maps at 20 Hz lag; the ground's acceleration, seen where the body stands, makes up for most of it."""
     rise, rate = 0.3, 4.0
     flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
-    with World(flat) as world:
+    x, y = np.meshgrid(0.25 * np.arange(41) - 5.0, 0.25 * np.arange(41) - 5.0)
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    mesh = TriangleMesh(vertices, grid_triangles(41, 41))
+    with World(mesh if general else flat, WorldConfig(patch=PatchConfig(kind=kind))) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - rise)))
         gaps = []
         for step in range(720):
             if step % 12 == 0:
-                flat.replace(np.full((41, 41), -rise * math.cos(rate * world.time)), time=world.time)
+                height = -rise * math.cos(rate * world.time)
+                if general:
+                    mesh.move(vertices + (0.0, 0.0, height), time=world.time)
+                else:
+                    flat.replace(np.full((41, 41), height), time=world.time)
             world.step()
             if step > 120:
                 gaps.append(world.state("ball").position[2] - 0.2 + rise * math.cos(rate * world.time))
