@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,8 @@ from smartmesh_ros.physics.pairs import Pairs
 from smartmesh_ros.physics.planes import Planes
 from smartmesh_ros.terrain.grid import BoolArray, IntArray
 
-
-class Held(IntEnum):
-    """What a follower has."""
-
-    NOTHING = 0
-    FIELD = 1
-    PLANE = 2
-    MESH = 3
+# What a follower has.
+NOTHING, FIELD, PLANE, MESH = range(4)
 
 
 class Colliders:
@@ -39,12 +32,12 @@ class Colliders:
 
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
         """Makes ``followers`` the ones there are; ``kept``: each one's index before, -1 = new."""
-        carry_over(self, {"_held": Held.NOTHING, "_away": False}, kept)
+        carry_over(self, {"_held": NOTHING, "_away": False}, kept)
         self._followers = followers
         self.fields.adopt(followers, kept)
         self.planes.adopt(followers, kept)
 
-    def make_room(self, followers: IntArray, kind: Held) -> None:
+    def make_room(self, followers: IntArray, kind: int) -> None:
         """Takes colliders from followers (n,) that have another kind than the one they are to be given now."""
         for index in followers[self._held[followers] != kind].tolist():
             self.release(index)
@@ -53,12 +46,12 @@ class Colliders:
 
     def put_away(self, needed: BoolArray) -> None:
         """Takes colliders from followers that need none now (N,); the usual ones wait for when they do again."""
-        indices = np.flatnonzero(~needed & (self._held != Held.NOTHING) & ~self._away)
+        indices = np.flatnonzero(~needed & (self._held != NOTHING) & ~self._away)
         self._away[indices] = True
         held = self._held[indices]
-        self.fields.put_away(indices[held == Held.FIELD])
-        self.planes.put_away(indices[held == Held.PLANE])
-        for index in indices[held == Held.MESH].tolist():
+        self.fields.put_away(indices[held == FIELD])
+        self.planes.put_away(indices[held == PLANE])
+        for index in indices[held == MESH].tolist():
             self.release(index)
 
     def release(self, index: int) -> None:
@@ -66,4 +59,4 @@ class Colliders:
         self.fields.release(index)
         self.planes.release(index)
         self.meshes.release(self._followers[index])
-        self._held[index] = Held.NOTHING
+        self._held[index] = NOTHING

@@ -12,7 +12,7 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.lively import OFTEN
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
-from smartmesh_ros.physics.colliders import Colliders, Held
+from smartmesh_ros.physics.colliders import FIELD, MESH, PLANE, Colliders
 from smartmesh_ros.physics.fields import Fields, base_over_holes, groups
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.movement import Movement
@@ -210,7 +210,7 @@ class Ground:
             base, grounded = base_over_holes(base, batch.vertices_w()[..., 2])
             rows = np.flatnonzero(grounded)
         if rows.size:
-            self._colliders.make_room(bodies[rows], Held.MESH)
+            self._colliders.make_room(bodies[rows], MESH)
             twist, ahead = None, Ahead.nothing(len(bodies))
             if self.config.carry_velocity:
                 ahead = self._prediction.ahead(batch, time, dt)
@@ -232,7 +232,7 @@ class Ground:
             if due.size < len(bodies):
                 self._colliders.planes.go_on(bodies[held], ahead.faster[held], time)
         if due.size:
-            self._colliders.make_room(bodies[due], Held.PLANE)
+            self._colliders.make_room(bodies[due], PLANE)
             radii = self._radii[bodies[due]]
             self._colliders.planes.apply(batch, due, radii, ahead.of(due), time, carry_velocity=carry_velocity)
         return bodies
@@ -264,7 +264,7 @@ class Ground:
             due = np.flatnonzero(grounded)
             fields, base, samples = fields.of_rows(due), base[due], Samples(samples.heights[due], None)
         if due.size:
-            self._colliders.make_room(fields.bodies, Held.FIELD)
+            self._colliders.make_room(fields.bodies, FIELD)
             self._colliders.fields.apply(fields, samples, base, ahead.of(due), touching[due], time, self.config)
             if keeping:
                 self._colliders.fields.judge(fields.bodies, time, dt)
