@@ -114,10 +114,12 @@ class BlockClocks:
         ``version`` (n,) of the map."""
         if self._alike:
             return np.asarray(version < self._version[0, 0])
-        found = 2 * reach > BLOCK  # such a patch may lie on blocks that none of its corners is in
-        for down in (-reach, reach):
+        found = reach > BLOCK  # such a patch may lie on further blocks
+        # A patch of half that lies on no other blocks than those of its corners.
+        places = (-reach, reach) if (2 * reach <= BLOCK).all() else (-reach, 0, reach)
+        for down in places:
             row = self._block_rows(rows + down)
-            for aside in (-reach, reach):
+            for aside in places:
                 found |= version < self._version[row, self._block_columns(columns + aside)]
         return np.asarray(found)
 
