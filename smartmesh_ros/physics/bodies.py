@@ -120,6 +120,8 @@ class BodyFactory:
         for index in range(-1, client.getNumJoints(uid)):
             if client.getCollisionShapeData(uid, index):
                 links[index] = self._link_name(uid, index)
+                # PyBullet leaves links beside the base as they are whose shapes have an origin of their own.
+                client.changeDynamics(uid, index, collisionMargin=ROUNDED)
             if index >= 0:
                 info = client.getJointInfo(uid, index)
                 if info[2] in (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC):

@@ -230,15 +230,28 @@ def test_a_world_that_was_reset_goes_on_as_a_fresh_one() -> None:
     assert ends[0] == ends[1]
 
 
-def test_a_plank_stands_on_its_edge_not_in_the_ground() -> None:
+PLANK = """
+<robot name="plank"><link name="board">
+  <inertial><mass value="1"/><inertia ixx="0.0042" iyy="0.0842" izz="0.0867" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="1.0 0.2 0.1"/></geometry></collision>
+</link></robot>
+"""
+
+
+@pytest.mark.parametrize("urdf", ["", PLANK], ids=["box", "link"])
+def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
     """PyBullet rounds edges by its margin: the one that the plank leans on sank in."""
     heights = np.zeros((61, 61))
     heights[:, 34:] = 0.3
     tilt = 0.5 * math.radians(30.0)
     orientation = (0.0, -math.sin(tilt), 0.0, math.cos(tilt))
     with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0, 0.0))) as world:
-        world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, BodyState((0.05, 0.0, 0.36), orientation))
-        world.step(240)
+        start = BodyState((0.05, 0.0, 0.36), orientation)
+        if urdf:
+            world.spawn_robot("plank", urdf, start)
+        else:
+            world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, start)
+        world.step(480)
         state = world.state("plank")
         turn = np.reshape(world.client.getMatrixFromQuaternion(state.orientation), (3, 3))
         corners = np.array(list(product((-0.5, 0.5), (-0.1, 0.1), (-0.05, 0.05)))) @ turn.T + state.position
