@@ -19,7 +19,7 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 BOUND = 100.0
 # Most patches keep within this slope from their middle and get lower bounds: those of a heightfield that is 200 m high
 # and leans a little meet those of many bodies beside it, in every step. Besides, there is room for being lowered [m].
-SLOPE, LOWER = 2.0, 0.1
+SLOPE, DEEPEST = 2.0, 0.1
 
 # Where colliders wait that no body needs, far below and apart from one another [m].
 _PARK_DEPTH = -1.0e5
@@ -56,7 +56,7 @@ class Heightfield:
 def room(sizes: IntArray, spacings: FloatArray, highest: FloatArray) -> FloatArray:
     """How far above or below their middle heightfields have room (n,) [m] for samples that go ``highest`` (n,) [m]."""
     low = 0.5 * SLOPE * (sizes - 1) * spacings
-    return np.asarray(np.where(highest > low, BOUND - LOWER, np.minimum(low, BOUND - LOWER)))
+    return np.asarray(np.where(highest > low, BOUND - DEEPEST, np.minimum(low, BOUND - DEEPEST)))
 
 
 @lru_cache

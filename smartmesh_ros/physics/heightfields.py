@@ -15,7 +15,7 @@ from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import (
     BOUND,
-    LOWER,
+    DEEPEST,
     Heightfield,
     HeightfieldPool,
     collider_order,
@@ -39,7 +39,7 @@ STALE = 5e-4
 # To drop them, PyBullet's body is lowered by so much under the same surface: contacts keep their places on it, part by
 # as much, and are forgotten. Once it is lower than DEEPEST it comes back up, and they are dropped by telling PyBullet
 # that the two may collide, for which it goes through the pairs of all bodies [m].
-LOWERED, DEEPEST = 5e-3, LOWER
+LOWERED = 5e-3
 # Where fewer than this share of colliders would be left alone in the next step, none is for so long [s]: telling which
 # costs as much as it saves.
 FEW, PAUSE = 0.25, 0.1
@@ -199,7 +199,7 @@ class Heightfields:
         """Gives a follower a heightfield of another size."""
         self.release(index)
         follower = self._followers[index]
-        field = self._fields[follower] = self._pool.take(size, spacing, bound + LOWER, follower.body, follower.link)
+        field = self._fields[follower] = self._pool.take(size, spacing, bound + DEEPEST, follower.body, follower.link)
         follower.collider = field.body
         self._sizes[index], self._spacings[index], self._bounds[index] = size, spacing, bound
         self._shapes[index], self._carried.colliders[index] = field.shape, field.body

@@ -238,8 +238,8 @@ PLANK = """
 """
 
 
-@pytest.mark.parametrize("urdf", ["", PLANK], ids=["box", "link"])
-def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
+@pytest.mark.parametrize(("urdf", "steps"), [("", 240), (PLANK, 480)], ids=["box", "link"])  # the link rocks longer
+def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str, steps: int) -> None:
     """PyBullet rounds edges by its margin: the one that the plank leans on sank in."""
     heights = np.zeros((61, 61))
     heights[:, 34:] = 0.3
@@ -251,7 +251,7 @@ def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
             world.spawn_robot("plank", urdf, start)
         else:
             world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, start)
-        world.step(480)
+        world.step(steps)
         state = world.state("plank")
         turn = np.reshape(world.client.getMatrixFromQuaternion(state.orientation), (3, 3))
         corners = np.array(list(product((-0.5, 0.5), (-0.1, 0.1), (-0.05, 0.05)))) @ turn.T + state.position
