@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 from geometry_msgs.msg import Point
 from shape_msgs.msg import MeshTriangle
@@ -13,6 +15,7 @@ from smartmesh_ros.node.array_message import ArrayMessage, by_length, stamp_fiel
 from smartmesh_ros.node.cdr import text_rows
 from smartmesh_ros.node.patch_groups import PatchGroup, SentPatches, by_triangles
 from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 KINDS = {
     "heightfield": ColliderPatch.HEIGHTFIELD,
@@ -55,18 +58,23 @@ class PatchMarkers:
         message.start("markers", MarkerArray)
         stamp = stamp_fields(header)
         seen = [np.empty(0, np.int64)]
+        points: dict[int, list[FloatArray]] = defaultdict(list)
+        by_size: dict[int, list[IntArray]] = defaultdict(list)
         for group in by_triangles(batches):
             ids, vertices = self._id_of[group.bodies], group.vertices_w
             seen.append(ids)
             if only_changed:
                 changed = self._sent.changed(group, "marker", vertices)
                 ids, vertices = ids[changed], vertices[changed]
-            corners = group.triangles.ravel()
+            points[group.triangles.size].append(vertices.take(group.triangles.ravel(), axis=1))
+            by_size[group.triangles.size].append(ids)
+        for size, parts in points.items():
+            ids = np.concatenate(by_size[size])
             message.add(
-                (header.frame_id, corners.size),
-                lambda: _marker(header.frame_id, Marker.ADD, corners.size),  # noqa: B023  # called at once
+                (header.frame_id, size),
+                lambda: _marker(header.frame_id, Marker.ADD, size),  # noqa: B023  # called at once
                 len(ids),
-                {**stamp, "id": ids, "points": vertices[:, corners]},
+                {**stamp, "id": ids, "points": np.concatenate(parts)},
             )
         shown = np.sort(np.concatenate(seen))
         gone = self._shown

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +17,37 @@ from smartmesh_ros.patches.config import ColliderKind
 from smartmesh_ros.patches.grid_collect import Collected, collect_inside
 from smartmesh_ros.patches.template import PatchTemplate
 from smartmesh_ros.search.grid import Cells
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+
+class SurfaceTwist(NamedTuple):
+    """Velocity of the ground at n points and its turning, (n, 3) [m/s, rad/s]."""
+
+    linear_w: FloatArray
+    angular_w: FloatArray
+
+
+class TwistOnDemand:
+    """The same, worked out by ``make`` once somebody asks for it."""
+
+    def __init__(self, make: Callable[[], SurfaceTwist]) -> None:
+        self._make = make
+
+    @cached_property
+    def _made(self) -> SurfaceTwist:
+        return self._make()
+
+    @property
+    def linear_w(self) -> FloatArray:
+        """Velocities (n, 3) [m/s]."""
+        return self._made.linear_w
+
+    @property
+    def angular_w(self) -> FloatArray:
+        """Turning (n, 3) [rad/s]."""
+        return self._made.angular_w
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +57,7 @@ class PatchBatch(ABC):
     ``kind``: their collider. ``bodies``: indices of the bodies (n,). ``triangles``: corners (T, 3) among the K vertices
     of a patch. ``rows``, ``columns``: nearest vertex (n,); on a general mesh row 0 and the vertex's index. ``stride``:
     samples of the map from one sample of the patch to the next (n,). ``centres_w``: position of the nearest
-    vertex (n, 3) [m]. ``linear_w``, ``angular_w``: velocity of the ground there and its turning, (n, 3) [m/s, rad/s].
+    vertex (n, 3) [m]. ``twist``: how the ground moves there.
     ``deviation``: how far the collider may lie from the main mesh where the body can touch it (n,) [m], NaN = unknown.
     """
 
@@ -39,9 +69,18 @@ class PatchBatch(ABC):
     columns: IntArray
     stride: IntArray
     centres_w: FloatArray
-    linear_w: FloatArray
-    angular_w: FloatArray
+    twist: SurfaceTwist | TwistOnDemand
     deviation: FloatArray
+
+    @property
+    def linear_w(self) -> FloatArray:
+        """Velocity of the ground at the centres (n, 3) [m/s]."""
+        return self.twist.linear_w
+
+    @property
+    def angular_w(self) -> FloatArray:
+        """Turning of the ground there (n, 3) [rad/s]."""
+        return self.twist.angular_w
 
     @abstractmethod
     def vertices_w(self) -> FloatArray:
@@ -90,8 +129,7 @@ class GridBatch(PatchBatch):
 
     def vertices_w(self) -> FloatArray:
         """Vertices of all patches (n, K, 3) [m], in the order of the template."""
-        cells = Cells(self.rows, self.columns)
-        return _grid_vertices(self.heightmap, self.template, cells, self.stride, self.heights_w)
+        return _grid_vertices(self.template, self.centres_w, self.stride, self.heightmap.geometry, self.heights_w)
 
     @property
     def may_have_holes(self) -> bool:
@@ -118,8 +156,10 @@ class PlaneBatch(PatchBatch):
     def vertices_w(self) -> FloatArray:
         """Samples near the planes (n, 9, 3) [m], in the order of the template."""
         cells = Cells(self.rows, self.columns)
-        heights = collect_inside(self.heightmap, self.template, cells, self.stride, self.time, "cached").heights
-        return _grid_vertices(self.heightmap, self.template, cells, self.stride, heights)
+        ground = collect_inside(
+            self.heightmap, self.template, cells, self.stride, self.time, "cached", velocities=False
+        )
+        return _grid_vertices(self.template, self.centres_w, self.stride, self.heightmap.geometry, ground.heights)
 
     @property
     def may_have_holes(self) -> bool:
@@ -151,30 +191,38 @@ class MeshBatch(PatchBatch):
 
 
 def _grid_vertices(
-    heightmap: HeightMap, template: PatchTemplate, cells: Cells, stride: IntArray, heights_w: FloatArray
+    template: PatchTemplate, centres_w: FloatArray, stride: IntArray, geometry: GridGeometry, heights_w: FloatArray
 ) -> FloatArray:
-    """Vertices (n, K, 3) [m] of patches around ``cells`` (n,) with the given heights (n, K) [m]."""
-    rows = cells.rows[:, None] + template.rows * stride[:, None]
-    columns = cells.columns[:, None] + template.columns * stride[:, None]
-    vertices = np.empty((*rows.shape, 3))
-    vertices[..., :2] = heightmap.geometry.to_world(rows, columns)
+    """Vertices (n, K, 3) [m] of patches around samples at ``centres_w`` (n, 2+) [m], with the given heights (n, K)
+    [m]."""
+    yaw, apart = geometry.yaw, stride[:, None] * geometry.resolution
+    vertices = np.empty((*heights_w.shape, 3))
+    x, y = vertices[..., 0], vertices[..., 1]
+    if yaw:
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        np.multiply(cos * template.columns - sin * template.rows, apart, out=x)
+        np.multiply(sin * template.columns + cos * template.rows, apart, out=y)
+    else:
+        np.multiply(template.columns, apart, out=x)
+        np.multiply(template.rows, apart, out=y)
+    x += centres_w[:, :1]
+    y += centres_w[:, 1:2]
     vertices[..., 2] = heights_w
     return vertices
 
 
-def plane_twist(heightmap: HeightMap, rates: FloatArray) -> FloatArray:
-    """Velocity of planes at the middles of their windows, and their turning (2, n, 3) [m/s, rad/s], from how their
-    coefficients (height, slope along x, slope along y) change a second (n, 3).
+def plane_twist(heightmap: HeightMap, rates: FloatArray) -> SurfaceTwist:
+    """How planes move at the middles of their windows, from how their coefficients (height, slope along x, slope along
+    y) change a second (n, 3).
 
     A point at (x, y) of a plane that turns with w rises at w_x y - w_y x, so the slope of the velocity is the turning.
     """
-    twist = np.zeros((2, len(rates), 3))
-    linear, angular = twist
+    linear, angular = np.zeros((2, len(rates), 3))
     linear[:, :2], linear[:, 2] = heightmap.slide_w, rates[:, 0]
     cos, sin = math.cos(heightmap.geometry.yaw), math.sin(heightmap.geometry.yaw)
     angular[:, 0] = rates[:, 1] * sin + rates[:, 2] * cos
     angular[:, 1] = rates[:, 2] * sin - rates[:, 1] * cos
-    return twist
+    return SurfaceTwist(linear, angular)
 
 
 def mesh_twist(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.patches.auto import AutoPatches
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, plane_twist
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, SurfaceTwist, TwistOnDemand, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
@@ -75,8 +75,11 @@ class GridPatches:
             batches += self.of_fixed_extent(name, moving.of(fixed), time, before)
         return batches
 
-    def of_fixed_extent(self, name: str, moving: Moving, time: float, before: list[PatchBatch]) -> list[PatchBatch]:
-        """Patches of as many rings as the bodies' size asks for, chosen or not."""
+    def of_fixed_extent(
+        self, name: str, moving: Moving, time: float, before: list[PatchBatch], *, solid: bool = True
+    ) -> list[PatchBatch]:
+        """Patches of as many rings as the bodies' size asks for, chosen or not; of bodies that are not ``solid``
+        nobody need know the plane under them, nor how it moves."""
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
         bodies, grid, geometry = moving.bodies, moving.grid, heightmap.geometry
@@ -93,12 +96,12 @@ class GridPatches:
         rings = self._rings[bodies]
         first = int(rings[0])
         if (rings == first).all():
-            return [self._batch(name, heightmap, first, moving, cells, time)]
+            return [self._batch(name, heightmap, first, moving, cells, time, solid=solid)]
         batches: list[PatchBatch] = []
         for size in np.unique(rings):
             of_size = rings == size
             part = Cells(cells.rows[of_size], cells.columns[of_size])
-            batches.append(self._batch(name, heightmap, int(size), moving.of(of_size), part, time))
+            batches.append(self._batch(name, heightmap, int(size), moving.of(of_size), part, time, solid=solid))
         return batches
 
     def _set_extent(self, heightmap: HeightMap, bodies: IntArray, need: FloatArray) -> None:
@@ -114,7 +117,7 @@ class GridPatches:
         self._least[bodies], self._most[bodies] = extent.least, extent.most
 
     def _batch(
-        self, name: str, heightmap: HeightMap, rings: int, moving: Moving, cells: Cells, time: float
+        self, name: str, heightmap: HeightMap, rings: int, moving: Moving, cells: Cells, time: float, *, solid: bool
     ) -> GridBatch:
         template, bodies = patch_template(rings), moving.bodies
         stride = self._stride[bodies]
@@ -126,10 +129,19 @@ class GridPatches:
                 nearest, ground = cells, collect_across(self._terrain, heightmap, template, cells, stride, time)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2], centres_w[:, 2] = heightmap.geometry.to_world(*cells), ground.heights[:, template.centre]
-        under = ground_under(heightmap, ground, cells, stride, moving, centres_w)
-        # Patches that were moved off the map's edge have other facets in their middle than those under the bodies.
-        known = not ground.holes and all(map(np.array_equal, nearest, cells))
-        plane = under if known and self._config.grid_kind == "heightfield" else None
+        points_w = normals_w = None
+        if solid:
+            under = ground_under(heightmap, ground, cells, stride, moving, centres_w)
+            twist: SurfaceTwist | TwistOnDemand = under.twist
+            # Patches that were moved off the map's edge have other facets in their middle than those under the bodies.
+            if (
+                self._config.grid_kind == "heightfield"
+                and not ground.holes
+                and all(map(np.array_equal, nearest, cells))
+            ):
+                points_w, normals_w = under.points_w, under.normals_w
+        else:
+            twist = TwistOnDemand(lambda: ground_under(heightmap, ground, cells, stride, moving, centres_w).twist)
         unknown = np.full(len(bodies), np.nan)
         # All samples that a body can touch leave nothing to deviate; another tile's may be read between its own.
         whole = not (self._config.rings or ground.holes) and len(self._terrain.tiles) == 1
@@ -137,21 +149,19 @@ class GridPatches:
         spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
         return GridBatch(
             tile=name, kind=self._config.grid_kind, bodies=bodies, triangles=template.triangles, rows=cells.rows,
-            columns=cells.columns, stride=stride, centres_w=centres_w, linear_w=under.linear_w,
-            angular_w=under.angular_w, deviation=deviation, heightmap=heightmap, template=template, spacing=spacing,
-            time=time, since=unknown, ground=ground, points_w=None if plane is None else plane.points_w,
-            normals_w=None if plane is None else plane.normals_w,
+            columns=cells.columns, stride=stride, centres_w=centres_w, twist=twist, deviation=deviation,
+            heightmap=heightmap, template=template, spacing=spacing, time=time, since=unknown, ground=ground,
+            points_w=points_w, normals_w=normals_w,
         )  # fmt: skip
 
 
 class Under(NamedTuple):
-    """The facet under n bodies, all (n, 3): its plane by its point nearest to the body [m] and its upward normal, NaN
-    over a hole; its velocity at the patch's centre [m/s] and its turning [rad/s]."""
+    """The facet under n bodies: its plane by its point nearest to the body (n, 3) [m] and its upward normal (n, 3), NaN
+    over a hole; and how it moves at the patch's centre."""
 
     points_w: FloatArray
     normals_w: FloatArray
-    linear_w: FloatArray
-    angular_w: FloatArray
+    twist: SurfaceTwist
 
 
 def ground_under(
@@ -172,9 +182,9 @@ def ground_under(
     plane = planes_through(nine, which, spacing, holes=holes)
     _, points_w, normals_w = planes_in_world(plane, centres_w[:, :2], moving.positions_w, geometry.yaw)
     if ground.velocities is None:
-        return Under(points_w, normals_w, *np.zeros((2, len(stride), 3)))
+        return Under(points_w, normals_w, SurfaceTwist(*np.zeros((2, len(stride), 3))))
     rates = planes_through(_middle_nine(ground.velocities), which, spacing, holes=False)
-    return Under(points_w, normals_w, *plane_twist(heightmap, rates))
+    return Under(points_w, normals_w, plane_twist(heightmap, rates))
 
 
 def _middle_nine(samples: FloatArray) -> FloatArray:

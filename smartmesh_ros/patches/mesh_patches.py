@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import MeshBatch, PatchBatch, mesh_twist
+from smartmesh_ros.patches.batch import MeshBatch, PatchBatch, SurfaceTwist, mesh_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.collect import BFS, PatchTopology, TopologyCache, topology_around
 from smartmesh_ros.patches.config import PatchConfig
@@ -111,8 +111,7 @@ class MeshPatches:
             columns=np.array([vertex]),
             stride=np.array([1]),
             centres_w=centre[None],
-            linear_w=linear[None],
-            angular_w=angular[None],
+            twist=SurfaceTwist(linear[None], angular[None]),
             deviation=np.zeros(1),
             mesh=mesh,
             positions_w=samples.positions[None],

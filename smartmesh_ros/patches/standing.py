@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, plane_twist
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch, SurfaceTwist, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import FACET, FACET_RINGS, FIELD, FITTED, FIXED, UNDECIDED
 from smartmesh_ros.patches.collect import CollectMethod
@@ -123,7 +124,7 @@ class Standing:
         chosen, rings = chosen[order], rings[order]
         bodies = bodies[chosen]
         # That of the ground under the body: the mean over the patch is another one where the velocity is curved.
-        linear_w, angular_w = self._twist(heightmap, bodies, time)
+        twist = self._twist(heightmap, bodies, time)
         centres_w, points_w, normals_w = self._ground(heightmap, bodies, positions_w[chosen], time)
         rows, columns, stride = self.rows[bodies], self.columns[bodies], self.stride[bodies]
         deviation, since = self.deviation[bodies], self.read_at[bodies]
@@ -134,10 +135,10 @@ class Standing:
         for start, end in zip([0, *ends], ends, strict=False):
             part, size = slice(start, end), int(rings[start])
             template = patch_template(FACET_RINGS if size == PLANE else size)
-            common = {
+            common: dict[str, Any] = {
                 "tile": name, "bodies": bodies[part], "triangles": template.triangles, "rows": rows[part],
                 "columns": columns[part], "stride": stride[part], "centres_w": centres_w[part],
-                "linear_w": linear_w[part], "angular_w": angular_w[part], "deviation": deviation[part],
+                "twist": SurfaceTwist(twist.linear_w[part], twist.angular_w[part]), "deviation": deviation[part],
                 "heightmap": heightmap, "template": template, "points_w": points_w[part],
                 "normals_w": normals_w[part], "since": since[part], "time": time,
             }  # fmt: skip
@@ -148,10 +149,10 @@ class Standing:
                 found.append(GridBatch(kind="heightfield", spacing=spacing, method=method, **common))
         return found, fixed
 
-    def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> FloatArray:
-        """Velocity of the planes at the middle samples and their turning (2, n, 3) [m/s, rad/s]."""
+    def _twist(self, heightmap: HeightMap, bodies: IntArray, time: float) -> SurfaceTwist:
+        """How the planes move at the middle samples."""
         if not heightmap.moving(time):
-            return np.zeros((2, len(bodies), 3))
+            return SurfaceTwist(*np.zeros((2, len(bodies), 3)))
         return plane_twist(heightmap, self.rate[bodies])
 
     def _ground(

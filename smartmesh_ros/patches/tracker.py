@@ -101,7 +101,7 @@ class PatchTracker:
             return self._general[name].patches(name, moving.bodies, moving.positions_w, reach, time, before)
         if solid:
             return self._grid.patches(name, moving, time, self._dt, before, lively=self._lively)
-        return self._grid.of_fixed_extent(name, moving, time, before)
+        return self._grid.of_fixed_extent(name, moving, time, before, solid=False)
 
     def _take_tiles(self) -> None:
         """Notices tiles that came, went or were replaced; bodies on them look for their tile anew."""

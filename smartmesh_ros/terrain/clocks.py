@@ -12,6 +12,8 @@ from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionMode, progress
 
 # Side of the square blocks of samples that share an age [samples].
 BLOCK = 64
+# How far the blocks of a map are along is worked out for all of them at once where there are no more.
+MOST_AT_ONCE = 4096
 
 Blocks = tuple[slice, slice]
 
@@ -41,7 +43,8 @@ class BlockClocks:
         self.latest = -math.inf  # time of the newest update [s]
         self._stream: Stream | None = None  # None = to be worked out
         self._progress_key: tuple[float, MotionMode] | None = None  # what the progress was worked out for
-        self._progress_known = (math.inf, 0.0, 0.0)
+        self._progress_known = (math.inf, 0.0, 0.0)  # of all, where they are alike
+        self._progress_of = np.empty((0, 3))  # of each block, row by row: interval [s], offset [s], rate
 
     @staticmethod
     def around(row: int, column: int, end_row: int, end_column: int) -> Blocks:
@@ -126,18 +129,25 @@ class BlockClocks:
     def progress(self, mode: MotionMode, centres: IntArray, time: float) -> tuple[Any, Any, Any]:
         """What velocities are divided by [s], and how far along them the ground is at ``time`` [s] (offset [s], rate);
         each one number for all of ``centres`` (n,) or an array (n, 1)."""
-        if not self._alike:
-            rows, columns = np.divmod(centres, self._columns)
-            block = rows // BLOCK, columns // BLOCK
-            offset, rate = progress(mode, time - self._time[block], self._lifetime[block])
-            return self._interval[block][:, None], offset[:, None], rate[:, None]
         # Asked for several times a step.
         key = (time, mode)
-        if self._progress_key != key:
-            offset, rate = progress(mode, time - self._time[0, :1], self._lifetime[0, :1])
-            self._progress_key = key
-            self._progress_known = float(self._interval[0, 0]), float(offset[0]), float(rate[0])
-        return self._progress_known
+        fresh, self._progress_key = self._progress_key != key, key
+        if self._alike:
+            if fresh:
+                offset, rate = progress(mode, time - self._time[0, :1], self._lifetime[0, :1])
+                self._progress_known = float(self._interval[0, 0]), float(offset[0]), float(rate[0])
+            return self._progress_known
+        rows, columns = np.divmod(centres, self._columns)
+        block = rows // BLOCK * self._time.shape[1] + columns // BLOCK
+        if self._time.size > MOST_AT_ONCE:
+            time_of, lifetime = self._time.ravel()[block], self._lifetime.ravel()[block]
+            offset, rate = progress(mode, time - time_of, lifetime)
+            return self._interval.ravel()[block, None], offset[:, None], rate[:, None]
+        if fresh:
+            offset, rate = progress(mode, time - self._time, self._lifetime)
+            self._progress_of = np.stack([self._interval, offset, rate], axis=-1).reshape(-1, 3)
+        known = self._progress_of.take(block, axis=0)
+        return known[:, :1], known[:, 1:2], known[:, 2:]
 
     def _block_rows(self, rows: IntArray) -> IntArray:
         return np.minimum(np.maximum(rows // BLOCK, 0), self._time.shape[0] - 1)

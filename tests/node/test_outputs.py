@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import body_outputs, patch_outputs
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.batch import PatchBatch, SurfaceTwist
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.contacts import GroundContact
@@ -221,7 +221,9 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
     for turn in range(16):
         batches = changing_batches(turn, holes, rng)
         if turn % 5 == 1:  # alike in shape, and of another speed or precision
-            batches = [replace(batch, linear_w=batch.linear_w + rng.normal()) for batch in batches]
+            batches = [
+                replace(batch, twist=SurfaceTwist(batch.linear_w + rng.normal(), batch.angular_w)) for batch in batches
+            ]
         if turn % 5 == 2:
             batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
         carry = turn < 12

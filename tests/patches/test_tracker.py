@@ -126,9 +126,10 @@ def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
     assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
 
 
+@pytest.mark.parametrize("solid", [True, False])
 @pytest.mark.parametrize("kind", ["auto", "heightfield"])
 @pytest.mark.parametrize("rings", [0, 3])
-def test_a_patch_moves_as_the_ground_under_the_body_does(kind: PatchKind, rings: int) -> None:
+def test_a_patch_moves_as_the_ground_under_the_body_does(kind: PatchKind, rings: int, solid: bool) -> None:
     """Where the velocity of the ground is curved, its mean over the patch is another one."""
     rng = np.random.default_rng(4)
     rows, columns = np.indices((60, 60))
@@ -138,9 +139,10 @@ def test_a_patch_moves_as_the_ground_under_the_body_does(kind: PatchKind, rings:
     places = heightmap.geometry.to_world(*rng.uniform(10.0, 49.0, (2, 40)))
     positions = np.column_stack([places, heightmap.at(places, 0.01).heights + 0.05])
     tracker = PatchTracker(Terrain(heightmap), PatchConfig(kind=kind, rings=rings))
-    tracker.set_bodies(np.full(40, 0.05), np.full(40, -1))
+    tracker.set_bodies(np.full(40, 0.05), np.full(40, -1), np.full(40, solid))
     checked = 0
-    for batch in tracker.update(positions, np.zeros((40, 3)), 0.01, 0.004):
+    tracker.update(positions, np.zeros((40, 3)), 0.01, 0.004)
+    for batch in tracker.batches:
         for row, body in enumerate(batch.bodies.tolist()):
             arm = np.append(places[body] - batch.centres_w[row, :2], 0.0)
             rate = batch.linear_w[row, 2] + np.cross(batch.angular_w[row], arm)[2]
