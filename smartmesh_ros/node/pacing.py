@@ -22,9 +22,9 @@ OLDEST, NEWEST = 1.0, -0.05
 class Pacer:
     """Deadlines of a loop of fixed period, on the steady clock unless ``now`` gives another [s].
 
-    A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
+    ``lateness`` collects how late the steps started. ``follows``: whether the clock is another simulator's.
 
-    ``lateness`` collects how late the steps started.
+    A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
 
     - *skip*: the missed steps are left out and the beat is kept. `advance` returns how many there were, so that
       simulated time can go on without them.
@@ -41,6 +41,7 @@ class Pacer:
         self.policy = policy
         self.misses = 0
         self.most_catch_up = MOST_CATCH_UP
+        self.follows = False
         self.lateness = Stopwatch(("lateness",))
         self._now = now
         self.deadline = now() + period
@@ -56,6 +57,17 @@ class Pacer:
             self.deadline -= left - self.period
             return self.period
         return left
+
+    def simulated_now(self, next_step: float) -> float:
+        """Simulated time at this instant [s]: that of the ``next_step`` [s], less what is left until it is due.
+
+        A loop that is late may not catch up for long. It would take every map for one of a time yet to come, and stand
+        on the ground before; so no instant is further ahead of the next step than a period. Where simulated time goes
+        on at once to what the clock tells, as it does where steps are left out, or follow another simulator's clock,
+        every instant is what it is.
+        """
+        ahead = -min(self.remaining(), self.period)
+        return next_step + (ahead if self.follows or self.policy == "skip" else min(ahead, self.period))
 
     def advance(self) -> int:
         """Notes that the work of this deadline is starting, and sets the next one; returns the steps to leave out."""

@@ -100,6 +100,7 @@ class Session:
         # The steps that are due come in bursts, with the messages of /clock: none of them is late.
         self.pacer.policy = "catch_up" if simulated else self.settings.deadline
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
+        self.pacer.follows = simulated
         self.pacer.restart()
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
@@ -122,8 +123,8 @@ class Session:
         return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
 
     def time_now(self) -> float:
-        """Simulated time at this instant [s]: that of the next step, less what is left until it is due."""
-        return self.world.time if self.paused else self.world.time - min(self.pacer.remaining(), self.pacer.period)
+        """Simulated time at this instant [s]."""
+        return self.world.time if self.paused else self.pacer.simulated_now(self.world.time)
 
     def require_not_simulated(self, name: str) -> None:
         """Raises `InputError` if the body is simulated, so that nobody can dictate its pose."""

@@ -94,3 +94,36 @@ def test_a_clock_that_is_set_back_starts_the_beat_anew(policy: DeadlinePolicy) -
     assert pacer.remaining() == pytest.approx(PERIOD)
     now[0] += PERIOD
     assert pacer.remaining() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("policy", ["catch_up", "slow_down"])
+@given(costs)
+def test_a_late_loop_takes_no_map_for_one_of_a_time_far_ahead(policy: DeadlinePolicy, costs: list[float]) -> None:
+    """It would stand on the map before that one until it has caught up, which an overloaded loop never does."""
+    now = [0.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    time = 0.0
+    for cost in costs:
+        for _ in range(3):  # maps come while there is time, and just before the step
+            late = now[0] - pacer.deadline
+            assert pacer.simulated_now(time) == pytest.approx(time + min(late, PERIOD), abs=1e-12)
+            now[0] += 0.5 * max(pacer.remaining(), 0.0)
+        now[0] += max(pacer.remaining(), 0.0)
+        pacer.advance()
+        time += PERIOD
+        now[0] += cost
+
+
+@pytest.mark.parametrize("follows", [True, False])
+@given(costs)
+def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: bool, costs: list[float]) -> None:
+    """Steps are left out, or run at once up to the time that another simulator's clock tells."""
+    now = [0.0]
+    pacer = Pacer(PERIOD, "catch_up" if follows else "skip", lambda: now[0])
+    pacer.follows, pacer.most_catch_up = follows, 1.0
+    time = PERIOD  # of the next step: simulated time runs with the clock
+    for cost in costs:
+        now[0] += cost
+        assert pacer.simulated_now(time) == pytest.approx(now[0])
+        while pacer.remaining() <= 0.0:
+            time += (1 + pacer.advance()) * PERIOD
