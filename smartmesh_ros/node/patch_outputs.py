@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -48,49 +49,48 @@ class PatchMarkers:
 
         ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
         """
+        self._take_names(names)
+        message = self._message
+        message.start("markers", MarkerArray)
+        stamp = stamp_fields(header)
+        # Patches of one size are written together, planes and heightfields alike.
+        ids: dict[int, list[IntArray]] = defaultdict(list)
+        points: dict[int, list[FloatArray]] = defaultdict(list)
+        shown = [np.empty(0, np.int64)]
+        for group in by_triangles(batches):
+            of_group, vertices, size = self._id_of[group.bodies], group.vertices_w, group.triangles.size
+            shown.append(of_group)
+            if only_changed:
+                changed = self._sent.changed(group, "marker", vertices)
+                of_group, vertices = of_group[changed], vertices[changed]
+            ids[size].append(of_group)
+            points[size].append(vertices.take(group.triangles.ravel(), axis=1))
+        for size, parts in points.items():
+            fields = {**stamp, "id": np.concatenate(ids[size]), "points": np.concatenate(parts)}
+            make = partial(_marker, header.frame_id, Marker.ADD, size)
+            message.add((header.frame_id, size), make, len(fields["id"]), fields)
+        gone = self._gone(np.sort(np.concatenate(shown)))
+        make = partial(_marker, header.frame_id, Marker.DELETE, 0)
+        message.add((header.frame_id, "gone"), make, len(gone), {**stamp, "id": gone})
+        if only_changed:
+            self._sent.end()
+        else:
+            self._sent.forget()
+        return message.finish()
+
+    def _take_names(self, names: list[str]) -> None:
+        """Gives ids to those that have none yet."""
         if names is not self._names:
             self._names = names
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
             self._id_of = np.array([self._ids[name] for name in names], np.int64)
             self._next_id += len(names)
             self._sent = SentPatches(len(names))
-        message = self._message
-        message.start("markers", MarkerArray)
-        stamp = stamp_fields(header)
-        seen = [np.empty(0, np.int64)]
-        points: dict[int, list[FloatArray]] = defaultdict(list)
-        by_size: dict[int, list[IntArray]] = defaultdict(list)
-        for group in by_triangles(batches):
-            ids, vertices = self._id_of[group.bodies], group.vertices_w
-            seen.append(ids)
-            if only_changed:
-                changed = self._sent.changed(group, "marker", vertices)
-                ids, vertices = ids[changed], vertices[changed]
-            points[group.triangles.size].append(vertices.take(group.triangles.ravel(), axis=1))
-            by_size[group.triangles.size].append(ids)
-        for size, parts in points.items():
-            ids = np.concatenate(by_size[size])
-            message.add(
-                (header.frame_id, size),
-                lambda: _marker(header.frame_id, Marker.ADD, size),  # noqa: B023  # called at once
-                len(ids),
-                {**stamp, "id": ids, "points": np.concatenate(parts)},
-            )
-        shown = np.sort(np.concatenate(seen))
-        gone = self._shown
-        gone = gone[:0] if np.array_equal(gone, shown) else np.setdiff1d(gone, shown)
-        message.add(
-            (header.frame_id, "gone"),
-            lambda: _marker(header.frame_id, Marker.DELETE, 0),
-            len(gone),
-            {**stamp, "id": gone},
-        )
-        self._shown = shown
-        if only_changed:
-            self._sent.end()
-        else:
-            self._sent.forget()
-        return message.finish()
+
+    def _gone(self, shown: IntArray) -> IntArray:
+        """Ids that were shown before and are not among those now ``shown`` (n,), ascending."""
+        before, self._shown = self._shown, shown
+        return before[:0] if np.array_equal(before, shown) else np.setdiff1d(before, shown)
 
 
 class ColliderPatches:
