@@ -91,6 +91,27 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
         np.testing.assert_array_equal(points, corners[body])
 
 
+def test_planes_and_patches_of_their_size_keep_their_own_vertices() -> None:
+    """They are written together: none may get the other's place or id."""
+    rng = np.random.default_rng(5)
+    heightmap = HeightMap(rng.normal(size=(60, 80)), resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4)
+    batches: list[PatchBatch] = []
+    for config in (PatchConfig(kind="plane"), PatchConfig(kind="heightfield", rings=1)):
+        places = heightmap.geometry.to_world(rng.uniform(10, 50, 9), rng.uniform(10, 70, 9))
+        positions = np.column_stack([places, heightmap.at(places, 0.0).heights + 0.1])
+        tracker = PatchTracker(Terrain(heightmap), config)
+        tracker.set_bodies(np.full(9, 0.1), np.full(9, -1))
+        made = tracker.update(positions, np.zeros((9, 3)), 0.0, 1.0 / 240.0)
+        batches += [replace(batch, bodies=batch.bodies + 9 * (config.kind == "heightfield")) for batch in made]
+    assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("plane", 8), ("heightfield", 8)}
+    written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)])
+    shown = {m.id: [(p.x, p.y, p.z) for p in m.points] for m in deserialize_message(written, MarkerArray).markers}
+    assert len(shown) == 18
+    for batch in batches:
+        for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w(), strict=True):
+            np.testing.assert_array_equal(shown[body], vertices[batch.triangles].reshape(-1, 3))
+
+
 def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
     markers = patch_outputs.PatchMarkers()
     three = markers.write(HEADER, batches_for(3, [0.2], False), ["a", "b", "c"])
