@@ -29,27 +29,6 @@ class SurfaceTwist(NamedTuple):
     angular_w: FloatArray
 
 
-class TwistOnDemand:
-    """The same, worked out by ``make`` once somebody asks for it."""
-
-    def __init__(self, make: Callable[[], SurfaceTwist]) -> None:
-        self._make = make
-
-    @cached_property
-    def _made(self) -> SurfaceTwist:
-        return self._make()
-
-    @property
-    def linear_w(self) -> FloatArray:
-        """Velocities (n, 3) [m/s]."""
-        return self._made.linear_w
-
-    @property
-    def angular_w(self) -> FloatArray:
-        """Turning (n, 3) [rad/s]."""
-        return self._made.angular_w
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PatchBatch(ABC):
     """Patches of n bodies that share a tile and their triangles.
@@ -57,7 +36,7 @@ class PatchBatch(ABC):
     ``kind``: their collider. ``bodies``: indices of the bodies (n,). ``triangles``: corners (T, 3) among the K vertices
     of a patch. ``rows``, ``columns``: nearest vertex (n,); on a general mesh row 0 and the vertex's index. ``stride``:
     samples of the map from one sample of the patch to the next (n,). ``centres_w``: position of the nearest
-    vertex (n, 3) [m]. ``twist``: how the ground moves there.
+    vertex (n, 3) [m]. ``surface``: how the ground moves there, or what works that out once somebody asks for it.
     ``deviation``: how far the collider may lie from the main mesh where the body can touch it (n,) [m], NaN = unknown.
     """
 
@@ -69,8 +48,13 @@ class PatchBatch(ABC):
     columns: IntArray
     stride: IntArray
     centres_w: FloatArray
-    twist: SurfaceTwist | TwistOnDemand
+    surface: SurfaceTwist | Callable[[], SurfaceTwist]
     deviation: FloatArray
+
+    @cached_property
+    def twist(self) -> SurfaceTwist:
+        """How the ground moves at the centres."""
+        return self.surface() if callable(self.surface) else self.surface
 
     @property
     def linear_w(self) -> FloatArray:
@@ -195,16 +179,12 @@ def _grid_vertices(
 ) -> FloatArray:
     """Vertices (n, K, 3) [m] of patches around samples at ``centres_w`` (n, 2+) [m], with the given heights (n, K)
     [m]."""
-    yaw, apart = geometry.yaw, stride[:, None] * geometry.resolution
+    apart = stride[:, None] * geometry.resolution
     vertices = np.empty((*heights_w.shape, 3))
     x, y = vertices[..., 0], vertices[..., 1]
-    if yaw:
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        np.multiply(cos * template.columns - sin * template.rows, apart, out=x)
-        np.multiply(sin * template.columns + cos * template.rows, apart, out=y)
-    else:
-        np.multiply(template.columns, apart, out=x)
-        np.multiply(template.rows, apart, out=y)
+    cos, sin = math.cos(geometry.yaw), math.sin(geometry.yaw)
+    np.multiply(cos * template.columns - sin * template.rows, apart, out=x)
+    np.multiply(sin * template.columns + cos * template.rows, apart, out=y)
     x += centres_w[:, :1]
     y += centres_w[:, 1:2]
     vertices[..., 2] = heights_w

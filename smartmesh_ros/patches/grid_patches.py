@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.patches.auto import AutoPatches
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, SurfaceTwist, TwistOnDemand, plane_twist
+from smartmesh_ros.patches.batch import GridBatch, PatchBatch, SurfaceTwist, plane_twist
 from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.extent import extent_for
@@ -129,19 +130,11 @@ class GridPatches:
                 nearest, ground = cells, collect_across(self._terrain, heightmap, template, cells, stride, time)
         centres_w = np.empty((len(bodies), 3))
         centres_w[:, :2], centres_w[:, 2] = heightmap.geometry.to_world(*cells), ground.heights[:, template.centre]
-        points_w = normals_w = None
-        if solid:
-            under = ground_under(heightmap, ground, cells, stride, moving, centres_w)
-            twist: SurfaceTwist | TwistOnDemand = under.twist
-            # Patches that were moved off the map's edge have other facets in their middle than those under the bodies.
-            if (
-                self._config.grid_kind == "heightfield"
-                and not ground.holes
-                and all(map(np.array_equal, nearest, cells))
-            ):
-                points_w, normals_w = under.points_w, under.normals_w
-        else:
-            twist = TwistOnDemand(lambda: ground_under(heightmap, ground, cells, stride, moving, centres_w).twist)
+        look = partial(ground_under, heightmap, ground, cells, stride, moving, centres_w)
+        under = look() if solid else None
+        # Patches that were moved off the map's edge have other facets in their middle than those under the bodies.
+        known = not ground.holes and all(map(np.array_equal, nearest, cells))
+        plane = under if known and self._config.grid_kind == "heightfield" else None
         unknown = np.full(len(bodies), np.nan)
         # All samples that a body can touch leave nothing to deviate; another tile's may be read between its own.
         whole = not (self._config.rings or ground.holes) and len(self._terrain.tiles) == 1
@@ -149,9 +142,10 @@ class GridPatches:
         spacing: FloatArray = np.multiply(stride, heightmap.geometry.resolution, dtype=np.float64)
         return GridBatch(
             tile=name, kind=self._config.grid_kind, bodies=bodies, triangles=template.triangles, rows=cells.rows,
-            columns=cells.columns, stride=stride, centres_w=centres_w, twist=twist, deviation=deviation,
+            columns=cells.columns, stride=stride, centres_w=centres_w,
+            surface=(lambda: look().twist) if under is None else under.twist, deviation=deviation,
             heightmap=heightmap, template=template, spacing=spacing, time=time, since=unknown, ground=ground,
-            points_w=points_w, normals_w=normals_w,
+            points_w=None if plane is None else plane.points_w, normals_w=None if plane is None else plane.normals_w,
         )  # fmt: skip
 
 

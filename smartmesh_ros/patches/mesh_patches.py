@@ -111,7 +111,7 @@ class MeshPatches:
             columns=np.array([vertex]),
             stride=np.array([1]),
             centres_w=centre[None],
-            twist=SurfaceTwist(linear[None], angular[None]),
+            surface=SurfaceTwist(linear[None], angular[None]),
             deviation=np.zeros(1),
             mesh=mesh,
             positions_w=samples.positions[None],

@@ -138,7 +138,7 @@ class Standing:
             common: dict[str, Any] = {
                 "tile": name, "bodies": bodies[part], "triangles": template.triangles, "rows": rows[part],
                 "columns": columns[part], "stride": stride[part], "centres_w": centres_w[part],
-                "twist": SurfaceTwist(twist.linear_w[part], twist.angular_w[part]), "deviation": deviation[part],
+                "surface": SurfaceTwist(twist.linear_w[part], twist.angular_w[part]), "deviation": deviation[part],
                 "heightmap": heightmap, "template": template, "points_w": points_w[part],
                 "normals_w": normals_w[part], "since": since[part], "time": time,
             }  # fmt: skip

@@ -60,11 +60,8 @@ class Terrain:
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
-        velocities = np.zeros(len(points))
-        if len(self.tiles) == 1:
-            found = next(iter(self.tiles.values())).at(points, time)
-            return Samples(found.heights, velocities) if found.velocities is None else found
         heights = np.full(len(points), np.nan)
+        velocities = np.zeros(len(points))
         for mesh in self.tiles.values():
             missing = np.isnan(heights)
             if not missing.any():

@@ -243,7 +243,8 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
         batches = changing_batches(turn, holes, rng)
         if turn % 5 == 1:  # alike in shape, and of another speed or precision
             batches = [
-                replace(batch, twist=SurfaceTwist(batch.linear_w + rng.normal(), batch.angular_w)) for batch in batches
+                replace(batch, surface=SurfaceTwist(batch.linear_w + rng.normal(), batch.angular_w))
+                for batch in batches
             ]
         if turn % 5 == 2:
             batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
