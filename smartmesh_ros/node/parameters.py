@@ -54,6 +54,8 @@ SPECS = (
     ),
     Spec("patch.rings", _PATCH.rings, "Samples on each side of the nearest vertex; 0 = from the body's size.", 0, 4),
     Spec("patch.tolerance", _PATCH.tolerance, "How far a patch may lie from the terrain [m].", 1e-6, 10.0),
+    Spec("patch.rate", _PATCH.rate, "Patches follow bodies and ground at each map and between maps so often [Hz]; "
+         "0 = at every step.", 0.0, 100_000.0),
     Spec("patch.edge_filter", _PATCH.edge_filter, "No ghost collisions at the inner edges of patches."),
     Spec("patch.carry_velocity", _PATCH.carry_velocity, "Patches carry the ground's velocity into contacts."),
     Spec("terrain.motion", _D.motion.mode, "What the ground does between maps.", choices=get_args(MotionMode)),
@@ -156,6 +158,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         kind=v["patch.kind"],
         rings=v["patch.rings"],
         tolerance=v["patch.tolerance"],
+        rate=v["patch.rate"],
         edge_filter=v["patch.edge_filter"],
         carry_velocity=v["patch.carry_velocity"],
     )

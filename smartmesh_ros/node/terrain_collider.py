@@ -79,7 +79,7 @@ class TerrainCollider(Node):
             if session.paused:
                 session.world.refresh()
             else:
-                session.world.time += skipped * session.world.config.physics.dt
+                session.world.skip(skipped)
                 session.world.step()
             session.note_lost()
             self._outputs.publish()

@@ -23,6 +23,8 @@ class PatchConfig:
     tolerance; the last two are the report's Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each
     side of the nearest vertex (the report's collider-size); 0 = from the body's size and speed, above 0 there is no
     choice to make and *auto* is a heightfield. ``tolerance`` [m]: how far a patch may lie from the main mesh.
+    ``rate`` [Hz]: patches are brought up to date with each map and between maps so often, if steps are shorter; 0 = in
+    every step.
     ``edge_filter``: no ghost collisions at the inner edges of patches; balls need none. ``carry_velocity``: patches
     carry the ground's velocity into the contact.
     """
@@ -32,6 +34,7 @@ class PatchConfig:
     kind: PatchKind = "auto"
     rings: int = 0
     tolerance: float = 0.0005
+    rate: float = 120.0
     edge_filter: bool = True
     carry_velocity: bool = True
 
@@ -42,6 +45,8 @@ class PatchConfig:
                 raise InputError("parameter", f"patch {name} {value!r} is unknown; choose {', '.join(get_args(kinds))}")
         if not 0 <= self.rings <= MOST_RINGS:
             raise InputError("parameter", f"patch rings is {self.rings}; it must be 0 (from the body) to {MOST_RINGS}")
+        if not (math.isfinite(self.rate) and self.rate >= 0.0):
+            raise InputError("parameter", f"patch rate is {self.rate} Hz; it must be zero or more")
         if not self.tolerance > 0.0:
             raise InputError("parameter", f"patch tolerance is {self.tolerance} m; it must be greater than zero")
 

@@ -56,6 +56,11 @@ class Carried:
         self.times[followers] = time
         return moved[:, 3:]
 
+    def stand_still(self, duration: float) -> None:
+        """Says that for a ``duration`` [s] time went on and colliders did not: they are not where the ground is."""
+        self.times += duration
+        self._since[:] = np.nan
+
     def push(self, followers: IntArray, twist: FloatArray, faster: FloatArray | float, since: FloatArray) -> None:
         """Gives colliders the twist (n, 6) [m/s, rad/s] of ground that has it ``since`` (n,) [s], ``faster`` (n,) [m/s]
         upwards, where that is another than they have."""

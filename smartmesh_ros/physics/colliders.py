@@ -37,6 +37,11 @@ class Colliders:
         self.fields.adopt(followers, kept)
         self.planes.adopt(followers, kept)
 
+    def stand_still(self, duration: float) -> None:
+        """Says that for a ``duration`` [s] time went on and colliders did not."""
+        self.fields.stand_still(duration)
+        self.planes.stand_still(duration)
+
     def make_room(self, followers: IntArray, kind: int) -> None:
         """Takes colliders from followers (n,) that have another kind than the one they are to be given now."""
         for index in followers[self._held[followers] != kind].tolist():

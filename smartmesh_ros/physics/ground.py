@@ -41,7 +41,8 @@ class Ground:
     """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
-    bodies, and call `update` before each ``stepSimulation``. Nothing else in the world collides with the terrain.
+    bodies, and call `update` before each ``stepSimulation``, or before some of them and `go_on` before the others.
+    Nothing else in the world collides with the terrain.
     """
 
     def __init__(
@@ -144,11 +145,12 @@ class Ground:
         self.config = config
         self._tracker.configure(config)
 
-    def update(self, time: float, dt: float) -> None:
-        """Brings every patch to where its body and the ground are at ``time`` [s], before a step of ``dt`` [s]."""
+    def update(self, time: float, dt: float, steps: int = 1) -> None:
+        """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
         self._movement.read(dt)
+        dt *= steps
         lively = not self._colliders.fields.keeps(time)
-        batches = self._tracker.update(self.positions_w, self.moved_w, time, dt, lively=lively)
+        batches = self._tracker.update(self.positions_w, self.moved_w * steps, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
@@ -157,6 +159,15 @@ class Ground:
             else:
                 self._whole.release()
                 self._carry(batches, time, dt)
+
+    def go_on(self, dt: float) -> None:
+        """Leaves the patches to move on as they do, before a further step of ``dt`` [s] that the last `update` was made
+        for."""
+        self._movement.read(dt)
+
+    def stand_still(self, duration: float) -> None:
+        """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
+        self._colliders.stand_still(duration)
 
     def close(self) -> None:
         """Takes all colliders away."""

@@ -113,6 +113,11 @@ class Heightfields:
         self._carried.forget(np.array(indices, np.int64))
         self._raise(indices)
 
+    def stand_still(self, duration: float) -> None:
+        """Says that for a ``duration`` [s] time went on and colliders did not."""
+        self._carried.stand_still(duration)
+        self._until[:] = -np.inf
+
     def keeps(self, time: float) -> bool:
         """Whether colliders are to be left alone for some steps where they can."""
         return not self._pause <= time < self._pause + PAUSE

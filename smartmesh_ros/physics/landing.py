@@ -116,7 +116,7 @@ def meet(
     indices; ``met``: who did in the last one, and is left to the solver. None where there is nothing to undo."""
     dt, positions = physics.dt, ground.positions_w
     ahead = positions + ground.moved_w + np.array(physics.gravity) * (dt * dt)
-    found = approaches(ground.carrying, positions, ahead, dt)
+    found = approaches(ground.carrying, positions, ahead, time, dt)
     if found is None:
         return None
     waiting = ~np.isin(found.bodies, met) if met else np.ones(len(found.bodies), bool)
@@ -142,17 +142,22 @@ def part(client: Any, ground: Ground, meeting: Meeting, physics: PhysicsConfig) 
     return met
 
 
-def approaches(batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, dt: float) -> Approach | None:
-    """Bodies and the ground under them, where it is known; ``next_w`` (N, 3) [m]: where they will be after the step."""
+def approaches(
+    batches: list[PatchBatch], positions_w: FloatArray, next_w: FloatArray, time: float, dt: float
+) -> Approach | None:
+    """Bodies and the ground under them at ``time`` [s], where it is known; ``next_w`` (N, 3) [m]: where they will be
+    after the step of ``dt`` [s]."""
     known = [
-        (batch.bodies, batch.points_w, batch.normals_w, batch.linear_w, batch.angular_w, batch.centres_w)
+        (batch.bodies, batch.points_w, batch.normals_w, batch.linear_w, batch.angular_w, batch.centres_w,
+         np.full((len(batch.bodies), 1), time - batch.time))
         for batch in batches
         if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None
-    ]
+    ]  # fmt: skip
     if not known:
         return None
-    index, points, normals, linear, angular, centres = map(np.concatenate, zip(*known, strict=True))
+    index, points, normals, linear, angular, centres, age = map(np.concatenate, zip(*known, strict=True))
     ground = linear + cross(angular, points - centres)
+    points += age * ground
     paths = next_w[index] - positions_w[index] - ground * dt
     distance = np.einsum("ij,ij->i", positions_w[index] - points, normals)
     return Approach(index, distance, -np.einsum("ij,ij->i", paths, normals), normals, ground, paths)

@@ -62,6 +62,10 @@ class Planes:
         self._carried.adopt(kept)
         self._followers = followers
 
+    def stand_still(self, duration: float) -> None:
+        """Says that for a ``duration`` [s] time went on and boxes did not."""
+        self._carried.stand_still(duration)
+
     def held(self, batch: PlaneBatch, time: float) -> BoolArray:
         """Whose box moves on with its plane (m,), and needs no look at ``time`` [s]."""
         bodies = batch.bodies

@@ -20,6 +20,7 @@ from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
+from smartmesh_ros.physics.refreshing import Refreshing
 from smartmesh_ros.physics.roll import call_roll
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
@@ -64,6 +65,7 @@ class World:
         self.client: Any = BulletClient(pb.DIRECT)
         set_up(self.client, self.config.physics)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
+        self._refreshing = Refreshing()
         self._guard = Guard(self.ground)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
@@ -82,6 +84,7 @@ class World:
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.ground.configure(config.patch)
+        self._refreshing.hasten()
 
     def close(self) -> None:
         """Ends the world."""
@@ -163,21 +166,37 @@ class World:
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
         dt = self.config.physics.dt
-        self.ground.update(self.time, dt)
+        steps = self._refreshing.begin(self.terrain, self.time, dt, self.config.patch.rate)
+        self.ground.update(self.time, dt, steps)
         if self._drop_lost():
-            self.ground.update(self.time, dt)
+            self.ground.update(self.time, dt, steps)
         rescued = self._guard.rescue(self.client, self._roll.bodies, self.time) if self.config.physics.guard else 0
         if rescued:
             self.rescues += rescued
-            self.ground.update(self.time, dt)
+            self.ground.update(self.time, dt, steps)
+
+    def prepare(self) -> None:
+        """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
+        if self._refreshing.due(self.terrain):
+            self.refresh()
+        else:
+            self.ground.go_on(self.config.physics.dt)
 
     def step(self, count: int = 1) -> None:
-        """Runs physics steps, each on patches as the ground is at its start."""
+        """Runs physics steps."""
         for _ in range(count):
-            self.refresh()
+            self.prepare()
             self._step()
             self.time += self.config.physics.dt
             self.stopwatch.lap()
+
+    def skip(self, steps: int) -> None:
+        """Lets the time of some steps go by without them: the ground goes on, and bodies stay where they are."""
+        if steps > 0:
+            duration = steps * self.config.physics.dt
+            self.time += duration
+            self.ground.stand_still(duration)
+            self._refreshing.hasten()
 
     def reset(self) -> None:
         """Puts every simulated body back where it was spawned and the time to zero; the terrain stays."""
@@ -188,6 +207,7 @@ class World:
         """Sets the time to zero; bodies and terrain stay as they are."""
         self.terrain.shift_time(-self.time)
         self.time = 0.0
+        self._refreshing.hasten()
 
     def reset_bodies(self) -> None:
         """Puts every simulated body back where it was spawned. What drives its joints goes on."""
@@ -196,6 +216,7 @@ class World:
                 self._factory.place(body, body.initial)
         self.ground.placed()
         self.ground.configure(self.config.patch)  # what was chosen for them elsewhere has no say any more
+        self._refreshing.hasten()
 
     def move(self, name: str, state: BodyState) -> None:
         """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
@@ -204,6 +225,7 @@ class World:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
         self.ground.placed(body.uid)
+        self._refreshing.hasten()
 
     def state(self, name: str) -> BodyState:
         """Where a body is and how it moves."""
@@ -322,3 +344,4 @@ class World:
     def _call_roll(self) -> None:
         self._roll = call_roll(self.bodies.values(), self.ground.followers)
         self._met = []
+        self._refreshing.hasten()

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.batch import GridBatch, PlaneBatch
 from smartmesh_ros.patches.tracker import PatchTracker
 
@@ -62,25 +62,29 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
 
 
 @pytest.mark.parametrize("name", ADJACENT)
-def test_a_box_slides_across_a_border_as_over_one_map(name: str) -> None:
-    """Down a frictionless plane: the speed after a second is g sin(slope) t, border or not."""
+def test_boxes_slide_across_a_border_as_over_one_map(name: str) -> None:
+    """Down a frictionless plane: the speed after a second is g sin(slope) t, border or not.
+
+    The median of some boxes: one in five catches on a sample that PyBullet's filter of inner edges misses, on one map
+    as on two.
+    """
     terrain = ADJACENT[name]()
     terrain.shift_time(-10.0)
-    from smartmesh_ros import PhysicsConfig, WorldConfig
-
     normal = np.array([-0.2, 0.1, 1.0]) / math.sqrt(1.05)
     axis = np.cross([0.0, 0.0, 1.0], normal)
     half = 0.5 * math.asin(float(np.linalg.norm(axis)))
     turn = (*(math.sin(half) * axis / np.linalg.norm(axis)).tolist(), math.cos(half))
-    start = np.array([0.6, 0.0, float(surface(np.float64(0.6), np.float64(0.0)))]) + 0.1 * normal
     with World(terrain, WorldConfig(physics=PhysicsConfig(friction=0.0))) as world:
-        world.spawn("box", Box(0.3, 0.3, 0.2), 1.0, BodyState(tuple(start.tolist()), turn))
+        for index, y in enumerate(np.linspace(-2.0, 2.0, 9).tolist()):
+            x = 0.6 + 0.013 * index
+            start = np.array([x, y, float(surface(np.float64(x), np.float64(y)))]) + 0.1 * normal
+            world.spawn(f"box_{index}", Box(0.3, 0.3, 0.2), 1.0, BodyState(tuple(start.tolist()), turn))
         world.step(240)
-        state = world.state("box")
-        slope = math.hypot(0.2, 0.1)
-        expected = 9.81 * slope / math.sqrt(1.0 + slope**2)
-        assert math.hypot(*state.linear) == pytest.approx(expected, rel=0.01)
-        assert state.position[0] < 0.0, "it has crossed the border"
+        states = [world.state(box) for box in world.bodies]
+    slope = math.hypot(0.2, 0.1)
+    expected = 9.81 * slope / math.sqrt(1.0 + slope**2)
+    assert np.median([math.hypot(*state.linear) for state in states]) == pytest.approx(expected, rel=0.001)
+    assert all(state.position[0] < 0.0 for state in states), "they have crossed the border"
 
 
 def test_tiles_come_are_replaced_and_go() -> None:

@@ -51,7 +51,7 @@ class SmartMesh(Engine):
 
     def step(self) -> None:
         if not self._fresh:
-            self.world.refresh()
+            self.world.prepare()
         self._fresh = False
         self.world.client.stepSimulation()
         self.world.time += self._dt

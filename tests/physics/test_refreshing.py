@@ -1,0 +1,126 @@
+"""Patches that are not brought up to date in every step, and time that goes on without steps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.physics.landing import approaches
+from smartmesh_ros.physics.refreshing import Refreshing
+
+RATE, SIDE = 240.0, 41
+DT = 1.0 / RATE
+RISE = 0.3  # [m/s]
+RADIUS = 0.15
+STEPS_PER_MAP = 12
+
+
+class Rising:
+    """A ball on ground that rises steadily, with the same ``slope`` everywhere along y."""
+
+    def __init__(self, kind: PatchKind, rate: float, slope: float = 0.0) -> None:
+        self.slope = slope
+        self._steps = 0
+        self._map = HeightMap(self._heights(0.0), resolution=0.1)
+        config = WorldConfig(physics=PhysicsConfig(rate=RATE), patch=PatchConfig(kind=kind, rate=rate))
+        self.world = World(self._map, config)
+        for _ in range(3 * STEPS_PER_MAP):  # by then the ground's velocity is known
+            self.step()
+        above = self.height(2.0) + RADIUS * math.hypot(1.0, slope)
+        self.world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((2.0, 2.0, above), linear=(0.0, 0.0, RISE)))
+
+    def height(self, y: float) -> float:
+        """Of the ground now [m]."""
+        return RISE * self.world.time + self.slope * y
+
+    def step(self) -> None:
+        """One step, after the map that is due."""
+        if self._steps % STEPS_PER_MAP == 0:
+            self._map.replace(self._heights(self.world.time), time=self.world.time)
+        self._steps += 1
+        self.world.step()
+
+    def _heights(self, time: float) -> np.ndarray:
+        return RISE * time + self.slope * 0.1 * np.arange(SIDE)[:, None] * np.ones(SIDE)
+
+
+@given(
+    rate=st.sampled_from([0.0, 30.0, 60.0, 100.0, 120.0, 240.0, 1000.0]),
+    maps=st.lists(st.booleans(), min_size=1, max_size=60),
+    dt=st.sampled_from([1.0 / 60.0, DT, 1.0 / 960.0]),
+)
+def test_patches_are_due_with_each_map_and_no_later_than_the_rate_says(
+    rate: float, maps: list[bool], dt: float
+) -> None:
+    heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
+    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    since, last = math.inf, 0
+    for step, comes in enumerate(maps):
+        if comes:
+            heightmap.replace(np.full((5, 5), 0.001 * step), time=step * dt)
+        since += 1
+        if refreshing.due(terrain):
+            last = refreshing.begin(terrain, step * dt, dt, rate)
+            assert 1 <= last <= (max(round(1.0 / (rate * dt)), 1) if rate else 1)
+            since = 0
+        assert not (comes and since), "a new map is never left for later"
+        assert since < max(last, 1), "nor are patches left longer than they were made for"
+
+
+@pytest.mark.parametrize("maps", [1, 3])
+def test_patches_are_made_for_no_longer_than_until_the_next_map(maps: int) -> None:
+    """Ground that moves has a new velocity then."""
+    heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
+    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    for number in range(3):
+        heightmap.replace(np.full((5, 5), 0.001 * number), time=number * maps * DT)
+    assert refreshing.begin(terrain, 2 * maps * DT, DT, 10.0) == maps
+
+
+@pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])
+def test_between_updates_colliders_go_on_as_the_ground_does(kind: PatchKind) -> None:
+    """The ball stands on it, and PyBullet has the collider where the ground is, in every step."""
+    ground = Rising(kind, rate=40.0)
+    with ground.world as world:
+        for _ in range(60):
+            ground.step()
+            _, y, z = world.state("ball").position
+            assert z - RADIUS == pytest.approx(ground.height(y), abs=1e-4)
+            follower = world.ground.followers[0]
+            points = world.client.getClosestPoints(follower.body, follower.collider, 0.05)
+            assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["plane", "heightfield"])
+def test_between_updates_the_ground_under_a_body_is_known_where_it_is(kind: PatchKind) -> None:
+    """What lands is slowed by how far the ground is away in that step, not in the last update."""
+    ground = Rising(kind, rate=40.0, slope=0.1)
+    with ground.world as world:
+        steepness = math.hypot(1.0, ground.slope)
+        for _ in range(60):
+            ground.step()
+            world.prepare()
+            positions = world.ground.positions_w
+            found = approaches(world.ground.carrying, positions, positions, world.time, DT)
+            assert found is not None
+            _, y, z = positions[0]
+            assert found.distance[0] == pytest.approx((z - ground.height(y)) / steepness, abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])
+@pytest.mark.parametrize("rate", [0.0, 120.0])
+def test_bodies_ride_on_the_ground_although_steps_are_skipped(kind: PatchKind, rate: float) -> None:
+    """PyBullet moves colliders in steps only: where time goes on without, they are brought to where the ground is."""
+    skipped, ground = 3, Rising(kind, rate)
+    with ground.world as world:
+        for step in range(240):
+            if step % 5 == 0:
+                world.skip(skipped)
+            ground.step()
+            _, y, z = world.state("ball").position
+            # By what the ground rose while the ball stood still, less what the solver made good since.
+            assert z - RADIUS > ground.height(y) - RISE * skipped * DT - 5e-4
