@@ -32,6 +32,8 @@ from smartmesh_ros.physics.states import simulated_states
 ALL_PATCHES_PERIOD = 5.0
 # So long after a subscriber was found it may not have found the node, and hear nothing [s].
 JOINING = 1.0
+# They show patches: nothing new until those are brought up to date.
+SHOWING_PATCHES = ("patches", "collider_patches")
 # Diagnostics come so often, and so soon after a publisher came or went [s].
 DIAGNOSTICS_PERIOD, NOTICING = 1.0, 0.1
 RELIABLE = QoSProfile(depth=10)
@@ -117,7 +119,8 @@ class Publishing:
         self._timing_window = _Window()
         self._diagnostics_window = _Window()
         self._refused_before = 0
-        self._increments = {name: _Increments() for name in ("patches", "collider_patches")}
+        self._increments = {name: _Increments() for name in SHOWING_PATCHES}
+        self._shown = dict.fromkeys(SHOWING_PATCHES, -1)  # the world's refreshes when they were last published
 
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
@@ -125,10 +128,12 @@ class Publishing:
         rates = self._session.settings.publish
         for name, output in self._outputs.items():
             rate = getattr(rates, name)
-            if rate > 0.0 and (now or time >= self._due[name]):
+            if rate > 0.0 and (now or time >= self._due[name]) and self._shown.get(name) != self._world.refreshes:
                 # On the beat, unless one was missed.
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
+                    if name in self._shown:
+                        self._shown[name] = self._world.refreshes
                     with self._world.stopwatch.stage("publish"):
                         made = output.make()
                         for message in made if isinstance(made, list) else [made]:

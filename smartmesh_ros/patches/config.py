@@ -34,7 +34,7 @@ class PatchConfig:
     kind: PatchKind = "auto"
     rings: int = 0
     tolerance: float = 0.0005
-    rate: float = 120.0
+    rate: float = 60.0
     edge_filter: bool = True
     carry_velocity: bool = True
 

@@ -54,6 +54,7 @@ class World:
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
+        self.refreshes = 0  # times that patches were brought up to date
         self.rescues = 0  # bodies put back onto the ground so far
         self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
         self._start()
@@ -165,6 +166,7 @@ class World:
 
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
+        self.refreshes += 1
         dt = self.config.physics.dt
         steps = self._refreshing.begin(self.terrain, self.time, dt, self.config.patch.rate)
         self.ground.update(self.time, dt, steps)

@@ -28,30 +28,33 @@ class Configuration:
     quick: bool = False
 
 
-def _patch(name: str, family: Family, rate: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
+def _patch(name: str, family: Family, physics: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
+    """One of ours: the rate of its ``physics`` [Hz], and settings of its patches."""
     options = SmartMeshOptions(patch=PatchConfig(**settings))
-    return Configuration(name=name, family=family, engine="smartmesh", options=options, rate=rate, quick=quick)
+    return Configuration(name=name, family=family, engine="smartmesh", options=options, rate=physics, quick=quick)
 
 
 OURS = (
     _patch("defaults", "ours", quick=True),
-    _patch("defaults, 60 Hz", "ours", rate=60.0),
-    _patch("defaults, 120 Hz", "ours", rate=120.0),
-    _patch("defaults, 480 Hz", "ours", rate=480.0, quick=True),
-    _patch("defaults, 960 Hz", "ours", rate=960.0),
+    _patch("defaults, 60 Hz", "ours", physics=60.0),
+    _patch("defaults, 120 Hz", "ours", physics=120.0),
+    _patch("defaults, 480 Hz", "ours", physics=480.0, quick=True),
+    _patch("defaults, 960 Hz", "ours", physics=960.0),
+    _patch("patches at every step", "ours", rate=0.0),
     _patch("tolerance 0.2 mm", "ours", tolerance=0.0002),
     _patch("tolerance 10 mm", "ours", tolerance=0.01, quick=True),
     _patch("tolerance 50 mm", "ours", tolerance=0.05),
     _patch("heightfield", "ours", kind="heightfield", quick=True),
-    _patch("heightfield, 120 Hz", "ours", rate=120.0, kind="heightfield"),
+    _patch("heightfield, 120 Hz", "ours", physics=120.0, kind="heightfield"),
     _patch("3 x 3", "ours", kind="heightfield", rings=1),
-    _patch("3 x 3, 60 Hz", "ours", rate=60.0, kind="heightfield", rings=1),
+    _patch("3 x 3, 60 Hz", "ours", physics=60.0, kind="heightfield", rings=1),
     _patch("9 x 9", "ours", kind="heightfield", rings=4),
     _patch("no edge filter", "ours, less", edge_filter=False),
     _patch("no velocity", "ours, less", carry_velocity=False, quick=True),
     _patch("neither", "ours, less", edge_filter=False, carry_velocity=False),
 )
-_BARE = {"edge_filter": False, "carry_velocity": False}
+# As the report has it: made anew in every step, with none of what was added since.
+_BARE = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 REPORT = (
     _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **_BARE),
     _patch("convex hull", "report", kind="hull", **_BARE),
