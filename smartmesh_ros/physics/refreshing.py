@@ -6,7 +6,13 @@ a step ago does nearly as well as a new one; updating it costs as much as steppi
 
 from __future__ import annotations
 
+import math
+
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+# A map that is expected so soon is waited for, longer by a part of that time and of the time patches may last: to bring
+# them up to date just before it comes is to do it twice.
+PATIENCE, SOON = 1.25, 1.5
 
 
 class Refreshing:
@@ -27,11 +33,12 @@ class Refreshing:
 
     def begin(self, terrain: Terrain, time: float, dt: float, rate: float) -> int:
         """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last
-        where ``rate`` [Hz] is wanted (0 = one): until the next map comes, at the most."""
+        where ``rate`` [Hz] is wanted (0 = one), or until the next map comes, if that is soon."""
         steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
         if steps > 1:
-            moving = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
-            steps = min(steps, max(round(min(moving) / dt), 1)) if moving else steps
+            lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
+            wait = max(round(PATIENCE * min(lifetimes) / dt), 1) if lifetimes else math.inf
+            steps = int(wait) if wait <= SOON * steps else steps
         self._left, self._seen = steps - 1, _versions(terrain)
         return steps
 

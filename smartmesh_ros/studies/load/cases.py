@@ -14,6 +14,8 @@ RESOLUTION = 0.1
 SPACING, RADIUS = 0.45, 0.15
 # The wave under them: amplitude [m], wave number [rad/m] and angular frequency [rad/s].
 WAVE = (0.05, 1.0, 4.0)
+# How wide the rim of what moves is [m], and how steep: 1.4 m/s are not enough to get over it.
+RIM, RIM_SLOPE = 0.4, 0.5
 # The probe is a tracked body over flat ground that jumps between CODES heights, so that each map is told from the
 # one before in the markers: radius, height of its centre, rise from code to code [m].
 PROBE_RADIUS, PROBE_HEIGHT, CODES, RISE = 0.5, 0.375, 4, 0.25

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
-from smartmesh_ros.studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
+from smartmesh_ros.studies.load.cases import CODES, RESOLUTION, RIM, RIM_SLOPE, RISE, WAVE, Case
 
 FRAME = "map"
 
@@ -33,15 +33,17 @@ class TerrainMessages:
         self._region_heights = np.ndarray((window, window), "<f4", self._region, at)
         steps = np.arange(window) * RESOLUTION
         self._x, y = np.meshgrid(steps, steps)
-        # Still at the window's edge, so that nothing tears.
+        # Still at the window's edge, so that nothing tears, and higher there, so that nobody rolls off.
         room = np.minimum.reduce([self._x, y, self._x[::-1, ::-1], y[::-1, ::-1]])
-        self._swell = WAVE[0] * np.clip(room / 0.4, 0.0, 1.0)
+        self._swell = WAVE[0] * np.clip(room / RIM, 0.0, 1.0)
+        self._rim = RIM_SLOPE * np.maximum(RIM - room, 0.0)
         x, probe_y = case.probe
         self._flat = (np.abs(self._x - x) <= 0.65) & (np.abs(y - probe_y) <= 0.65)
 
     def heights(self, k: int, time: float) -> NDArray[np.float32]:
         """The part that moves (window, window) [m]."""
         wave = self._swell * np.sin(WAVE[1] * self._x - WAVE[2] * time)
+        wave += self._rim
         wave[self._flat] = RISE * (k % CODES)
         result: NDArray[np.float32] = wave.astype(np.float32)
         return result
