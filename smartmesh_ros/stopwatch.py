@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Stages in the order of the pipeline.
-STAGES = ("ingest", "search", "collect", "collider", "step", "publish")
+# Stages in the order of the pipeline; then what is done for bodies in every step (reading where they are, and slowing
+# those that land), and all of a step but ingest and publish.
+STAGES = ("ingest", "search", "collect", "collider", "step", "publish", "bodies", "total")
 # Runs of a stage that a window keeps; the newest replace the oldest.
 WINDOW = 4096
 

@@ -41,6 +41,10 @@ SPECS = (
     Spec("physics.restitution", _PHYSICS.restitution, "Restitution of bodies spawned from now on.", 0.0, 1.0),
     Spec("physics.guard", _PHYSICS.guard, "Bodies found below the ground are put back onto it."),
     Spec("physics.landing", _PHYSICS.landing, "Bodies that would run into the ground in a step arrive at its surface."),
+    Spec(
+        "physics.solver_residual", _PHYSICS.solver_residual, "The solver's iterations end once none changes a "
+        "contact's velocity by more [m/s].", 0.0, 1.0,
+    ),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
     Spec(
         "physics.deadline", _D.deadline, "What becomes of steps that are late: they are skipped, run as soon as "
@@ -54,8 +58,10 @@ SPECS = (
     ),
     Spec("patch.rings", _PATCH.rings, "Samples on each side of the nearest vertex; 0 = from the body's size.", 0, 4),
     Spec("patch.tolerance", _PATCH.tolerance, "How far a patch may lie from the terrain [m].", 1e-6, 10.0),
-    Spec("patch.rate", _PATCH.rate, "Patches follow bodies and ground at each map and between maps so often [Hz]; "
-         "0 = at every step.", 0.0, 100_000.0),
+    Spec(
+        "patch.rate", _PATCH.rate, "Patches follow bodies and ground with each map and between maps so often [Hz]; "
+        "0 = at every step.", 0.0, 100_000.0,
+    ),
     Spec("patch.edge_filter", _PATCH.edge_filter, "No ghost collisions at the inner edges of patches."),
     Spec("patch.carry_velocity", _PATCH.carry_velocity, "Patches carry the ground's velocity into contacts."),
     Spec("terrain.motion", _D.motion.mode, "What the ground does between maps.", choices=get_args(MotionMode)),
@@ -149,6 +155,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         friction=v["physics.friction"],
         restitution=v["physics.restitution"],
         contact_erp=v["physics.contact_erp"],
+        solver_residual=v["physics.solver_residual"],
         guard=v["physics.guard"],
         landing=v["physics.landing"],
     )

@@ -15,7 +15,8 @@ class PhysicsConfig:
     body against the ground. ``restitution``: share of the closing speed that a body bounces back with.
     ``contact_erp``: share of a penetration that the solver takes back in one step. ``guard``: bodies found below the
     ground are put back onto it. ``landing``: bodies that would run into the ground within a step arrive at its surface
-    instead.
+    instead. ``solver_residual`` [m/s]: the solver's iterations end before all 50 once none changes a contact's velocity
+    by more.
     """
 
     rate: float = 240.0
@@ -25,6 +26,7 @@ class PhysicsConfig:
     contact_erp: float = 0.3
     guard: bool = True
     landing: bool = True
+    solver_residual: float = 3e-4
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate) and self.rate > 0.0):
@@ -35,6 +37,8 @@ class PhysicsConfig:
             raise InputError("parameter", f"friction is {self.friction}; it must be zero or more")
         if not 0.0 <= self.restitution <= 1.0:
             raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
+        if not (math.isfinite(self.solver_residual) and self.solver_residual >= 0.0):
+            raise InputError("parameter", f"solver_residual is {self.solver_residual} m/s; it must be zero or more")
         if not 0.0 < self.contact_erp <= 1.0:
             raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
 

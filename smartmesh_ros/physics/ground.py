@@ -147,7 +147,7 @@ class Ground:
 
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
-        self._movement.read(dt)
+        self._read_bodies(dt)
         dt *= steps
         lively = not self._colliders.fields.keeps(time)
         batches = self._tracker.update(self.positions_w, self.moved_w * steps, time, dt, steps, lively=lively)
@@ -163,7 +163,7 @@ class Ground:
     def go_on(self, dt: float) -> None:
         """Leaves the patches to move on as they do, before a further step of ``dt`` [s] that the last `update` was made
         for."""
-        self._movement.read(dt)
+        self._read_bodies(dt)
 
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
@@ -188,6 +188,10 @@ class Ground:
         self._prediction.adopt(kept)
         solid = np.array([follower.solid for follower in followers], bool)
         self._tracker.set_bodies(self._radii, kept, solid)
+
+    def _read_bodies(self, dt: float) -> None:
+        with self.stopwatch.stage("bodies"):
+            self._movement.read(dt)
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""

@@ -17,5 +17,8 @@ def set_up(client: Any, physics: PhysicsConfig) -> None:
     client.setGravity(*physics.gravity)
     client.setTimeStep(physics.dt)
     client.setPhysicsEngineParameter(
-        contactERP=physics.contact_erp, erp=physics.contact_erp, contactBreakingThreshold=CONTACT_BREAKING
+        contactERP=physics.contact_erp,
+        erp=physics.contact_erp,
+        contactBreakingThreshold=CONTACT_BREAKING,
+        solverResidualThreshold=physics.solver_residual**2,
     )

@@ -187,8 +187,9 @@ class World:
     def step(self, count: int = 1) -> None:
         """Runs physics steps."""
         for _ in range(count):
-            self.prepare()
-            self._step()
+            with self.stopwatch.stage("total"):
+                self.prepare()
+                self._step()
             self.time += self.config.physics.dt
             self.stopwatch.lap()
 
@@ -299,14 +300,17 @@ class World:
         """Steps PyBullet, bodies meeting the ground softly where that is asked for."""
         physics, meeting = self.config.physics, None
         if physics.landing:
-            with self.stopwatch.stage("collider"):
+            with self.stopwatch.stage("bodies"):
                 bodies, radii = self._roll.bodies, self._roll.radii
                 meeting = landing.meet(self.client, self.ground, bodies, radii, self._met, self.time, physics)
         with self.stopwatch.stage("step"):
             for (uid, index), effort in self._efforts.items():
                 apply_effort(self.client, uid, index, effort)
             self.client.stepSimulation()
-        self._met = [] if meeting is None else landing.part(self.client, self.ground, meeting, physics)
+        self._met = []
+        if meeting is not None:
+            with self.stopwatch.stage("bodies"):
+                self._met = landing.part(self.client, self.ground, meeting, physics)
 
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""

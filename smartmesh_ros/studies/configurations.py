@@ -54,7 +54,7 @@ OURS = (
     _patch("neither", "ours, less", edge_filter=False, carry_velocity=False),
 )
 # As the report has it: made anew in every step, with none of what was added since.
-_BARE = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
+_BARE: dict[str, Any] = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 REPORT = (
     _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **_BARE),
     _patch("convex hull", "report", kind="hull", **_BARE),
@@ -66,8 +66,8 @@ def presets() -> list[Configuration]:
     """The parameter files that come with the package."""
     return [
         Configuration(
-            name=f"preset {preset.name}", family="ours", engine="smartmesh", rate=preset.rate,
-            options=SmartMeshOptions(patch=preset.patch),
+            name=f"preset {preset.name}", family="ours", engine="smartmesh", rate=preset.physics.rate,
+            options=SmartMeshOptions(patch=preset.patch, physics=preset.physics),
         )
         for preset in read_presets()
     ]  # fmt: skip

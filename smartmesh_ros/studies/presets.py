@@ -16,11 +16,11 @@ NAMES = ("accurate", "fast", "fleet", "quadruped", "rover")
 
 
 class Preset(NamedTuple):
-    """What a preset says of patches, and its rate of physics [Hz]."""
+    """What a preset says of patches and physics."""
 
     name: str
     patch: PatchConfig
-    rate: float
+    physics: PhysicsConfig
 
 
 def folder() -> Path | None:
@@ -42,7 +42,10 @@ def read_presets() -> list[Preset]:
 def _read(path: Path) -> Preset:
     nodes: dict[str, Any] = yaml.safe_load(path.read_text())
     values = next(iter(nodes.values()))["ros__parameters"]
-    known = {field.name for field in fields(PatchConfig)}
-    patch = {name.removeprefix("patch."): value for name, value in values.items() if name.startswith("patch.")}
-    chosen = {name: value for name, value in patch.items() if name in known}
-    return Preset(path.stem, PatchConfig(**chosen), float(values.get("physics.rate", PhysicsConfig().rate)))
+
+    def given(group: str, config: type) -> dict[str, Any]:
+        names = {field.name: f"{group}.{field.name}" for field in fields(config)}
+        return {name: values[parameter] for name, parameter in names.items() if parameter in values}
+
+    patch, physics = given("patch", PatchConfig), given("physics", PhysicsConfig)
+    return Preset(path.stem, PatchConfig(**patch), PhysicsConfig(**physics))

@@ -34,7 +34,7 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     if scene.reference == "whole":
         engine = build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True))
     else:
-        finest = PatchConfig(kind="heightfield", tolerance=1e-4)
+        finest = PatchConfig(kind="heightfield", tolerance=1e-4, rate=0.0)
         engine = build("smartmesh", setup, SmartMeshOptions(patch=finest))
     with engine:
         for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):

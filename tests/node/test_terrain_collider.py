@@ -120,6 +120,8 @@ def test_bodies_fall_rest_and_report(probe: Probe) -> None:
             "collider",
             "step",
             "publish",
+            "bodies",
+            "total",
             "lateness",
         ]
         step = timing.stages[4]

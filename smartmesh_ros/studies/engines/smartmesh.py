@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from smartmesh_ros.patches.config import PatchConfig
@@ -17,11 +17,11 @@ from smartmesh_ros.terrain.motion import MotionConfig
 
 @dataclass(frozen=True, kw_only=True)
 class SmartMeshOptions:
-    """How patches are made and what the ground does between maps."""
+    """How patches are made, what the ground does between maps, and the physics but for what the scene says of it."""
 
     patch: PatchConfig = field(default_factory=PatchConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
-    contact_erp: float = PhysicsConfig().contact_erp
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
 
 
 class SmartMesh(Engine):
@@ -34,7 +34,7 @@ class SmartMesh(Engine):
     def __init__(self, setup: Setup, options: SmartMeshOptions | None = None) -> None:
         chosen = options or SmartMeshOptions()
         self.heightmap = HeightMap(setup.heights, resolution=setup.resolution, motion=chosen.motion)
-        physics = PhysicsConfig(rate=1.0 / setup.dt, gravity=setup.gravity, contact_erp=chosen.contact_erp)
+        physics = replace(chosen.physics, rate=1.0 / setup.dt, gravity=setup.gravity)
         self.world = World(self.heightmap, WorldConfig(physics=physics, patch=chosen.patch))
         for index, body in enumerate(setup.bodies):
             self.world.spawn(f"body_{index}", body.shape, body.mass, body.state)

@@ -13,7 +13,10 @@ import numpy as np
 from smartmesh_ros.studies.load.summary import Summary
 from smartmesh_ros.studies.load.tables import KINDS
 
-STAGES = {"search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "step": "#d95f0e", "publish": "#74c476"}
+STAGES = {
+    "search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "bodies": "#807dba", "step": "#d95f0e",
+    "publish": "#74c476",
+}  # fmt: skip
 
 
 def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[Path]:
@@ -41,14 +44,14 @@ def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
              and s.case.map_rate == 60.0), key=lambda s: s.case.bodies)  # fmt: skip
         bottom = np.zeros(len(runs))
         for stage, colour in STAGES.items():
-            times = np.array([s.stage(stage)[0] for s in runs])
+            times = np.nan_to_num([s.a_step(stage) for s in runs])
             axis.bar(range(len(runs)), times, bottom=bottom, color=colour, label=stage, width=0.6)
             bottom += times
         axis.axhline(1e3 / rate, color="black", linestyle="--", linewidth=1, label="time there is")
         axis.plot(range(len(runs)), [s.cpu_per_step for s in runs], "kx", label="processor time a step, all in")
         axis.set_xticks(range(len(runs)), [str(s.case.bodies) for s in runs])
         axis.set_xlabel("bodies")
-        axis.set_ylabel("time [ms], medians")
+        axis.set_ylabel("time a step [ms]")
         axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
     axes[0].legend(fontsize=8)
     return _save(figure, machine, path)

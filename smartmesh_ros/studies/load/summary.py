@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.studies.load.cases import Case
 
-UPDATE = ("search", "collect", "collider")
+UPDATE = ("search", "collect", "collider", "bodies")
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,9 @@ class Summary:
     """One run.
 
     Stage times [ms] are medians over windows of a second of the window's median and 99th percentile, and the maximum of
-    all windows; NaN where a stage did not run. ``latency`` [ms] is the median, 99th percentile and maximum, None where
-    nothing was seen.
+    all windows; NaN where a stage did not run. Those a step are sums over its runs, taken for as long as the window's
+    median, by the steps: not every stage runs in every step. ``latency`` [ms] is the median, 99th percentile and
+    maximum, None where nothing was seen.
     """
 
     case: Case
@@ -38,10 +39,16 @@ class Summary:
         median, high = np.median(times[:, :2], axis=0) / 1e3
         return float(median), float(high), float(times[:, 2].max() / 1e3)
 
+    def a_step(self, *names: str) -> float:
+        """Time of stages a step [ms]."""
+        windows = [w["stages"] for w in self.result["windows"]]
+        steps = sum(w["step"][0] for w in windows) or math.nan
+        return float(sum(w[name][0] * w[name][1] for w in windows for name in names) / steps / 1e3)
+
     @property
     def update_and_step(self) -> float:
-        """Median of everything between two steps that is physics [ms]."""
-        return sum(self.stage(name)[0] for name in (*UPDATE, "step"))
+        """Time of everything that is physics, a step [ms]."""
+        return self.a_step(*UPDATE, "step")
 
     @property
     def steps_per_second(self) -> float:
