@@ -59,8 +59,8 @@ SPECS = (
     Spec("patch.rings", _PATCH.rings, "Samples on each side of the nearest vertex; 0 = from the body's size.", 0, 4),
     Spec("patch.tolerance", _PATCH.tolerance, "How far a patch may lie from the terrain [m].", 1e-6, 10.0),
     Spec(
-        "patch.rate", _PATCH.rate, "Patches follow bodies and ground with each map and between maps so often [Hz]; "
-        "0 = at every step.", 0.0, 100_000.0,
+        "patch.rate", _PATCH.rate, "Patches follow bodies and ground so often, and as maps come up to twice as often "
+        "[Hz]; 0 = at every step.", 0.0, 100_000.0,
     ),
     Spec("patch.edge_filter", _PATCH.edge_filter, "No ghost collisions at the inner edges of patches."),
     Spec("patch.carry_velocity", _PATCH.carry_velocity, "Patches carry the ground's velocity into contacts."),

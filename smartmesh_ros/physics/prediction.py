@@ -92,8 +92,8 @@ class Prediction:
         feet_w = centres if batch.points_w is None else batch.points_w[fresh]
         twists = np.concatenate([batch.linear_w[fresh, 2:], batch.angular_w[fresh, :2]], axis=1)
         change = _rates(twists, feet_w - centres) - _rates(self._twists[new], feet_w - self._centres[new])
-        changes = change / interval
-        changes[np.isnan(self._stamps[new] + changes)] = 0.0
+        changes = change / (stamps - self._stamps[new])  # there may have been maps in between that nobody looked at
+        changes[np.isnan(changes)] = 0.0
         before = self._changes[new]
         agreed = np.sign(changes) * np.minimum(np.abs(changes), np.abs(before))
         self._accelerations[new], self._changes[new] = np.where(changes * before > 0.0, agreed, 0.0), changes

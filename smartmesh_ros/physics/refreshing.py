@@ -1,4 +1,4 @@
-"""When patches are brought up to date: with every map, and in between no more often than they are worth it.
+"""When patches are brought up to date: with the maps, and no more often than they are worth it.
 
 Colliders move on with the ground's velocity by themselves, and a patch reaches as far as its body may go, so a patch of
 a step ago does nearly as well as a new one; updating it costs as much as stepping the physics.
@@ -13,33 +13,42 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 # A map that is expected so soon is waited for, longer by a part of that time and of the time patches may last: to bring
 # them up to date just before it comes is to do it twice.
 PATIENCE, SOON = 1.25, 1.5
+# Patches last for this share of their time even if maps come more often.
+LEAST = 0.5
 
 
 class Refreshing:
     """Tells before each step whether patches are due."""
 
     def __init__(self) -> None:
-        self._left = 0  # steps until they are, if nothing happens
+        self._age = 0  # steps since they were brought up to date
+        self._lasts, self._least = 0, 0  # steps that they last for, and that they last for if a map comes
         self._seen: list[tuple[MainMesh, int]] = []
 
     def hasten(self) -> None:
         """Has patches be due in the next step."""
-        self._left = 0
+        self._lasts = 0
 
     def due(self, terrain: Terrain) -> bool:
-        """Whether they are: there is other ground, or their time has come."""
-        self._left -= 1
-        return self._left < 0 or self._seen != _versions(terrain)
+        """Whether they are: their time has come, or there is other ground."""
+        self._age += 1
+        if self._age >= self._lasts:
+            return True
+        now = _versions(terrain)
+        if self._age >= self._least:
+            return now != self._seen
+        return [mesh for mesh, _ in now] != [mesh for mesh, _ in self._seen]
 
     def begin(self, terrain: Terrain, time: float, dt: float, rate: float) -> int:
-        """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last
-        where ``rate`` [Hz] is wanted (0 = one), or until the next map comes, if that is soon."""
+        """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last:
+        as ``rate`` [Hz] says (0 = one), or until the next map comes, if that is soon."""
         steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
+        self._least = math.ceil(LEAST * steps)
         if steps > 1:
             lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
-            wait = max(round(PATIENCE * min(lifetimes) / dt), 1) if lifetimes else math.inf
+            wait = max(round(PATIENCE * min(lifetimes) / dt), self._least) if lifetimes else math.inf
             steps = int(wait) if wait <= SOON * steps else steps
-        self._left, self._seen = steps - 1, _versions(terrain)
+        self._age, self._lasts, self._seen = 0, steps, _versions(terrain)
         return steps
 
 

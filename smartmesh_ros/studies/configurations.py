@@ -41,6 +41,7 @@ OURS = (
     _patch("defaults, 480 Hz", "ours", physics=480.0, quick=True),
     _patch("defaults, 960 Hz", "ours", physics=960.0),
     _patch("patches at every step", "ours", rate=0.0),
+    _patch("patches at 30 Hz", "ours", rate=30.0),
     _patch("tolerance 0.2 mm", "ours", tolerance=0.0002),
     _patch("tolerance 10 mm", "ours", tolerance=0.01, quick=True),
     _patch("tolerance 50 mm", "ours", tolerance=0.05),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics.landing import approaches
-from smartmesh_ros.physics.refreshing import PATIENCE, SOON, Refreshing
+from smartmesh_ros.physics.refreshing import LEAST, SOON, Refreshing
 
 RATE, SIDE = 240.0, 41
 DT = 1.0 / RATE
@@ -53,26 +53,28 @@ class Rising:
     maps=st.lists(st.booleans(), min_size=1, max_size=60),
     dt=st.sampled_from([1.0 / 60.0, DT, 1.0 / 960.0]),
 )
-def test_patches_are_due_with_each_map_and_no_later_than_the_rate_says(
-    rate: float, maps: list[bool], dt: float
-) -> None:
+def test_patches_are_due_with_maps_and_no_later_than_the_rate_says(rate: float, maps: list[bool], dt: float) -> None:
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
     terrain, refreshing = Terrain.of(heightmap), Refreshing()
-    since, last = math.inf, 0
+    steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
+    age, lasts, waiting = 0, 0, False
     for step, comes in enumerate(maps):
         if comes:
             heightmap.replace(np.full((5, 5), 0.001 * step), time=step * dt)
-        since += 1
+        waiting |= comes
+        age += 1
         if refreshing.due(terrain):
-            last = refreshing.begin(terrain, step * dt, dt, rate)
-            most = max(round(1.0 / (rate * dt)), 1) if rate else 1
-            assert 1 <= last <= (SOON * most if most > 1 else 1)
-            since = 0
-        assert not (comes and since), "a new map is never left for later"
-        assert since < max(last, 1), "nor are patches left longer than they were made for"
+            assert not lasts or age >= LEAST * steps, "not more than twice as often, however many maps come"
+            lasts = refreshing.begin(terrain, step * dt, dt, rate)
+            assert 1 <= lasts <= (SOON * steps if steps > 1 else 1)
+            age, waiting = 0, False
+        assert not waiting or age < LEAST * steps, "a map is left for later only if patches are new"
+        assert age < lasts, "nor are they left longer than they were made for"
 
 
-@pytest.mark.parametrize(("maps", "rate", "lasts"), [(1, 60.0, 1), (2, 60.0, 2), (4, 60.0, 5), (12, 60.0, 4)])
+@pytest.mark.parametrize(
+    ("maps", "rate", "lasts"), [(1, 240.0, 1), (1, 60.0, 2), (2, 60.0, 2), (4, 60.0, 5), (12, 60.0, 4)]
+)
 def test_patches_last_until_the_next_map_if_that_is_soon(maps: int, rate: float, lasts: int) -> None:
     """Maps every so many steps. One that comes a little late is waited for."""
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
@@ -80,7 +82,14 @@ def test_patches_last_until_the_next_map_if_that_is_soon(maps: int, rate: float,
     for number in range(3):
         heightmap.replace(np.full((5, 5), 0.001 * number), time=number * maps * DT)
     assert refreshing.begin(terrain, 2 * maps * DT, DT, rate) == lasts
-    assert lasts <= PATIENCE * maps
+
+
+def test_new_tiles_are_followed_at_once() -> None:
+    terrain, refreshing = Terrain.of(HeightMap(np.zeros((5, 5)), resolution=1.0)), Refreshing()
+    refreshing.begin(terrain, 0.0, DT, 10.0)
+    assert not refreshing.due(terrain)
+    terrain.put("", HeightMap(np.ones((5, 5)), resolution=1.0))
+    assert refreshing.due(terrain)
 
 
 @pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])
@@ -126,3 +135,21 @@ def test_bodies_ride_on_the_ground_although_steps_are_skipped(kind: PatchKind, r
             _, y, z = world.state("ball").position
             # By what the ground rose while the ball stood still, less what the solver made good since.
             assert z - RADIUS > ground.height(y) - RISE * skipped * DT - 5e-4
+
+
+@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh"])
+def test_patches_that_leave_maps_out_follow_ground_that_accelerates(kind: PatchKind) -> None:
+    """Maps come with every step, patches follow every fourth: what changed since the last that was looked at took four
+    times as long as since the map before."""
+    acceleration = 3.0
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), resolution=0.1)
+    patch = PatchConfig(kind=kind, rate=30.0)
+    with World(heightmap, WorldConfig(physics=PhysicsConfig(rate=RATE), patch=patch)) as world:
+        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((2.0, 2.0, RADIUS)))
+        for step in range(240):
+            height = 0.5 * acceleration * world.time**2
+            heightmap.replace(np.full((SIDE, SIDE), height), time=world.time)
+            world.step()
+            if step > 24:
+                ground = 0.5 * acceleration * world.time**2
+                assert world.state("ball").position[2] - RADIUS == pytest.approx(ground, abs=3e-4)

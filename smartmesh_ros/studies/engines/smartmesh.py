@@ -25,8 +25,8 @@ class SmartMeshOptions:
 
 
 class SmartMesh(Engine):
-    """`World` on a `HeightMap`. `set_ground` takes the map in and brings the patches to it; where no new map came,
-    `step` moves them on."""
+    """`World` on a `HeightMap`. `set_ground` takes the map in and has the patches prepared for the step; where no
+    new map came, `step` does."""
 
     name: ClassVar[str] = "smartmesh"
     carries_velocity: ClassVar[bool] = True
@@ -46,7 +46,7 @@ class SmartMesh(Engine):
 
     def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
         self.heightmap.replace(heights, time=self.world.time, velocities=velocities)
-        self.world.refresh()
+        self.world.prepare()
         self._fresh = True
 
     def step(self) -> None:
