@@ -43,7 +43,7 @@ SPECS = (
     Spec("physics.landing", _PHYSICS.landing, "Bodies that would run into the ground in a step arrive at its surface."),
     Spec(
         "physics.solver_residual", _PHYSICS.solver_residual, "The solver's iterations end once none changes a "
-        "contact's velocity by more [m/s].", 0.0, 1.0,
+        "contact's velocity by more than its root [m^2/s^2].", 0.0, 1.0,
     ),
     Spec("physics.contact_erp", _PHYSICS.contact_erp, "Share of a penetration corrected in a step.", 0.01, 1.0),
     Spec(

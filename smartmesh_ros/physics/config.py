@@ -15,8 +15,8 @@ class PhysicsConfig:
     body against the ground. ``restitution``: share of the closing speed that a body bounces back with.
     ``contact_erp``: share of a penetration that the solver takes back in one step. ``guard``: bodies found below the
     ground are put back onto it. ``landing``: bodies that would run into the ground within a step arrive at its surface
-    instead. ``solver_residual`` [m/s]: the solver's iterations end before all 50 once none changes a contact's velocity
-    by more.
+    instead. ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end
+    once none changes a contact's velocity by more than its root.
     """
 
     rate: float = 240.0
@@ -26,7 +26,7 @@ class PhysicsConfig:
     contact_erp: float = 0.3
     guard: bool = True
     landing: bool = True
-    solver_residual: float = 3e-4
+    solver_residual: float = 1e-7
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate) and self.rate > 0.0):
@@ -38,7 +38,7 @@ class PhysicsConfig:
         if not 0.0 <= self.restitution <= 1.0:
             raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
         if not (math.isfinite(self.solver_residual) and self.solver_residual >= 0.0):
-            raise InputError("parameter", f"solver_residual is {self.solver_residual} m/s; it must be zero or more")
+            raise InputError("parameter", f"solver_residual is {self.solver_residual} m^2/s^2; it must be zero or more")
         if not 0.0 < self.contact_erp <= 1.0:
             raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
 

@@ -13,8 +13,9 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 # A map that is expected so soon is waited for, longer by a part of that time and of the time patches may last: to bring
 # them up to date just before it comes is to do it twice.
 PATIENCE, SOON = 1.25, 1.5
-# Patches last for this share of their time even if maps come more often.
-LEAST = 0.5
+# Patches last for this share of their time even if maps come more often, but for the first maps of many: how fast the
+# ground moves is known by the second of them.
+LEAST, FIRST = 0.5, 4
 
 
 class Refreshing:
@@ -23,6 +24,7 @@ class Refreshing:
     def __init__(self) -> None:
         self._age = 0  # steps since they were brought up to date
         self._lasts, self._least = 0, 0  # steps that they last for, and that they last for if a map comes
+        self._maps = 0  # how often in a row it was a map that they were brought up to date for
         self._seen: list[tuple[MainMesh, int]] = []
 
     def hasten(self) -> None:
@@ -35,7 +37,7 @@ class Refreshing:
         if self._age >= self._lasts:
             return True
         now = _versions(terrain)
-        if self._age >= self._least:
+        if self._age >= self._least or self._maps < FIRST:
             return now != self._seen
         return [mesh for mesh, _ in now] != [mesh for mesh, _ in self._seen]
 
@@ -46,9 +48,12 @@ class Refreshing:
         self._least = math.ceil(LEAST * steps)
         if steps > 1:
             lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
-            wait = max(round(PATIENCE * min(lifetimes) / dt), self._least) if lifetimes else math.inf
+            least = self._least if self._maps >= FIRST else 1
+            wait = max(round(PATIENCE * min(lifetimes) / dt), least) if lifetimes else math.inf
             steps = int(wait) if wait <= SOON * steps else steps
-        self._age, self._lasts, self._seen = 0, steps, _versions(terrain)
+        seen, self._seen = self._seen, _versions(terrain)
+        self._maps = self._maps + 1 if seen != self._seen else 0
+        self._age, self._lasts = 0, steps
         return steps
 
 

@@ -20,5 +20,5 @@ def set_up(client: Any, physics: PhysicsConfig) -> None:
         contactERP=physics.contact_erp,
         erp=physics.contact_erp,
         contactBreakingThreshold=CONTACT_BREAKING,
-        solverResidualThreshold=physics.solver_residual**2,
+        solverResidualThreshold=physics.solver_residual,
     )

@@ -9,7 +9,7 @@ from smartmesh_ros.patches.config import PatchConfig
 
 Figure = Callable[[PatchConfig], float]
 
-_BARE = {"edge_filter": False, "carry_velocity": False}
+_BARE = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 METHODS: dict[str, PatchConfig] = {
     "defaults": PatchConfig(),
     "no velocity": PatchConfig(kind="heightfield", carry_velocity=False),
