@@ -9,8 +9,7 @@ import numpy as np
 from smartmesh_ros.patches.collect import CollectMethod
 from smartmesh_ros.patches.grid_collect import collect_inside
 from smartmesh_ros.patches.grid_window import window_rings
-from smartmesh_ros.patches.pace import Pace
-from smartmesh_ros.patches.ranges import NEARBY, rings_to_edge, sizes_together
+from smartmesh_ros.patches.ranges import MORE_STEPS, NEARBY, rings_to_edge, sizes_together
 from smartmesh_ros.patches.template import patch_template
 from smartmesh_ros.search.grid import Cells, nearest_vertices
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -35,7 +34,7 @@ class Aloft(NamedTuple):
 
 def aloft(
     heightmap: HeightMap, grid: FloatArray, bottoms_w: FloatArray, radii: FloatArray, along: FloatArray, time: float,
-    pace: Pace, method: CollectMethod,
+    method: CollectMethod,
 ) -> Aloft:  # fmt: skip
     """The room around n bodies at fractional (row, column) ``grid`` (n, 2) whose lowest points are at ``bottoms_w``
     (n,) [m], with bounding ``radii`` (n,) [m], that go ``along`` (n,) [m] until the next update.
@@ -45,7 +44,7 @@ def aloft(
     """
     geometry, count = heightmap.geometry, len(radii)
     cells = nearest_vertices(geometry, grid)
-    rings = window_rings((1.0 + NEARBY) * radii + pace.more_travel * along, geometry.resolution)
+    rings = window_rings((1.0 + NEARBY) * radii + MORE_STEPS * along, geometry.resolution)
     inside = rings_to_edge(geometry, cells) >= rings
     found = Aloft(np.full(count, -np.inf), np.zeros(count), np.full(count, np.inf), np.zeros(count), rings, cells)
     sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))

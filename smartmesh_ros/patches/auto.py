@@ -12,7 +12,6 @@ from smartmesh_ros.patches.lively import OFTEN
 from smartmesh_ros.patches.looked import Looked
 from smartmesh_ros.patches.looks import Looks
 from smartmesh_ros.patches.moving import Moving
-from smartmesh_ros.patches.pace import Pace
 from smartmesh_ros.patches.standing import Standing
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import IntArray
@@ -53,10 +52,10 @@ class AutoPatches:
         self._looked.forget(bodies)
 
     def patches(
-        self, name: str, heightmap: HeightMap, moving: Moving, time: float, pace: Pace, before: list[PatchBatch],
+        self, name: str, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch],
         *, lively: bool,
     ) -> tuple[list[PatchBatch], IntArray]:  # fmt: skip
-        """Patches on the tile ``name`` at ``time`` [s], and which of ``moving`` need one of
+        """Patches on the tile ``name`` at ``time`` [s] for steps of ``dt`` [s], and which of ``moving`` need one of
         fixed extent instead (m,): at the tile's edge, and where looking would be in vain, as on ``lively`` ground."""
         bodies, standing, method = moving.bodies, self._standing, self._looks.config.collect
         if time < self._time:  # the clock was set anew: what holds until some time holds no more
@@ -72,10 +71,10 @@ class AutoPatches:
             self._at_rest.pop(name, None)
         elif rest is None:
             standing.forget(bodies)
-        due = self._looked.due(standing, heightmap, moving, time, pace)
+        due = self._looked.due(standing, heightmap, moving, time, dt)
         if due.any():
-            lively = moves and (lively or heightmap.lifetime <= OFTEN * pace.dt)
-            self._looks.look(heightmap, moving.of(due), time, pace, before, lively=lively)
+            lively = moves and (lively or heightmap.lifetime <= OFTEN * dt)
+            self._looks.look(heightmap, moving.of(due), time, dt, before, lively=lively)
         elif rest is not None and np.array_equal(rest[0], bodies):
             return list(rest[1]), rest[2]
         with self._stopwatch.stage("collect"):

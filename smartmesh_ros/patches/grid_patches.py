@@ -16,7 +16,6 @@ from smartmesh_ros.patches.extent import extent_for
 from smartmesh_ros.patches.grid_collect import Collected, collect_across, collect_inside, fit_in
 from smartmesh_ros.patches.grid_search import GridSearch
 from smartmesh_ros.patches.moving import Moving
-from smartmesh_ros.patches.pace import Pace
 from smartmesh_ros.patches.planes import facet_nearest, planes_through
 from smartmesh_ros.patches.standing import planes_in_world
 from smartmesh_ros.patches.template import patch_template
@@ -64,15 +63,15 @@ class GridPatches:
         self._auto.forget(bodies)
 
     def patches(
-        self, name: str, moving: Moving, time: float, pace: Pace, before: list[PatchBatch], *, lively: bool
+        self, name: str, moving: Moving, time: float, dt: float, before: list[PatchBatch], *, lively: bool
     ) -> list[PatchBatch]:
-        """Patches on the tile ``name`` at ``time`` [s]; ``before``: the batches of the update
+        """Patches on the tile ``name`` at ``time`` [s] for a step of ``dt`` [s]; ``before``: the batches of the update
         before; ``lively``: colliders do not last."""
         if not self._config.chooses:
             return self.of_fixed_extent(name, moving, time, before)
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
-        batches, fixed = self._auto.patches(name, heightmap, moving, time, pace, before, lively=lively)
+        batches, fixed = self._auto.patches(name, heightmap, moving, time, dt, before, lively=lively)
         if fixed.size:
             batches += self.of_fixed_extent(name, moving.of(fixed), time, before)
         return batches

@@ -8,7 +8,7 @@ import numpy as np
 from smartmesh_ros.patches.choice import FACET, FIELD, FITTED, FIXED, NONE, Choice
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
-# Maps that come at least every so many steps leave colliders nothing to last for.
+# Maps that come at least every so many updates leave colliders nothing to last for.
 OFTEN = 1.5
 # For so long such bodies get a patch of fixed extent and are not looked at [s]; twice as long each time that looking
 # was found in vain again, up to the longest.
@@ -17,7 +17,7 @@ UNLOOKED, LONGEST = 0.1, 0.4
 SOON = 0.03
 # Not where it would be a coarser one: under bodies that reach further [samples].
 FEW = 3.5
-# On ground at rest: bodies whose look lasts for fewer steps.
+# On ground at rest: bodies whose look lasts for fewer updates.
 HURRY = 24
 # Nor where there are more bodies: a look costs about the same for one as for a hundred, and a patch for each.
 MANY = 200

@@ -8,7 +8,7 @@ from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.choice import FIXED
 from smartmesh_ros.patches.lively import MANY
 from smartmesh_ros.patches.moving import Moving
-from smartmesh_ros.patches.pace import Pace
+from smartmesh_ros.patches.ranges import HORIZON
 from smartmesh_ros.patches.standing import Standing
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -56,24 +56,24 @@ class Looked:
         self.normal[bodies] = (0.0, 0.0, 1.0)
         self.lean[bodies] = 0.0
 
-    def due(self, standing: Standing, heightmap: HeightMap, moving: Moving, time: float, pace: Pace) -> BoolArray:
+    def due(self, standing: Standing, heightmap: HeightMap, moving: Moving, time: float, dt: float) -> BoolArray:
         """Which bodies to look at (n,): those whose choice may not hold until the next update."""
         bodies = moving.bodies
         until, since = standing.until[bodies], self.since[bodies]
         shift = moving.positions_w + moving.moved_w - self.where[bodies]
-        shift[:, 2] -= self.rise[bodies] * (time + pace.dt - since)
+        shift[:, 2] -= self.rise[bodies] * (time + dt - since)
         drop = np.einsum("ij,ij->i", shift, self.normal[bodies])
         slide = np.einsum("ij,ij->i", shift, shift)
         drop *= drop
         slide -= drop
         most_drop, most_slide = self.drop[bodies] ** 2, self.slide[bodies] ** 2
         due = (time >= until) | (drop > most_drop) | (slide > most_slide)
-        steady = heightmap.moving(time) and heightmap.lifetime <= pace.horizon * pace.dt
+        steady = heightmap.moving(time) and heightmap.lifetime <= HORIZON * dt
         changed = self._changed(standing, heightmap, bodies)
         due |= changed & np.isinf(until) if steady else changed
         if due.any() and len(bodies) <= MANY:
             due |= (drop > EARLY * EARLY * most_drop) | (slide > EARLY * EARLY * most_slide)
-            due |= (standing.state[bodies] != FIXED) & (time + pace.dt - since >= EARLY * (until - since))
+            due |= (standing.state[bodies] != FIXED) & (time + dt - since >= EARLY * (until - since))
         return np.asarray(due)
 
     def _changed(self, standing: Standing, heightmap: HeightMap, bodies: IntArray) -> BoolArray:
@@ -84,16 +84,16 @@ class Looked:
         rows, columns = standing.rows[bodies], standing.columns[bodies]
         return heightmap.clocks.changed(rows, columns, self.window[bodies], version)
 
-    def changing(self, bodies: IntArray, rise: FloatArray, time: float, pace: Pace) -> FloatArray:
+    def changing(self, bodies: IntArray, rise: FloatArray, time: float, dt: float) -> FloatArray:
         """How fast the ground's velocity ``rise`` (n,) [m/s] has changed since the last look (n,) [m/s^2], NaN where
         that is too long ago."""
         since = time - self.since[bodies]
-        recent = (since > 0.0) & (since <= 2.0 * pace.horizon * pace.dt)
+        recent = (since > 0.0) & (since <= 2.0 * HORIZON * dt)
         change = np.abs(rise - self.rise[bodies])
         return np.where(recent, np.minimum(change / np.where(recent, since, 1.0), SWERVE), np.nan)
 
     def step(self, moving: Moving, dt: float) -> tuple[FloatArray, FloatArray]:
-        """How far bodies come across the ground and go along it in ``dt`` [s] (n,) [m]."""
+        """How far bodies come across the ground and go along it in one step (n,) [m]."""
         shift = moving.moved_w.copy()
         shift[:, 2] -= self.rise[moving.bodies] * dt
         across = np.abs(np.einsum("ij,ij->i", shift, self.normal[moving.bodies]))

@@ -24,9 +24,10 @@ from smartmesh_ros.patches.lively import (
 )
 from smartmesh_ros.patches.looked import Looked
 from smartmesh_ros.patches.moving import Moving
-from smartmesh_ros.patches.pace import Pace
 from smartmesh_ros.patches.planes import foot_offset
 from smartmesh_ros.patches.ranges import (
+    HORIZON,
+    SHORT_HORIZON,
     SLACK,
     leeway,
     rings_to_edge,
@@ -49,13 +50,13 @@ LONG = 0.05
 NEARER = 0.1
 # A plane that deviates by less than this share of the tolerance is as good as the ground.
 CURVED = 0.1
-# What a body gains in a step by falling, at most [m/s^2].
+# What a body gains until the next update by falling, at most [m/s^2].
 FALL = 10.0
 
 
 class Way(NamedTuple):
-    """How far n bodies come ``across`` the ground and go ``along`` it in a step, and how far they may until the next
-    look (``drop``, ``slide``), shapes (n,) [m]."""
+    """How far n bodies come ``across`` the ground and go ``along`` it until the next update, and how far they may until
+    the next look (``drop``, ``slide``), shapes (n,) [m]."""
 
     across: FloatArray
     along: FloatArray
@@ -91,17 +92,17 @@ class Looks:
         self._stopwatch = stopwatch
 
     def look(
-        self, heightmap: HeightMap, moving: Moving, time: float, pace: Pace, before: list[PatchBatch], *, lively: bool
+        self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch], *, lively: bool
     ) -> None:
         """Looks at bodies; where ground is ``lively`` some are left unlooked for a while. ``before``: the batches of
         the update before."""
-        left = self._look_up(heightmap, moving, time, pace, lively=lively)
+        left = self._look_up(heightmap, moving, time, dt, lively=lively)
         if not left.all():
             moving = moving.of(left)
         if moving.bodies.size:
-            self._look_down(heightmap, moving, time, pace, before, lively=lively)
+            self._look_down(heightmap, moving, time, dt, before, lively=lively)
 
-    def _look_up(self, heightmap: HeightMap, moving: Moving, time: float, pace: Pace, *, lively: bool) -> BoolArray:
+    def _look_up(self, heightmap: HeightMap, moving: Moving, time: float, dt: float, *, lively: bool) -> BoolArray:
         """Looks at those of the bodies (n,) that were in the air: which stay there, how far and for how long; where
         most bodies are left unlooked the others are, too. Says which bodies were not dealt with (n,)."""
         standing, looked = self._standing, self._looked
@@ -110,12 +111,12 @@ class Looks:
             return ~high
         moving = moving.of(high)
         along, falling = np.hypot(moving.moved_w[:, 0], moving.moved_w[:, 1]), np.abs(moving.moved_w[:, 2])
-        bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * pace.dt * pace.dt
-        room = aloft(heightmap, moving.grid, bottoms_w, moving.radii, along, time, pace, self.config.collect)
-        stay = (room.above > SLACK + falling) & (room.aside > along) & (room.lasts >= pace.short_horizon * pace.dt)
+        bottoms_w = moving.positions_w[:, 2] - moving.radii - 2.0 * FALL * dt * dt
+        room = aloft(heightmap, moving.grid, bottoms_w, moving.radii, along, time, self.config.collect)
+        stay = (room.above > SLACK + falling) & (room.aside > along) & (room.lasts >= SHORT_HORIZON * dt)
         bodies = moving.bodies[stay]
         standing.rows[bodies], standing.columns[bodies] = room.cells.rows[stay], room.cells.columns[stay]
-        standing.until[bodies] = time + room.lasts[stay] - 0.5 * pace.dt
+        standing.until[bodies] = time + room.lasts[stay] - 0.5 * dt
         looked.window[bodies], looked.version[bodies] = room.rings[stay], heightmap.version
         looked.where[bodies], looked.since[bodies] = moving.positions_w[stay], time
         looked.drop[bodies], looked.slide[bodies] = room.above[stay], room.aside[stay]
@@ -139,16 +140,16 @@ class Looks:
         looked.drop[bodies] = looked.slide[bodies] = np.inf
 
     def _look_down(
-        self, heightmap: HeightMap, moving: Moving, time: float, pace: Pace, before: list[PatchBatch], *, lively: bool
+        self, heightmap: HeightMap, moving: Moving, time: float, dt: float, before: list[PatchBatch], *, lively: bool
     ) -> None:
         """Looks at the ground under bodies, in windows of the size that each needs."""
         geometry, bodies, standing, looked = heightmap.geometry, moving.bodies, self._standing, self._looked
         with self._stopwatch.stage("search"):
             foot = moving.grid - looked.lean[bodies][:, ::-1] / geometry.resolution
             cells = self._search.nearest(self.config.search, geometry, bodies, foot, moving.positions_w, before)
-        across, along = looked.step(moving, pace.dt)
-        way = Way(across, along, *leeway(across, along, moving.radii, pace))
-        reach = moving.radii + way.drop + way.slide + FALL * pace.dt * pace.dt + np.abs(looked.lean[bodies]).max(axis=1)
+        across, along = looked.step(moving, dt)
+        way = Way(across, along, *leeway(across, along, moving.radii))
+        reach = moving.radii + way.drop + way.slide + FALL * dt * dt + np.abs(looked.lean[bodies]).max(axis=1)
         if not heightmap.moving(time):
             reach = roaming_reach(reach, moving.radii, geometry.resolution)
         rings = window_rings(reach, geometry.resolution)
@@ -163,24 +164,24 @@ class Looks:
             sizes = sizes_together(geometry, cells, np.where(inside, rings, 0))
             for size in np.unique(sizes[inside]).tolist():
                 of_size = sizes == size
-                self._decide(heightmap, size, moving.of(of_size), way.of(of_size), time, pace, lively=lively)
+                self._decide(heightmap, size, moving.of(of_size), way.of(of_size), time, dt, lively=lively)
         looked.version[bodies], looked.window[bodies] = heightmap.version, rings
 
     def _decide(
-        self, heightmap: HeightMap, size: int, moving: Moving, way: Way, time: float, pace: Pace, *, lively: bool
+        self, heightmap: HeightMap, size: int, moving: Moving, way: Way, time: float, dt: float, *, lively: bool
     ) -> None:
         """Decides for bodies with windows of ``size`` rings."""
         bodies, standing, looked = moving.bodies, self._standing, self._looked
-        view, way = self._view(heightmap, size, moving, way, time, pace)
+        view, way = self._view(heightmap, size, moving, way, time, dt)
         before = standing.state[bodies]
         choice = choose(
             view.window, view.balls, looked.lean[bodies], self.config,
             before, standing.rings[bodies], standing.stride[bodies], standing.spare[bodies],
         )  # fmt: skip
         if view.ground.velocities is None and not view.ground.holes:
-            way = self._roam(view, choice, moving, way, before, pace)
+            way = self._roam(view, choice, moving, way, before)
         known = self._note(choice, moving, view.balls.centres, heightmap.geometry.yaw)
-        self._note_ahead(heightmap, choice, bodies, view, time, pace)
+        self._note_ahead(heightmap, choice, bodies, view, time, dt)
         looked.where[bodies], looked.since[bodies] = moving.positions_w, time
         # Where the ground's normal is not known, sliding may be an approach.
         looked.drop[bodies], looked.slide[bodies] = (
@@ -188,17 +189,17 @@ class Looks:
             np.where(known, way.slide, np.minimum(way.slide, way.drop)),
         )
         if view.ground.velocities is None:
-            hurried = np.asarray(way.slide < HURRY / pace.steps * way.along)
+            hurried = np.asarray(way.slide < HURRY * way.along)
         else:
             hurried = np.asarray(view.ground.velocities.any(axis=1) & lively)
         if hurried.any() and mostly_fields(standing.state) and self.config.kind == "auto":
             crowd = mostly_unlooked(standing.state)
-            vain = in_vain(choice, before, view.balls.centres, moving.radii, way.across / pace.dt, crowd=crowd)
+            vain = in_vain(choice, before, view.balls.centres, moving.radii, way.across / dt, crowd=crowd)
             vain &= (hurried | crowd) & reaches_few(moving.radii + way.along, heightmap.geometry.resolution)
             self._leave_alone(moving, vain, time)
 
     def _view(
-        self, heightmap: HeightMap, size: int, moving: Moving, way: Way, time: float, pace: Pace
+        self, heightmap: HeightMap, size: int, moving: Moving, way: Way, time: float, dt: float
     ) -> tuple[View, Way]:
         """Windows of ``size`` rings, and how far bodies may move in them where the ground's velocity changes.
 
@@ -211,26 +212,26 @@ class Looks:
         rise = np.zeros(len(bodies))
         if ground.velocities is not None:
             rise = np.nan_to_num(ground.velocities[:, template.centre])
-        changing = self._looked.changing(bodies, rise, time, pace)
-        horizon = np.full(len(bodies), pace.horizon)
-        if size <= SMALL_WINDOW or pace.horizon * pace.dt > LONG:
-            horizon[~(0.5 * (pace.horizon * pace.dt) ** 2 * changing <= SLACK)] = pace.short_horizon
-        ahead = horizon * pace.dt
+        changing = self._looked.changing(bodies, rise, time, dt)
+        horizon = np.full(len(bodies), HORIZON)
+        if size <= SMALL_WINDOW or HORIZON * dt > LONG:
+            horizon[~(0.5 * (HORIZON * dt) ** 2 * changing <= SLACK)] = SHORT_HORIZON
+        ahead = horizon * dt
         centres = np.empty((len(bodies), 3))
         centres[:, 0] = (moving.grid[:, 1] - cells.columns) * resolution
         centres[:, 1] = (moving.grid[:, 0] - cells.rows) * resolution
         centres[:, 2] = moving.positions_w[:, 2]
         swerve = 0.5 * ahead * ahead * np.nan_to_num(changing)  # from where the ground's velocity leads
         way = way._replace(drop=way.drop + swerve)
-        balls = Balls(centres=centres, radii=moving.radii + way.drop + FALL * pace.dt * pace.dt, lateral=way.slide)
+        balls = Balls(centres=centres, radii=moving.radii + way.drop + FALL * dt * dt, lateral=way.slide)
         return View(ground, window_of(heightmap.geometry, size, ground, ahead), balls, rise, ahead), way
 
-    def _roam(self, view: View, choice: Choice, moving: Moving, way: Way, before: IntArray, pace: Pace) -> Way:
+    def _roam(self, view: View, choice: Choice, moving: Moving, way: Way, before: IntArray) -> Way:
         """How far bodies may move on ground at rest, given what was chosen for them, which may change."""
         window, balls, tolerance = view.window, view.balls, self.config.plane_tolerance
         room, deviation = room_on_planes(window, choice, balls, balls.centres, tolerance)
         slide = np.maximum(way.slide, room)
-        soon = np.where(before == FIELD, 1.5, 1.0) * pace.horizon * way.along
+        soon = np.where(before == FIELD, 1.5, 1.0) * HORIZON * way.along
         hurried = (slide < soon) & (choice.deviation > CURVED * tolerance)
         roam = roaming_room(choice, moving.radii, balls.centres, way.slide, window, hurried)
         drop = np.where(roam > 0.0, np.maximum(way.drop, NEARER * moving.radii), way.drop)
@@ -257,7 +258,7 @@ class Looks:
         return near
 
     def _note_ahead(
-        self, heightmap: HeightMap, choice: Choice, bodies: IntArray, view: View, time: float, pace: Pace
+        self, heightmap: HeightMap, choice: Choice, bodies: IntArray, view: View, time: float, dt: float
     ) -> None:
         """Notes how the ground under bodies goes on, and until when that holds."""
         standing, velocities = self._standing, view.ground.velocities
@@ -266,6 +267,6 @@ class Looks:
         if velocities is not None:
             now, later = choice.planes_at(0), choice.planes_at(1)
             standing.rate[bodies] = (np.stack(later, axis=1) - np.stack(now, axis=1)) / view.ahead[:, None]
-            until = time + view.ahead - 0.5 * pace.dt
+            until = time + view.ahead - 0.5 * dt
             standing.until[bodies] = np.where(velocities.any(axis=1), until, np.inf)
         standing.read_at[bodies], standing.read_from[bodies] = time, heightmap.version

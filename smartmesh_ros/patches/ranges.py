@@ -7,12 +7,13 @@ import numpy as np
 from smartmesh_ros.patches.choice import FACET, FIELD, FITTED, SMALL_WINDOW, Choice
 from smartmesh_ros.patches.grid_collect import Collected
 from smartmesh_ros.patches.grid_window import Balls, Window
-from smartmesh_ros.patches.pace import Pace
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, GridGeometry, IntArray
 
-# Looks hold for more of a body's travel while that is no further than this share of its radius.
-NEARBY = 0.1
+# A choice holds for so many updates where the ground moves, or for fewer where its velocity changes.
+HORIZON, SHORT_HORIZON = 8, 4
+# For how many updates of travel a look holds: more while that is no further than this share of the body's radius.
+STEPS, MORE_STEPS, NEARBY = 4.0, 8.0, 0.1
 # Beyond what its speed says, a body may come nearer to the ground by this [m] and slide so far [radii].
 SLACK, ROOM = 0.0005, 0.02
 # How far bodies may roam on a patch of ground at rest, if so many rings are enough [radii].
@@ -56,14 +57,14 @@ def room_on_planes(
     return np.where(along, np.clip(room, 0.0, balls.radii), 0.0), deviation
 
 
-def leeway(across: FloatArray, along: FloatArray, radii: FloatArray, pace: Pace) -> tuple[FloatArray, FloatArray]:
+def leeway(across: FloatArray, along: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How much nearer to the ground bodies may come and how far they may slide along it before the next look (n,) [m],
     that come ``across`` and go ``along`` (n,) [m] until the next update."""
-    return SLACK + _travel(across, radii, pace), ROOM * radii + _travel(along, radii, pace)
+    return SLACK + _travel(across, radii), ROOM * radii + _travel(along, radii)
 
 
-def _travel(moved: FloatArray, radii: FloatArray, pace: Pace) -> FloatArray:
-    return np.asarray(np.maximum(pace.travel * moved, np.minimum(pace.more_travel * moved, NEARBY * radii)))
+def _travel(step: FloatArray, radii: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(STEPS * step, np.minimum(MORE_STEPS * step, NEARBY * radii)))
 
 
 def window_of(geometry: GridGeometry, size: int, ground: Collected, ahead: FloatArray) -> Window:

@@ -10,7 +10,6 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.grid_patches import GridPatches
 from smartmesh_ros.patches.mesh_patches import MeshPatches
 from smartmesh_ros.patches.moving import Moving
-from smartmesh_ros.patches.pace import Pace
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -27,7 +26,7 @@ class PatchTracker:
         self.of_solid: list[PatchBatch] = []  # as of the last update
         self._late: list[PatchBatch] = []  # of the others, as last worked out
         self._waiting: list[tuple[str, Moving]] = []  # tiles, and the others on them
-        self._time, self._pace, self._lively = 0.0, Pace(0.0), False
+        self._time, self._dt, self._lively = 0.0, 0.0, False
         self._radii = np.empty(0)
         self._solid = np.empty(0, bool)
         self._tile = np.empty(0, np.int64)  # place of the body's tile in _names, -1 = none
@@ -67,23 +66,15 @@ class PatchTracker:
             general.config = config
 
     def update(
-        self,
-        positions_w: FloatArray,
-        moved_w: FloatArray,
-        time: float,
-        dt: float,
-        steps: int = 1,
-        *,
-        lively: bool = False,
+        self, positions_w: FloatArray, moved_w: FloatArray, time: float, dt: float, *, lively: bool = False
     ) -> list[PatchBatch]:
         """Patches at ``time`` [s] for solid bodies among those at ``positions_w`` (N, 3) [m] that may move on by
-        ``moved_w`` (N, 3) [m] in the ``dt`` [s] until the next update, in so many ``steps`` of the physics. Bodies off
-        the terrain, or whose position is not finite, get none. ``lively``: colliders do not last from one update to
-        the next."""
+        ``moved_w`` (N, 3) [m] in the step of ``dt`` [s] until the next update. Bodies off the terrain, or whose
+        position is not finite, get none. ``lively``: colliders do not last from one step to the next."""
         if self.terrain.tiles != self._meshes:
             self._take_tiles()
         before, self.of_solid, self._waiting = self.of_solid, [], []
-        self._time, self._pace, self._lively = time, Pace(dt, steps), lively
+        self._time, self._dt, self._lively = time, dt, lively
         if not (len(positions_w) and self._names):
             self._late = []
             return self.of_solid
@@ -109,7 +100,7 @@ class PatchTracker:
             reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
             return self._general[name].patches(name, moving.bodies, moving.positions_w, reach, time, before)
         if solid:
-            return self._grid.patches(name, moving, time, self._pace, before, lively=self._lively)
+            return self._grid.patches(name, moving, time, self._dt, before, lively=self._lively)
         return self._grid.of_fixed_extent(name, moving, time, before, solid=False)
 
     def _take_tiles(self) -> None:

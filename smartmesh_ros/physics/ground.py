@@ -150,7 +150,7 @@ class Ground:
         self._read_bodies(dt)
         dt *= steps
         lively = not self._colliders.fields.keeps(time)
-        batches = self._tracker.update(self.positions_w, self.moved_w * steps, time, dt, steps, lively=lively)
+        batches = self._tracker.update(self.positions_w, self.moved_w * steps, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
