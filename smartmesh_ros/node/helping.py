@@ -66,7 +66,9 @@ def parameter_file(name: str, specs: Sequence[Spec]) -> str:
 
 
 def _text(value: Any) -> str:
-    return json.dumps(value)
+    text = json.dumps(value)
+    # YAML takes 1e-07 for a string.
+    return text.replace("e", ".0e") if isinstance(value, float) and "e" in text and "." not in text else text
 
 
 def _limits(spec: Spec) -> str:
