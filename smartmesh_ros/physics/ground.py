@@ -64,6 +64,7 @@ class Ground:
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._radii = np.empty(0)
+        self._reach = np.empty(0)  # and how far they go until the next update
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -149,8 +150,10 @@ class Ground:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
         self._read_bodies(dt)
         dt *= steps
+        moved = self.moved_w * steps
+        self._reach = self._radii + np.sqrt(np.einsum("ij,ij->i", moved, moved))
         lively = not self._colliders.fields.keeps(time)
-        batches = self._tracker.update(self.positions_w, self.moved_w * steps, time, dt, lively=lively)
+        batches = self._tracker.update(self.positions_w, moved, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):
             kind = self.config.kind
             if kind == "whole_trimesh" or kind == "whole_heightfield":
@@ -195,7 +198,7 @@ class Ground:
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
-        before = {id(batch): bodies for batch, bodies in self._applied}
+        before = {id(batch): bodies for batch, bodies in self._applied if not self._outrun(batch)}
         if batches and len(batches) == len(before) and all(id(batch) in before for batch in batches):
             return
         supported = np.zeros(len(self.followers), bool)
@@ -214,6 +217,13 @@ class Ground:
             supported[carried] = True
         self._applied = applied
         self._colliders.put_away(supported)
+
+    def _outrun(self, batch: PatchBatch) -> bool:
+        """Whether a body may leave its box before the next update, although its plane has not changed."""
+        if not isinstance(batch, PlaneBatch):
+            return False
+        bodies = batch.bodies
+        return bool(self._colliders.planes.outrun(bodies, self.positions_w[bodies], self._reach[bodies]).any())
 
     def _apply(self, batch: PatchBatch, time: float, dt: float) -> IntArray:
         """Gives the colliders of a batch what changed; returns the followers that have ground under them."""
@@ -242,14 +252,16 @@ class Ground:
         ahead, due = Ahead.nothing(len(bodies)), np.arange(len(bodies))
         if carry_velocity:
             ahead = self._prediction.ahead(batch, time, dt)
-            held = self._colliders.planes.held(batch, time)
+            held = self._colliders.planes.held(batch, self.positions_w[bodies], self._reach[bodies], time)
             due = np.flatnonzero(~held)
             if due.size < len(bodies):
                 self._colliders.planes.go_on(bodies[held], ahead.faster[held], time)
         if due.size:
             self._colliders.make_room(bodies[due], PLANE)
-            radii = self._radii[bodies[due]]
-            self._colliders.planes.apply(batch, due, radii, ahead.of(due), time, carry_velocity=carry_velocity)
+            positions_w, reach = self.positions_w[bodies[due]], self._reach[bodies[due]]
+            self._colliders.planes.apply(
+                batch, due, positions_w, reach, ahead.of(due), time, carry_velocity=carry_velocity
+            )
         return bodies
 
     def _apply_fields(self, batches: list[GridBatch], time: float, dt: float) -> list[IntArray]:

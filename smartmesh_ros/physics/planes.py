@@ -29,7 +29,8 @@ CARRIED, CARRIED_TURN = 2e-5, 1e-4
 # A box stays where it is while its body moves by less than this share of its size, as judged at every look (ASIDE) and
 # between looks.
 ASIDE, BETWEEN = 0.25, 0.125
-# Half of the edges of boxes, in radii of their bodies, at least: so much that bodies stay over them.
+# Half of the edges of boxes, by how far their bodies reach until the next look, at least: so much that they stay over
+# them.
 LEAST = 1.05 / (1.0 - ASIDE - BETWEEN)
 
 _FILLS = {"_sizes": 0.0, "_normals": np.nan, "_points": np.nan}
@@ -66,12 +67,22 @@ class Planes:
         """Says that for a ``duration`` [s] time went on and boxes did not."""
         self._carried.stand_still(duration)
 
-    def held(self, batch: PlaneBatch, time: float) -> BoolArray:
-        """Whose box moves on with its plane (m,), and needs no look at ``time`` [s]."""
-        bodies = batch.bodies
+    def held(self, batch: PlaneBatch, positions_w: FloatArray, reach: FloatArray, time: float) -> BoolArray:
+        """Whose box moves on with its plane (m,), and needs no look at ``time`` [s]; ``positions_w``, ``reach``: as in
+        `apply`."""
+        bodies, sizes = batch.bodies, self._sizes[batch.bodies]
         slid = np.abs(batch.points_w[:, :2] - self._points[bodies]).max(axis=1)
         same = self._carried.same_ground(bodies, batch.since, time)
-        return np.asarray(same & (slid < BETWEEN * self._sizes[bodies]))
+        return np.asarray(same & (slid < BETWEEN * sizes) & ~self.outrun(bodies, positions_w, reach))
+
+    def outrun(self, bodies: IntArray, positions_w: FloatArray, reach: FloatArray) -> BoolArray:
+        """Which bodies (m,) at ``positions_w`` (m, 3) [m] may leave their boxes before the next update, although their
+        plane is the same; ``reach`` (m,) [m]: as in `apply`."""
+        sizes, normals = self._sizes[bodies], self._normals[bodies]
+        aside = positions_w - self._carried.bases[bodies]
+        aside -= np.einsum("ij,ij->i", aside, normals)[:, None] * normals
+        far = np.einsum("ij,ij->i", aside, aside) > ((ASIDE + BETWEEN) * sizes) ** 2
+        return np.asarray(far | (sizes < LEAST * reach))
 
     def go_on(self, bodies: IntArray, faster: FloatArray, time: float) -> None:
         """Has boxes of followers (m,) move on with their planes, ``faster`` (m,) [m/s] upwards than these were said to
@@ -79,14 +90,19 @@ class Planes:
         self._carried.hasten(bodies, faster, time)
 
     def apply(
-        self, batch: PlaneBatch, rows: IntArray, radii: FloatArray, ahead: Ahead, time: float, *, carry_velocity: bool
+        self, batch: PlaneBatch, rows: IntArray, positions_w: FloatArray, reach: FloatArray, ahead: Ahead, time: float,
+        *, carry_velocity: bool,
     ) -> None:
-        """Gives the followers in ``rows`` (m,) of a batch, whose bounding ``radii`` (m,) are given [m], their boxes at
-        ``time`` [s], by as much as the ground is ``ahead`` of the batch."""
-        bodies, points, normals = batch.bodies[rows], batch.points_w[rows], batch.normals_w[rows]
+        """Gives the followers in ``rows`` (m,) of a batch, at ``positions_w`` (m, 3) [m], their boxes at ``time`` [s],
+        by as much as the ground is ``ahead`` of the batch. ``reach`` (m,) [m]: their bounding radii and how far they go
+        until the next update."""
+        bodies, normals = batch.bodies[rows], batch.normals_w[rows]
+        # On ground at rest the plane's point is where the body was when it was looked at.
+        above = np.einsum("ij,ij->i", positions_w - batch.points_w[rows], normals)
+        points = positions_w - above[:, None] * normals
         points[:, 2] += ahead.higher
-        for place in np.flatnonzero(self._sizes[bodies] == 0.0).tolist():
-            self._fit(int(bodies[place]), float(radii[place]))
+        for place in np.flatnonzero(self._sizes[bodies] < LEAST * reach).tolist():
+            self._fit(int(bodies[place]), float(reach[place]))
         carried, old = self._carried, self._normals[bodies]
         self._normals[bodies] = old + cross(carried.advance(bodies, time), old)
         self._points[bodies] = points[:, :2]
@@ -135,10 +151,11 @@ class Planes:
             self._sizes[index] = 0.0
             follower.collider = None
 
-    def _fit(self, index: int, radius: float) -> None:
+    def _fit(self, index: int, reach: float) -> None:
         """Gives a follower a box with room for it; sizes are few, so that boxes can be handed on."""
         self.release(index)
-        size = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(LEAST * radius)))
+        size = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(LEAST * reach)))
+        size = size if size >= LEAST * reach else size * math.sqrt(2.0)  # as rounding has it
         follower = self._followers[index]
         free = self._free[size]
         if free:

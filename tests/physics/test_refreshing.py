@@ -149,6 +149,24 @@ def test_bodies_ride_on_the_ground_although_steps_are_skipped(kind: PatchKind, r
             assert z - RADIUS > ground.height(y) - RISE * skipped * DT - 5e-4
 
 
+@pytest.mark.parametrize("kind", ["auto", "plane", "heightfield"])
+@pytest.mark.parametrize("speed", [3.0, 20.0])
+@pytest.mark.parametrize("radius", [0.02, 0.2])
+def test_fast_bodies_do_not_leave_their_patches_before_these_follow(
+    radius: float, speed: float, kind: PatchKind
+) -> None:
+    """On level ground a ball rolls as high as it started."""
+    heightmap = HeightMap(np.zeros((5, 101)), resolution=0.5)
+    config = WorldConfig(physics=PhysicsConfig(rate=RATE), patch=PatchConfig(kind=kind))
+    with World(heightmap, config) as world:
+        rolling = BodyState((1.0, 1.0, radius), linear=(speed, 0.0, 0.0), angular=(0.0, speed / radius, 0.0))
+        world.spawn("ball", Sphere(radius), 1.0, rolling)
+        for _ in range(240):
+            world.step()
+            assert world.state("ball").position[2] == pytest.approx(radius, abs=2e-4)
+        assert world.state("ball").linear == pytest.approx((speed, 0.0, 0.0), rel=0.01, abs=0.01)
+
+
 @pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh"])
 def test_patches_that_leave_maps_out_follow_ground_that_accelerates(kind: PatchKind) -> None:
     """Maps come with every step, patches follow every fourth: what changed since the last that was looked at took four
