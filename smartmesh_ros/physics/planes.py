@@ -90,8 +90,15 @@ class Planes:
         self._carried.hasten(bodies, faster, time)
 
     def apply(
-        self, batch: PlaneBatch, rows: IntArray, positions_w: FloatArray, reach: FloatArray, ahead: Ahead, time: float,
-        *, carry_velocity: bool,
+        self,
+        batch: PlaneBatch,
+        rows: IntArray,
+        positions_w: FloatArray,
+        reach: FloatArray,
+        ahead: Ahead,
+        time: float,
+        *,
+        carry_velocity: bool,
     ) -> None:
         """Gives the followers in ``rows`` (m,) of a batch, at ``positions_w`` (m, 3) [m], their boxes at ``time`` [s],
         by as much as the ground is ``ahead`` of the batch. ``reach`` (m,) [m]: their bounding radii and how far they go
