@@ -128,7 +128,8 @@ class Publishing:
         rates = self._session.settings.publish
         for name, output in self._outputs.items():
             rate = getattr(rates, name)
-            if rate > 0.0 and (now or time >= self._due[name]) and self._shown.get(name) != self._world.refreshes:
+            new = self._shown.get(name) != self._world.refreshes
+            if rate > 0.0 and (now or (new and time >= self._due[name])):
                 # On the beat, unless one was missed.
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():

@@ -65,6 +65,7 @@ class Ground:
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._radii = np.empty(0)
         self._reach = np.empty(0)  # and how far they go until the next update
+        self.stale = True  # whether the next step needs an update, whatever the last one was made for
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -100,6 +101,7 @@ class Ground:
         chosen = [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
         self._movement.placed(chosen)
         self._colliders.fields.renew(chosen)
+        self.stale = True
 
     @property
     def replacements(self) -> int:
@@ -143,11 +145,13 @@ class Ground:
         if config.edge_filter != self.config.edge_filter:
             self._colliders.fields.forget_heights()
         self._applied = []
+        self.stale = True
         self.config = config
         self._tracker.configure(config)
 
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
+        self.stale = False
         self._read_bodies(dt)
         dt *= steps
         moved = self.moved_w * steps
@@ -171,6 +175,7 @@ class Ground:
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
         self._colliders.stand_still(duration)
+        self.stale = True
 
     def close(self) -> None:
         """Takes all colliders away."""
@@ -185,6 +190,7 @@ class Ground:
         kept = np.array([before.get(follower, -1) for follower in followers], np.int64)
         self.followers = followers
         self._applied = []
+        self.stale = True
         self._radii = np.array([follower.radius for follower in followers])
         self._movement.adopt(followers, kept)
         self._colliders.adopt(followers, kept)
@@ -198,14 +204,15 @@ class Ground:
 
     def _carry(self, batches: list[PatchBatch], time: float, dt: float) -> None:
         """Makes the colliders those of the batches. A batch that was there already has not changed."""
-        before = {id(batch): bodies for batch, bodies in self._applied if not self._outrun(batch)}
-        if batches and len(batches) == len(before) and all(id(batch) in before for batch in batches):
+        before = {id(batch): bodies for batch, bodies in self._applied}
+        kept = {id(batch) for batch in batches if id(batch) in before and not self._outrun(batch)}
+        if batches and len(batches) == len(before) == len(kept):
             return
         supported = np.zeros(len(self.followers), bool)
-        applied = [(batch, before[id(batch)]) for batch in batches if id(batch) in before]
+        applied = [(batch, before[id(batch)]) for batch in batches if id(batch) in kept]
         fields = []
         for batch in batches:
-            if id(batch) in before:
+            if id(batch) in kept:
                 continue
             if batch.kind == "heightfield" and isinstance(batch, GridBatch):
                 fields.append(batch)

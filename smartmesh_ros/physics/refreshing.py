@@ -27,32 +27,27 @@ class Refreshing:
         self._maps = 0  # how often in a row it was a map that they were brought up to date for
         self._seen: list[tuple[MainMesh, int]] = []
 
-    def hasten(self) -> None:
-        """Has patches be due in the next step."""
-        self._lasts = 0
-
     def due(self, terrain: Terrain) -> bool:
         """Whether they are: their time has come, or there is other ground."""
         self._age += 1
         if self._age >= self._lasts:
             return True
         now = _versions(terrain)
-        if self._age >= self._least or self._maps < FIRST:
+        if self._age >= self._least:
             return now != self._seen
         return [mesh for mesh, _ in now] != [mesh for mesh, _ in self._seen]
 
     def begin(self, terrain: Terrain, time: float, dt: float, rate: float) -> int:
         """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last:
         as ``rate`` [Hz] says (0 = one), or until the next map comes, if that is soon."""
-        steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
-        self._least = math.ceil(LEAST * steps)
-        if steps > 1:
-            lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
-            least = self._least if self._maps >= FIRST else 1
-            wait = max(round(PATIENCE * min(lifetimes) / dt), least) if lifetimes else math.inf
-            steps = int(wait) if wait <= SOON * steps else steps
         seen, self._seen = self._seen, _versions(terrain)
         self._maps = self._maps + 1 if seen != self._seen else 0
+        steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
+        self._least = math.ceil(LEAST * steps) if self._maps >= FIRST else 1
+        if steps > 1:
+            lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
+            wait = max(round(PATIENCE * min(lifetimes) / dt), self._least) if lifetimes else math.inf
+            steps = int(wait) if wait <= SOON * steps else steps
         self._age, self._lasts = 0, steps
         return steps
 

@@ -85,7 +85,6 @@ class World:
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.ground.configure(config.patch)
-        self._refreshing.hasten()
 
     def close(self) -> None:
         """Ends the world."""
@@ -179,7 +178,7 @@ class World:
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        if self._refreshing.due(self.terrain):
+        if self.ground.stale or self._refreshing.due(self.terrain):
             self.refresh()
         else:
             self.ground.go_on(self.config.physics.dt)
@@ -199,7 +198,6 @@ class World:
             duration = steps * self.config.physics.dt
             self.time += duration
             self.ground.stand_still(duration)
-            self._refreshing.hasten()
 
     def reset(self) -> None:
         """Puts every simulated body back where it was spawned and the time to zero; the terrain stays."""
@@ -210,7 +208,7 @@ class World:
         """Sets the time to zero; bodies and terrain stay as they are."""
         self.terrain.shift_time(-self.time)
         self.time = 0.0
-        self._refreshing.hasten()
+        self.ground.stale = True
 
     def reset_bodies(self) -> None:
         """Puts every simulated body back where it was spawned. What drives its joints goes on."""
@@ -219,7 +217,6 @@ class World:
                 self._factory.place(body, body.initial)
         self.ground.placed()
         self.ground.configure(self.config.patch)  # what was chosen for them elsewhere has no say any more
-        self._refreshing.hasten()
 
     def move(self, name: str, state: BodyState) -> None:
         """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
@@ -228,7 +225,6 @@ class World:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
         self.ground.placed(body.uid)
-        self._refreshing.hasten()
 
     def state(self, name: str) -> BodyState:
         """Where a body is and how it moves."""
@@ -350,4 +346,3 @@ class World:
     def _call_roll(self) -> None:
         self._roll = call_roll(self.bodies.values(), self.ground.followers)
         self._met = []
-        self._refreshing.hasten()

@@ -55,11 +55,11 @@ OURS = (
     _patch("neither", "ours, less", edge_filter=False, carry_velocity=False),
 )
 # As the report has it: made anew in every step, with none of what was added since.
-_BARE: dict[str, Any] = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
+BARE: dict[str, Any] = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 REPORT = (
-    _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **_BARE),
-    _patch("convex hull", "report", kind="hull", **_BARE),
-    _patch("prisms", "report", kind="prisms", **_BARE),
+    _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **BARE),
+    _patch("convex hull", "report", kind="hull", **BARE),
+    _patch("prisms", "report", kind="prisms", **BARE),
 )
 
 

@@ -224,8 +224,8 @@ def test_ground_that_slides_takes_a_box_along(kind: PatchKind) -> None:
         assert world.state("box").linear == pytest.approx((0.5, 0.0, 0.0), abs=0.02)
 
 
-@pytest.mark.parametrize(("rate", "steps_late"), [(0.0, 1.5), (60.0, 2.5)], ids=["every step", "default"])
-def test_ground_that_begins_to_fall_leaves_a_resting_ball_in_free_fall(rate: float, steps_late: float) -> None:
+@pytest.mark.parametrize("rate", [0.0, 60.0])
+def test_ground_that_begins_to_fall_leaves_a_resting_ball_in_free_fall(rate: float) -> None:
     heightmap = HeightMap(np.zeros((21, 21)), resolution=0.25, origin=(-2.5, -2.5))
     with World(heightmap, WorldConfig(patch=PatchConfig(rate=rate))) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 0.2)))
@@ -236,7 +236,7 @@ def test_ground_that_begins_to_fall_leaves_a_resting_ball_in_free_fall(rate: flo
             world.step()
         fallen = world.time - start
         late = world.state("ball").linear[2] / -9.81 - fallen
-        assert abs(late) <= steps_late * dt
+        assert abs(late) <= 1.5 * dt
 
 
 @pytest.mark.parametrize("edge", [40, 200], ids=["whole maps", "regions"])
@@ -282,9 +282,9 @@ def farthest_off(world: World) -> float:
     return off
 
 
-@pytest.mark.parametrize(("rate", "most"), [(0.0, 5e-4), (60.0, 1.5e-3)], ids=["every step", "default"])
+@pytest.mark.parametrize("rate", [0.0, 60.0])
 @pytest.mark.parametrize("kind", ["heightfield", "plane", "auto"])
-def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float, most: float) -> None:
+def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float) -> None:
     """Ground rises and falls where it is; a collider that turns about a point aside would move into the ball."""
     across = 0.5 * (np.indices((41, 41))[1] - 20)
     with World(
@@ -298,4 +298,4 @@ def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float, mo
             world.step()
             slope, (x, _, z) = 0.8 * math.sin(3.0 * world.time), world.state("ball").position
             clearance = (z - slope * x) / math.hypot(1.0, slope) - 0.2
-            assert step < 7 or abs(clearance) < most  # the ground's velocity is known after two maps
+            assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps

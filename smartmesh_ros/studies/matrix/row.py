@@ -6,19 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.studies.configurations import BARE
 
 Figure = Callable[[PatchConfig], float]
 
-_BARE = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 METHODS: dict[str, PatchConfig] = {
     "defaults": PatchConfig(),
     "no velocity": PatchConfig(kind="heightfield", carry_velocity=False),
     "no edge filter": PatchConfig(kind="heightfield", edge_filter=False),
-    "rebuilt trimesh": PatchConfig(kind="trimesh", **_BARE),  # type: ignore[arg-type]
-    "convex hull": PatchConfig(kind="hull", **_BARE),  # type: ignore[arg-type]
-    "prisms": PatchConfig(kind="prisms", **_BARE),  # type: ignore[arg-type]
-    "whole trimesh": PatchConfig(kind="whole_trimesh", **_BARE),  # type: ignore[arg-type]
-    "whole heightfield": PatchConfig(kind="whole_heightfield", **_BARE),  # type: ignore[arg-type]
+    "rebuilt trimesh": PatchConfig(kind="trimesh", **BARE),
+    "convex hull": PatchConfig(kind="hull", **BARE),
+    "prisms": PatchConfig(kind="prisms", **BARE),
+    "whole trimesh": PatchConfig(kind="whole_trimesh", **BARE),
+    "whole heightfield": PatchConfig(kind="whole_heightfield", **BARE),
 }
 
 
