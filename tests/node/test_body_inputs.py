@@ -100,6 +100,7 @@ def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(probe: Probe) -> N
         assert probe.call(
             "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((0.0, 0.69, 0.3))
         ).success
+        probe.wait_for(lambda: "ball" in [body.id for body in probe.latest("body_states").bodies])
 
         def thrown() -> bool:
             odometry = Odometry(child_frame_id="base_link")

@@ -147,7 +147,7 @@ def test_requests_that_are_none_do_no_harm(peer: Peer, probe: Probe) -> None:
             writer.write(other(values=[value] * 6))
             assert probe.call("spawn_body", SpawnBody, id=f"ball_{number}", shape=sphere, mass=1.0).success
         assert process.process.poll() is None
-        assert len(probe.latest("body_states").bodies) == 4
+        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 4)
 
 
 def body(name: str, x: float, y: float) -> Any:
