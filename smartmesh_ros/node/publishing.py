@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -125,9 +125,20 @@ class Publishing:
     def publish(self, *, now: bool = False) -> None:
         """Publishes every output that is due (or all of them) and has subscribers."""
         time = monotonic()
+        self._publish(self._outputs, time, now=now)
+        self._clock.publish(time)
+        if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
+            self._diagnostics_due = time + DIAGNOSTICS_PERIOD
+            self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def publish_patches(self) -> None:
+        """Publishes those outputs that show patches, if they are due: before a step, nobody waits for the physics."""
+        self._publish(SHOWING_PATCHES, monotonic(), now=False)
+
+    def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
         rates = self._session.settings.publish
-        for name, output in self._outputs.items():
-            rate = getattr(rates, name)
+        for name in names:
+            output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
             if rate > 0.0 and (now or (new and time >= self._due[name])):
                 # On the beat, unless one was missed.
@@ -139,10 +150,6 @@ class Publishing:
                         made = output.make()
                         for message in made if isinstance(made, list) else [made]:
                             output.publisher.publish(message)
-        self._clock.publish(time)
-        if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
-            self._diagnostics_due = time + DIAGNOSTICS_PERIOD
-            self._diagnostics.publisher.publish(self._diagnostics.make())
 
     def _connections_changed(self) -> bool:
         self._connections_due = monotonic() + NOTICING

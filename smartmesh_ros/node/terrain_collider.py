@@ -80,7 +80,7 @@ class TerrainCollider(Node):
                 session.world.refresh()
             else:
                 session.world.skip(skipped)
-                session.world.step()
+                session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -183,11 +184,13 @@ class World:
         else:
             self.ground.go_on(self.config.physics.dt)
 
-    def step(self, count: int = 1) -> None:
-        """Runs physics steps."""
+    def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
+        """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
                 self.prepare()
+            prepared()
+            with self.stopwatch.stage("total"):
                 self._step()
             self.time += self.config.physics.dt
             self.stopwatch.lap()

@@ -118,6 +118,27 @@ def test_between_updates_colliders_go_on_as_the_ground_does(kind: PatchKind) -> 
             assert max(point[6][2] for point in points) == pytest.approx(ground.height(y), abs=1e-4)
 
 
+def test_patches_are_ready_before_each_step_and_bodies_have_not_moved_yet() -> None:
+    """Whoever shows patches need not wait for the physics."""
+    ground, seen = Rising("heightfield", rate=40.0), []
+    with ground.world as world:
+
+        def prepared() -> None:
+            [batch] = world.ground.batches
+            seen.append((world.time, world.refreshes, batch.time, world.state("ball").position[2]))
+
+        z, refreshes = world.state("ball").position[2], world.refreshes
+        world.step(13, prepared)
+        times, counts, made, heights = np.array(seen).T
+        np.testing.assert_allclose(np.diff(times), DT)
+        assert heights[0] == z
+        assert heights[-1] < world.state("ball").position[2]
+        assert counts[0] == refreshes + 1  # a body has come
+        assert counts[-1] == refreshes + 3
+        assert (made <= times).all()
+        np.testing.assert_allclose(made[1:][np.diff(counts) > 0], times[1:][np.diff(counts) > 0])
+
+
 @pytest.mark.parametrize("kind", ["plane", "heightfield"])
 def test_between_updates_the_ground_under_a_body_is_known_where_it_is(kind: PatchKind) -> None:
     """What lands is slowed by how far the ground is away in that step, not in the last update."""
