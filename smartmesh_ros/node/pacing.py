@@ -22,7 +22,8 @@ OLDEST, NEWEST = 1.0, -0.05
 class Pacer:
     """Deadlines of a loop of fixed period, on the steady clock unless ``now`` gives another [s].
 
-    ``lateness`` collects how late the steps started. ``follows``: whether the clock is another simulator's.
+    ``lateness`` collects how late the steps started. ``follows``: whether the clock is another simulator's, so that
+    steps come in bursts. ``late``: whether else the last one missed its deadline.
 
     A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
 
@@ -40,6 +41,7 @@ class Pacer:
         self.period = period
         self.policy = policy
         self.misses = 0
+        self.late = False
         self.most_catch_up = MOST_CATCH_UP
         self.follows = False
         self.lateness = Stopwatch(("lateness",))
@@ -74,6 +76,7 @@ class Pacer:
         late = -self.remaining()
         self.lateness.note("lateness", max(late, 0.0))
         missed = int(late / self.period) if late > self.period else 0
+        self.late = missed > 0 and not self.follows
         skipped = 0
         if missed and self.policy == "catch_up":
             # The others that are late by now are counted when their turn comes, unless they are given up.

@@ -23,8 +23,8 @@ class PatchConfig:
     tolerance; the last two are the report's Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each
     side of the nearest vertex (the report's collider-size); 0 = from the body's size and speed, above 0 there is no
     choice to make and *auto* is a heightfield. ``tolerance`` [m]: how far a patch may lie from the main mesh.
-    ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps come, up to twice as often; 0 = in every
-    step.
+    ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps come, up to twice as often unless the
+    world is hurried; 0 = in every step.
     ``edge_filter``: no ghost collisions at the inner edges of patches; balls need none. ``carry_velocity``: patches
     carry the ground's velocity into the contact.
     """

@@ -27,19 +27,20 @@ class Refreshing:
         self._maps = 0  # how often in a row it was a map that they were brought up to date for
         self._seen: list[tuple[MainMesh, int]] = []
 
-    def due(self, terrain: Terrain) -> bool:
-        """Whether they are: their time has come, or there is other ground."""
+    def due(self, terrain: Terrain, *, hurried: bool = False) -> bool:
+        """Whether they are: their time has come, or there is other ground. For a world that is ``hurried`` a map of the
+        same ground is no reason."""
         self._age += 1
         if self._age >= self._lasts:
             return True
         now = _versions(terrain)
-        if self._age >= self._least:
+        if self._age >= self._least and not hurried:
             return now != self._seen
         return [mesh for mesh, _ in now] != [mesh for mesh, _ in self._seen]
 
-    def begin(self, terrain: Terrain, time: float, dt: float, rate: float) -> int:
+    def begin(self, terrain: Terrain, time: float, dt: float, rate: float, *, hurried: bool = False) -> int:
         """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last:
-        as ``rate`` [Hz] says (0 = one), or until the next map comes, if that is soon."""
+        as ``rate`` [Hz] says (0 = one), or until the next map comes, if that is soon; no less if ``hurried``."""
         seen, self._seen = self._seen, _versions(terrain)
         self._maps = self._maps + 1 if seen != self._seen else 0
         steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
@@ -47,7 +48,7 @@ class Refreshing:
         if steps > 1:
             lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
             wait = max(round(PATIENCE * min(lifetimes) / dt), self._least) if lifetimes else math.inf
-            steps = int(wait) if wait <= SOON * steps else steps
+            steps = int(wait) if (steps if hurried else 0) <= wait <= SOON * steps else steps
         self._age, self._lasts = 0, steps
         return steps
 

@@ -43,7 +43,8 @@ class WorldConfig:
 class World:
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it.
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``hurried``: whether
+    patches are to last as long as their rate allows although maps come, because time is short.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class World:
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
+        self.hurried = False
         self.refreshes = 0  # times that patches were brought up to date
         self.rescues = 0  # bodies put back onto the ground so far
         self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
@@ -168,7 +170,7 @@ class World:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
         self.refreshes += 1
         dt = self.config.physics.dt
-        steps = self._refreshing.begin(self.terrain, self.time, dt, self.config.patch.rate)
+        steps = self._refreshing.begin(self.terrain, self.time, dt, self.config.patch.rate, hurried=self.hurried)
         self.ground.update(self.time, dt, steps)
         if self._drop_lost():
             self.ground.update(self.time, dt, steps)
@@ -179,7 +181,7 @@ class World:
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        if self.ground.stale or self._refreshing.due(self.terrain):
+        if self.ground.stale or self._refreshing.due(self.terrain, hurried=self.hurried):
             self.refresh()
         else:
             self.ground.go_on(self.config.physics.dt)

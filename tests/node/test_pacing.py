@@ -127,3 +127,18 @@ def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: boo
         assert pacer.simulated_now(time) == pytest.approx(now[0])
         while pacer.remaining() <= 0.0:
             time += (1 + pacer.advance()) * PERIOD
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("follows", [False, True])
+def test_a_loop_is_late_after_a_missed_deadline_but_not_for_following_a_clock(
+    policy: DeadlinePolicy, follows: bool
+) -> None:
+    now = [0.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    pacer.follows = follows
+    for lateness, late in ((0.9, False), (1.5, True), (0.0, False)):
+        pacer.restart()
+        now[0] = pacer.deadline + lateness * PERIOD
+        pacer.advance()
+        assert pacer.late == (late and not follows)

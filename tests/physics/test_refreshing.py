@@ -96,12 +96,30 @@ def test_patches_last_until_the_next_map_if_that_is_soon(maps: int, rate: float,
     assert refreshing.begin(terrain, 2 * maps * DT, DT, rate) == lasts
 
 
-def test_new_tiles_are_followed_at_once() -> None:
+@given(st.integers(1, 12))
+def test_in_a_hurry_patches_last_as_long_as_the_rate_says_however_often_maps_come(maps: int) -> None:
+    """A map every so many steps: a late loop would update the more often, in simulated time, the later it is."""
+    heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
+    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    followed = []
+    for step in range(120):
+        if step % maps == 0:
+            heightmap.replace(np.full((5, 5), 0.001 * step), time=step * DT)
+        if refreshing.due(terrain, hurried=True):
+            lasts = refreshing.begin(terrain, step * DT, DT, 60.0, hurried=True)
+            assert lasts <= SOON * 4
+            followed.append(step)
+    # Maps that come as seldom as patches are due are waited for as ever.
+    assert set(np.diff(followed[2:]).tolist()) <= ({4, 5, 6} if maps in (4, 5) else {4})
+
+
+@pytest.mark.parametrize("hurried", [False, True])
+def test_new_tiles_are_followed_at_once(hurried: bool) -> None:
     terrain, refreshing = Terrain.of(HeightMap(np.zeros((5, 5)), resolution=1.0)), Refreshing()
     refreshing.begin(terrain, 0.0, DT, 10.0)
-    assert not refreshing.due(terrain)
+    assert not refreshing.due(terrain, hurried=hurried)
     terrain.put("", HeightMap(np.ones((5, 5)), resolution=1.0))
-    assert refreshing.due(terrain)
+    assert refreshing.due(terrain, hurried=hurried)
 
 
 @pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])
