@@ -84,8 +84,7 @@ class GridPatches:
         heightmap = self._terrain.tiles[name]
         assert isinstance(heightmap, HeightMap)
         bodies, grid, geometry = moving.bodies, moving.grid, heightmap.geometry
-        travel = np.sqrt(np.einsum("ij,ij->i", moving.moved_w, moving.moved_w))
-        self._set_extent(heightmap, bodies, moving.radii + travel)
+        self._set_extent(heightmap, bodies, moving.reach)
         with self._stopwatch.stage("search"):
             cells = self._search.nearest(self._config.search, geometry, bodies, grid, moving.positions_w, before)
             if len(self._terrain.tiles) > 1:

@@ -97,8 +97,7 @@ class PatchTracker:
         """Patches of bodies on a tile; only those of ``solid`` ones are chosen."""
         time = self._time
         if not isinstance(self._meshes[name], HeightMap):
-            reach = moving.radii + np.linalg.norm(moving.moved_w, axis=1)
-            return self._general[name].patches(name, moving.bodies, moving.positions_w, reach, time, before)
+            return self._general[name].patches(name, moving.bodies, moving.positions_w, moving.reach, time, before)
         if solid:
             return self._grid.patches(name, moving, time, self._dt, before, lively=self._lively)
         return self._grid.of_fixed_extent(name, moving, time, before, solid=False)

@@ -10,6 +10,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.lively import OFTEN
+from smartmesh_ros.patches.moving import reach_of
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.physics.bounds import bounding_radius, is_ball
 from smartmesh_ros.physics.colliders import FIELD, MESH, PLANE, Colliders
@@ -155,7 +156,7 @@ class Ground:
         self._read_bodies(dt)
         dt *= steps
         moved = self.moved_w * steps
-        self._reach = self._radii + np.sqrt(np.einsum("ij,ij->i", moved, moved))
+        self._reach = reach_of(self._radii, moved)
         lively = not self._colliders.fields.keeps(time)
         batches = self._tracker.update(self.positions_w, moved, time, dt, lively=lively)
         with self.stopwatch.stage("collider"):

@@ -59,7 +59,7 @@ class JointReading:
 
 
 def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
-    """Hands a command to PyBullet. An effort must be applied again before each step, by `apply_effort`."""
+    """Hands a command to PyBullet. An effort must be applied again before each step, as `Motors` does."""
     if command.has_target:
         limit = client.getJointInfo(uid, joint)[10]
         limit = limit if limit > 0.0 else DEFAULT_EFFORT  # PyBullet has zero where the URDF says nothing
@@ -75,9 +75,28 @@ def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> N
         client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, force=0.0)
 
 
-def apply_effort(client: Any, uid: int, joint: int, effort: float) -> None:
-    """Applies an effort [Nm or N] during the next step, and only then."""
-    client.setJointMotorControl2(uid, joint, pb.TORQUE_CONTROL, force=effort)
+class Motors:
+    """Hands commands of joints to PyBullet, and efforts before each step anew."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint
+
+    def command(self, uid: int, joint: int, command: JointCommand) -> None:
+        """Has a joint driven so from now on."""
+        command_joint(self._client, uid, joint, command)
+        self._efforts.pop((uid, joint), None)
+        if command.is_effort and command.effort is not None:
+            self._efforts[uid, joint] = command.effort
+
+    def forget(self, uid: int) -> None:
+        """Forgets a body that is taken out."""
+        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != uid}
+
+    def apply_efforts(self) -> None:
+        """Applies efforts [Nm or N] during the next step, and only then."""
+        for (uid, joint), effort in self._efforts.items():
+            self._client.setJointMotorControl2(uid, joint, pb.TORQUE_CONTROL, force=effort)
 
 
 def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[str, JointCommand]) -> list[JointReading]:

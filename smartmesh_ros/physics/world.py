@@ -19,7 +19,7 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
-from smartmesh_ros.physics.joints import JointCommand, JointReading, apply_effort, command_joint, read_joints
+from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
 from smartmesh_ros.physics.refreshing import Refreshing
 from smartmesh_ros.physics.roll import call_roll
@@ -72,7 +72,7 @@ class World:
         self._refreshing = Refreshing()
         self._guard = Guard(self.ground)
         self._factory = BodyFactory(self.client, self.config.physics)
-        self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet's body and joint, for every step
+        self._motors = Motors(self.client)
         self._roll = call_roll([], [])
         self._met: list[int] = []  # followers that met the ground in the last step
 
@@ -141,7 +141,7 @@ class World:
         body = self._body(name)
         self.ground.detach(body.uid)
         self.client.removeBody(body.uid)
-        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.uid}
+        self._motors.forget(body.uid)
         del self.bodies[name]
         self._call_roll()
 
@@ -153,12 +153,8 @@ class World:
         """Has a robot's joint driven so from now on."""
         self.require_joint(name, joint)
         body = self.bodies[name]
-        index = body.joints[joint]
         body.commands[joint] = command
-        command_joint(self.client, body.uid, index, command)
-        self._efforts.pop((body.uid, index), None)
-        if command.is_effort and command.effort is not None:
-            self._efforts[body.uid, index] = command.effort
+        self._motors.command(body.uid, body.joints[joint], command)
 
     def require_joint(self, name: str, joint: str) -> None:
         """Raises `InputError` if there is no robot of that name with such a joint."""
@@ -305,8 +301,7 @@ class World:
                 bodies, radii = self._roll.bodies, self._roll.radii
                 meeting = landing.meet(self.client, self.ground, bodies, radii, self._met, self.time, physics)
         with self.stopwatch.stage("step"):
-            for (uid, index), effort in self._efforts.items():
-                apply_effort(self.client, uid, index, effort)
+            self._motors.apply_efforts()
             self.client.stepSimulation()
         self._met = []
         if meeting is not None:
