@@ -29,7 +29,7 @@ studies:  ## speed against accuracy, and the stability matrix (about 15 minutes;
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
 	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/load $(LOAD)
 
-soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours
+soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
 	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/soak $(SOAK)
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)

@@ -41,6 +41,9 @@ MOST_BODIES = 40
 SIZES = (101, 201, 401, 1001)
 KINDS = ("auto", "heightfield")
 START_LIMIT = 60.0
+# A line is printed, and what there is is kept, so often [s].
+TELL_EVERY = 60.0
+OUT, DOCUMENT = Path("out/soak"), Path("docs/images/load")
 
 
 @dataclass
@@ -178,8 +181,8 @@ def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(minutes: float, folder: Path) -> dict[str, Any]:
-    """Soaks a node for so long; what was sampled, done and counted."""
+def run(minutes: float, folder: Path, file: Path) -> None:
+    """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
     rng = np.random.default_rng(1)
     log = Log()
     rclpy.init()
@@ -191,8 +194,9 @@ def run(minutes: float, folder: Path) -> dict[str, Any]:
             raise RuntimeError("the node took no map")
         watch = Watch(collider.pid)
         start = monotonic()
-        due = dict.fromkeys(("source", "spawn", "kind", "bad", "sample"), start)
+        due = dict.fromkeys(("source", "spawn", "kind", "bad", "sample", "tell"), start)
         due["source"] += SOURCE_EVERY
+        due["tell"] += TELL_EVERY
         while (now := monotonic()) < start + 60.0 * minutes and collider.poll() is None:
             if now >= due["source"]:
                 due["source"] = now + SOURCE_EVERY
@@ -212,25 +216,45 @@ def run(minutes: float, folder: Path) -> dict[str, Any]:
             if now >= due["sample"]:
                 due["sample"] = now + SAMPLE_EVERY
                 _sample(node, watch, log, now - start)
+            if now >= due["tell"]:
+                due["tell"] = now + TELL_EVERY
+                _keep(node, log, file)
+                _tell(node, log, minutes)
             node.wait(min(due.values()) - monotonic())
         if collider.poll() is not None:
             raise RuntimeError(f"the node ended: {(folder / 'terrain_collider.txt').read_text()[-2000:]}")
         node.wait(3.0)
-        return {
-            "minutes": minutes,
-            "samples": log.samples,
-            "done": dict(log.done),
-            "refused": node.refused(),
-            "alive": sorted(node.alive),
-            "seen": sorted(node.seen),
-            "below_ground": int(node.health.get("below ground", 0)),
-        }
+        _keep(node, log, file)
     finally:
         for process in (source, collider):
             process.terminate()
             process.wait(20)
         node.destroy_node()
         try_shutdown()
+
+
+def _keep(node: Soak, log: Log, file: Path) -> None:
+    """Writes what there is so far."""
+    data = {
+        "minutes": round(log.samples["time"][-1] / 60.0, 1),
+        "samples": log.samples,
+        "done": dict(log.done),
+        "refused": node.refused(),
+        "alive": sorted(node.alive),
+        "seen": sorted(node.seen),
+        "below_ground": int(node.health.get("below ground", 0)),
+    }
+    file.write_text(json.dumps(data))
+
+
+def _tell(node: Soak, log: Log, minutes: float) -> None:
+    """Prints how it stands."""
+    last = {name: values[-1] for name, values in log.samples.items()}
+    print(
+        f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
+        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {node.refused()} refused",
+        flush=True,
+    )
 
 
 def _sample(node: Soak, watch: Watch, log: Log, time: float) -> None:
@@ -251,15 +275,17 @@ def main(args: list[str] | None = None) -> None:
     """Runs the soak."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
-    parser.add_argument("--out", type=Path, default=Path("docs/images/load"), help="folder of JSON and picture")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of JSON and picture (default {OUT})")
+    parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {DOCUMENT}")
     parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     options = parser.parse_args(args)
-    file = options.out / "soak.json"
+    out = DOCUMENT if options.document else options.out
+    file = out / "soak.json"
     if not options.report:
-        options.out.mkdir(parents=True, exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as folder:
-            file.write_text(json.dumps(run(options.minutes, Path(folder))))
-    soak_report.report(json.loads(file.read_text()), options.out)
+            run(options.minutes, Path(folder), file)
+    soak_report.report(json.loads(file.read_text()), out, document=options.document)
 
 
 if __name__ == "__main__":

@@ -54,8 +54,8 @@ def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     return Slope(per_hour, error, float(np.median(values)))
 
 
-def report(data: dict[str, Any], out: Path) -> None:
-    """The picture, and the table of the page."""
+def report(data: dict[str, Any], out: Path, *, document: bool) -> None:
+    """The picture, and the table, of the page as well if asked."""
     samples = {name: np.array(values) for name, values in data["samples"].items()}
     kept = samples["time"] >= WARM_UP * samples["time"].max()
     slopes = {name: slope_of(samples["time"][kept], samples[name][kept]) for name in FIGURES}
@@ -77,7 +77,8 @@ def report(data: dict[str, Any], out: Path) -> None:
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
     print(text)
-    write(PAGE, {"soak": text})
+    if document:
+        write(PAGE, {"soak": text})
 
 
 def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:
