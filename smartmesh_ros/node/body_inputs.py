@@ -78,7 +78,7 @@ class BodyInputs:
         stamp = conversions.stamp_seconds(header.stamp)
         transform = self._transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
-        time = clock.place(stamp, session.clock_now(), session.clock.pace())
+        time = clock.place(stamp, session.clock_now(), session.pace_at)
         require_room((body.name for body in bodies), session.world.bodies, session.settings)
         states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
         radii = [body.radius or session.settings.default_radius for body in bodies]

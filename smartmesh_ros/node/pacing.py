@@ -7,6 +7,7 @@ from time import monotonic
 from typing import Literal
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.timeline import Timeline
 from smartmesh_ros.stopwatch import Stopwatch
 
 DeadlinePolicy = Literal["skip", "catch_up", "slow_down"]
@@ -46,10 +47,17 @@ class Pacer:
         self.follows = False
         self.lateness = Stopwatch(("lateness",))
         self._now = now
+        self._timeline = Timeline()
         self.deadline = now() + period
+
+    @property
+    def behind(self) -> bool:
+        """Whether the loop cannot keep up."""
+        return self._timeline.behind(self.period)
 
     def restart(self) -> None:
         """Starts anew, after a pause or when the clock was set."""
+        self._timeline.clear()
         self.deadline = self._now() + self.period
 
     def remaining(self) -> float:
@@ -60,16 +68,23 @@ class Pacer:
             return self.period
         return left
 
-    def simulated_now(self, next_step: float) -> float:
-        """Simulated time at this instant [s]: that of the ``next_step`` [s], less what is left until it is due.
+    def simulated_at(self, age: float, next_step: float) -> float:
+        """Simulated time [s] of an instant ``age`` [s] ago: that of the ``next_step`` [s], less what was left until it
+        is due.
 
         A loop that is late may not catch up for long. It would take every map for one of a time yet to come, and stand
-        on the ground before; so no instant is further ahead of the next step than a period. Where simulated time goes
-        on at once to what the clock tells, as it does where steps are left out, or follow another simulator's clock,
-        every instant is what it is.
+        on the ground before; so this instant is no further ahead of the next step than a period. For one that is late
+        all the time, simulated time is the straight line that it ran along lately. Where simulated time goes on at once
+        to what the clock tells, as it does where steps are left out, or follow another simulator's clock, every instant
+        is what it is.
         """
         ahead = -min(self.remaining(), self.period)
-        return next_step + (ahead if self.follows or self.policy == "skip" else min(ahead, self.period))
+        if self.follows or self.policy == "skip":
+            return next_step + ahead - age
+        if self.behind:
+            steps = self._timeline.steps_to(self._now() - age)
+            return next_step + min(steps, 1.0) * self.period
+        return next_step + min(ahead, self.period) - age
 
     def advance(self) -> int:
         """Notes that the work of this deadline is starting, and sets the next one; returns the steps to leave out."""
@@ -77,6 +92,7 @@ class Pacer:
         self.lateness.note("lateness", max(late, 0.0))
         missed = int(late / self.period) if late > self.period else 0
         self.late = missed > 0 and not self.follows
+        self._timeline.note(self._now())
         skipped = 0
         if missed and self.policy == "catch_up":
             # The others that are late by now are counted when their turn comes, unless they are given up.
@@ -105,11 +121,12 @@ class StampClock:
         self._last: float | None = None
         self._offset: float | None = None
 
-    def place(self, stamp: float | None, clock_now: float, time_now: float) -> float:
-        """Simulated time [s] of a stamp that arrives when the node's clock says ``clock_now`` and simulated time is
-        ``time_now``. Raises `InputError` if it is older than the one before; nothing is changed until `accept`."""
+    def place(self, stamp: float | None, clock_now: float, time_at: Callable[[float], float]) -> float:
+        """Simulated time [s] of a stamp that arrives when the node's clock says ``clock_now``; ``time_at``: simulated
+        time of an instant so many seconds ago. Raises `InputError` if the stamp is older than the one before; nothing
+        is changed until `accept`."""
         if stamp is None:
-            return time_now
+            return time_at(0.0)
         if self._last is not None and stamp < self._last:
             raise InputError(
                 "stamp_backwards",
@@ -118,8 +135,8 @@ class StampClock:
             )
         age = clock_now - stamp
         if NEWEST <= age <= OLDEST:
-            return time_now - age
-        offset = time_now - stamp
+            return time_at(age)
+        offset = time_at(0.0) - stamp
         if self._offset is not None and abs(offset - self._offset) < OLDEST:
             offset = self._offset + 0.05 * (offset - self._offset)
         return stamp + offset

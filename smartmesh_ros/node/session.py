@@ -116,15 +116,23 @@ class Session:
 
     def clock_now(self) -> float:
         """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""
-        return self.time_now() if self.settings.publish.clock else self.clock.stamp_now()
+        return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
 
     def stamp_now(self) -> Time:
         """The stamp of what is published now."""
         return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
 
-    def time_now(self) -> float:
-        """Simulated time at this instant [s]."""
-        return self.world.time if self.paused else self.pacer.simulated_now(self.world.time)
+    def time_at(self, age: float) -> float:
+        """Simulated time of an instant ``age`` [s] ago, by the clock that stamps are compared with [s]."""
+        if self.paused:
+            return self.world.time - age
+        if self.settings.publish.clock:  # which is simulated time itself
+            return self.pacer.simulated_at(0.0, self.world.time) - age
+        return self.pacer.simulated_at(age, self.world.time)
+
+    def pace_at(self, age: float) -> float:
+        """The loop's own clock ``age`` [s] ago [s]."""
+        return self.clock.pace() - age
 
     def require_not_simulated(self, name: str) -> None:
         """Raises `InputError` if the body is simulated, so that nobody can dictate its pose."""

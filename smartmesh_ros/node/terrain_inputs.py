@@ -175,7 +175,7 @@ class TerrainInputs:
             session.require_frame(frame_id)
             require_name(tile, session.settings)
             clock = self._clocks.get(tile) or StampClock()
-            time = clock.place(stamp, session.clock_now(), session.time_now())
+            time = clock.place(stamp, session.clock_now(), session.time_at)
             yield time
             clock.accept(stamp, time)
             self._clocks[tile] = clock

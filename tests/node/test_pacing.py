@@ -1,11 +1,14 @@
 """The loop's deadlines under load, on a clock of the test's own."""
 
 import itertools
+from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, DeadlinePolicy, Pacer
 
@@ -106,7 +109,9 @@ def test_a_late_loop_takes_no_map_for_one_of_a_time_far_ahead(policy: DeadlinePo
     for cost in costs:
         for _ in range(3):  # maps come while there is time, and just before the step
             late = now[0] - pacer.deadline
-            assert pacer.simulated_now(time) == pytest.approx(time + min(late, PERIOD), abs=1e-12)
+            assert pacer.simulated_at(0.0, time) <= time + PERIOD
+            if not pacer.behind:
+                assert pacer.simulated_at(0.0, time) == pytest.approx(time + min(late, PERIOD), abs=1e-12)
             now[0] += 0.5 * max(pacer.remaining(), 0.0)
         now[0] += max(pacer.remaining(), 0.0)
         pacer.advance()
@@ -124,9 +129,43 @@ def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: boo
     time = PERIOD  # of the next step: simulated time runs with the clock
     for cost in costs:
         now[0] += cost
-        assert pacer.simulated_now(time) == pytest.approx(now[0])
+        assert pacer.simulated_at(0.0, time) == pytest.approx(now[0])
+        assert pacer.simulated_at(0.01, time) == pytest.approx(now[0] - 0.01)
         while pacer.remaining() <= 0.0:
             time += (1 + pacer.advance()) * PERIOD
+
+
+def gaps(policy: DeadlinePolicy, costs: Iterable[float], every: float) -> NDArray[np.float64]:
+    """How far apart maps are placed in simulated time [s] that come ``every`` so often [s] while steps take these times
+    [s], once the loop has been late for a while."""
+    now = [0.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    time, maps, placed = 0.0, 0, []
+    for cost in costs:
+        now[0] += max(pacer.remaining(), 0.0)
+        while maps * every <= now[0]:
+            placed.append(pacer.simulated_at(now[0] - maps * every, time))
+            maps += 1
+        time += (1 + pacer.advance()) * PERIOD
+        now[0] += cost
+    return np.diff(placed[len(placed) // 2 :])
+
+
+@pytest.mark.parametrize("policy", ["catch_up", "slow_down"])
+@given(st.floats(1.05, 10.0), st.floats(1.0, 10.0))
+def test_maps_are_as_far_apart_for_a_loop_that_is_always_late_as_they_came(
+    policy: DeadlinePolicy, cost: float, every: float
+) -> None:
+    found = gaps(policy, [cost * PERIOD] * 600, every * cost * PERIOD)
+    np.testing.assert_allclose(found, every * PERIOD, rtol=1e-6)
+
+
+def test_long_steps_between_short_ones_do_not_make_the_ground_jolt() -> None:
+    """Each fourth step brings patches up to date. By the steps' own times, gaps are up to half as long again, or
+    half."""
+    found = gaps("catch_up", [0.012, 0.003, 0.003, 0.003] * 200, 1 / 60)
+    assert found.mean() == pytest.approx(4 * PERIOD / 0.021 / 60, rel=0.01)
+    assert np.abs(found / found.mean() - 1.0).max() < 0.15
 
 
 @pytest.mark.parametrize("policy", POLICIES)
