@@ -29,8 +29,8 @@ from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.urdf import with_package_paths
-from smartmesh_ros.physics.ground import require_usable
 from smartmesh_ros.physics.urdf import checked_urdf
+from smartmesh_ros.physics.usable import require_usable
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000

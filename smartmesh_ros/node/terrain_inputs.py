@@ -19,7 +19,7 @@ from smartmesh_ros.node.conversions import FloatGrid
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.ground import require_usable
+from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.terrain import files
 from smartmesh_ros.terrain.grid import GridGeometry

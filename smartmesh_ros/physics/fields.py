@@ -17,6 +17,8 @@ T = TypeVar("T", bound=np.generic)
 
 # Larger patches [samples on a side] are not filled up to those of others: that would cost more than a pass of its own.
 LARGEST_JOINED = 9
+# A body so far from the plane under it touches nothing of its patch [m].
+APART = 0.01
 
 
 class Layout(NamedTuple):
@@ -107,6 +109,14 @@ class Fields(NamedTuple):
             if speeds is not None and ground.velocities is not None:
                 _fill(speeds, rows, ground.velocities)
         return Samples(heights, speeds)
+
+    def touching(self, positions_w: FloatArray, radii: FloatArray) -> BoolArray:
+        """Which bodies (m,) are so near to the ground that they may have contacts with it; positions (N, 3) [m] and
+        radii (N,) [m] of all followers."""
+        if self.points_w is None or self.normals_w is None:
+            return np.ones(len(self.bodies), bool)
+        distance = np.einsum("ij,ij->i", positions_w[self.bodies] - self.points_w, self.normals_w)
+        return np.asarray(distance <= radii[self.bodies] + APART)
 
     @property
     def holes(self) -> bool:

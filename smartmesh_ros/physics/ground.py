@@ -18,24 +18,12 @@ from smartmesh_ros.physics.fields import Fields, base_over_holes, groups
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.movement import Movement
 from smartmesh_ros.physics.prediction import Ahead, Prediction
-from smartmesh_ros.physics.whole_mesh import WholeMesh, require_whole
-from smartmesh_ros.search.methods import require_search
+from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.terrain.trimesh import TriangleMesh
-
-# A body so far from the plane under it touches nothing of its patch [m].
-APART = 0.01
-
-
-def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
-    """Raises `InputError` where patches cannot be made of ``mesh`` as ``config`` says; the message says what can."""
-    if isinstance(mesh, TriangleMesh):
-        require_search(config.search, mesh)
-    if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":
-        require_whole(config.kind, mesh)
 
 
 class Ground:
@@ -276,7 +264,7 @@ class Ground:
         """The same for batches of heightfields, in one pass; for each the followers that have ground under them."""
         fields = Fields.of(batches)
         holes = fields.holes
-        carried, touching = [batch.bodies for batch in batches], self._touching(fields)
+        carried, touching = [batch.bodies for batch in batches], fields.touching(self.positions_w, self._radii)
         ahead, due, keeping = Ahead.nothing(len(fields.bodies)), np.arange(len(fields.bodies)), False
         if self.config.carry_velocity:
             ahead = self._prediction.ahead(fields, time, dt)
@@ -304,11 +292,3 @@ class Ground:
             if keeping:
                 self._colliders.fields.judge(fields.bodies, time, dt)
         return carried
-
-    def _touching(self, fields: Fields) -> BoolArray:
-        """Which bodies are so near to the ground that they may have contacts with it."""
-        bodies = fields.bodies
-        if fields.points_w is None or fields.normals_w is None:
-            return np.ones(len(bodies), bool)
-        distance = np.einsum("ij,ij->i", self.positions_w[bodies] - fields.points_w, fields.normals_w)
-        return np.asarray(distance <= self._radii[bodies] + APART)

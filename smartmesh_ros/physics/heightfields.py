@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from smartmesh_ros.patches.bodies import carry_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.carrying import Carried, velocity_below
+from smartmesh_ros.physics.drift import distance_from_ground, slopes_of, speed_astray
 from smartmesh_ros.physics.fields import Fields
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.heightfield import (
@@ -161,7 +161,7 @@ class Heightfields:
             self._fit(int(bodies[index]), int(sizes[index]), float(fields.spacing[index]), float(bounds[index]))
         self._make_room(relative.shape[1])
         yaw = fields.heightmap.geometry.yaw
-        self._slopes[bodies] += _slopes(self._carried.advance(bodies, time), yaw)
+        self._slopes[bodies] += slopes_of(self._carried.advance(bodies, time), yaw)
         off = self._distance(fields, base, relative)
         # The distance is NaN, and so not small, where the collider is new.
         moves = self._carried.twists[bodies].any(axis=1)
@@ -180,7 +180,7 @@ class Heightfields:
         self._carried.push(bodies, twist, ahead.faster, fields.since)
         self._until[bodies] = -np.inf
         if samples.velocities is not None:
-            astray = _astray(fields, samples.velocities, twist, yaw)
+            astray = speed_astray(fields, samples.velocities, twist, yaw)
             self._until[bodies] = time + (CARRIED * config.tolerance - off) / np.maximum(astray, SLOWEST)
 
     def put_away(self, indices: IntArray) -> None:
@@ -220,27 +220,12 @@ class Heightfields:
 
     def _distance(self, fields: Fields, base: FloatArray, relative: FloatArray) -> FloatArray:
         """How far the colliders are from where they should be (m,) [m], NaN = unknown."""
-        bodies, spacing, yaw = fields.bodies, fields.spacing, fields.heightmap.geometry.yaw
-        old = self._heights[bodies, : relative.shape[1]]
+        bodies, yaw = fields.bodies, fields.heightmap.geometry.yaw
         aside = self._carried.bases[bodies] - base
-        slopes = self._slopes[bodies] * spacing[:, None]
-        off = old - relative
-        off += aside[:, 2:]
-        if slopes.any():
-            layout = fields.layout
-            off += slopes[:, :1] * fields.spread(layout.rows)
-            off += slopes[:, 1:] * fields.spread(layout.columns)
-            # What is turned about its base also moves sideways, the more the higher it is.
-            if fields.mixed:
-                grade = np.einsum("nk,nkc->nc", relative, layout.fit[fields.which, :, 1:])
-            else:
-                grade = relative @ layout.fit[0, :, 1:]
-            grade /= (spacing * spacing)[:, None]
-            off += np.einsum("ij,ij->i", slopes, grade)[:, None] * old
-        np.abs(off, out=off)
-        distance: FloatArray = off.max(axis=1)
-        elsewhere = (np.abs(aside[:, :2]).max(axis=1) > ELSEWHERE * spacing) | (self._yaws[bodies] != yaw)
-        distance[elsewhere] = np.inf
+        old = self._heights[bodies, : relative.shape[1]]
+        distance = distance_from_ground(fields, relative, old, aside[:, 2], self._slopes[bodies])
+        elsewhere = np.abs(aside[:, :2]).max(axis=1) > ELSEWHERE * fields.spacing
+        distance[elsewhere | (self._yaws[bodies] != yaw)] = np.inf
         return distance
 
     def _replace(
@@ -286,22 +271,3 @@ class Heightfields:
         """Puts colliders at ``base`` (m, 3) [m]. This stops them."""
         self._carried.place(bodies, base, collider_yaw(yaw))
         self._yaws[bodies], self._slopes[bodies] = yaw, 0.0
-
-
-def _slopes(turns: FloatArray, yaw: float) -> FloatArray:
-    """What turns (n, 3) [rad], or turning [rad/s], are as slopes per row and per column of the grid (n, 2)."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    slopes = np.empty((len(turns), 2))
-    slopes[:, 0] = cos * turns[:, 0] + sin * turns[:, 1]
-    slopes[:, 1] = sin * turns[:, 0] - cos * turns[:, 1]
-    return slopes
-
-
-def _astray(fields: Fields, velocities: FloatArray, twist: FloatArray, yaw: float) -> FloatArray:
-    """How fast colliders with ``twist`` (m, 6) part from ground of such ``velocities`` (m, K) [m/s] at its fastest
-    sample (m,) [m/s]."""
-    slopes = _slopes(twist[:, 3:], yaw) * fields.spacing[:, None]
-    astray = velocities - twist[:, 2:3]
-    astray -= slopes[:, :1] * fields.spread(fields.layout.rows)
-    astray -= slopes[:, 1:] * fields.spread(fields.layout.columns)
-    return np.asarray(np.abs(astray).max(axis=1))
