@@ -25,6 +25,9 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
+# A body may go farther than a patch was made for by this share of its radius: it touches ground nearer than that.
+SLACK = 0.2
+
 
 class Ground:
     """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
@@ -53,7 +56,13 @@ class Ground:
         self._whole = WholeMesh(client, self.terrain)
         self._applied: list[tuple[PatchBatch, IntArray]] = []  # batches as of the last update, and whom they carry
         self._radii = np.empty(0)
-        self._reach = np.empty(0)  # and how far they go until the next update
+        self._solid = np.empty(0, bool)
+        # As of the last update: how far bodies get until the next one, where they were, how far from there they may go,
+        # and for how many steps it was made.
+        self._reach = np.empty(0)
+        self._from_w = np.empty((0, 3))
+        self._farthest = np.empty(0)
+        self._steps = 1
         self.stale = True  # whether the next step needs an update, whatever the last one was made for
 
     @property
@@ -140,26 +149,22 @@ class Ground:
 
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
-        self.stale = False
         self._read_bodies(dt)
-        dt *= steps
-        moved = self.moved_w * steps
-        self._reach = reach_of(self._radii, moved)
-        lively = not self._colliders.fields.keeps(time)
-        batches = self._tracker.update(self.positions_w, moved, time, dt, lively=lively)
-        with self.stopwatch.stage("collider"):
-            kind = self.config.kind
-            if kind == "whole_trimesh" or kind == "whole_heightfield":
-                self._whole.update(kind, time)
-                self._carry([], time, dt)
-            else:
-                self._whole.release()
-                self._carry(batches, time, dt)
+        self._bring_up_to_date(time, dt, steps)
 
-    def go_on(self, dt: float) -> None:
+    def go_on(self, time: float, dt: float) -> bool:
         """Leaves the patches to move on as they do, before a further step of ``dt`` [s] that the last `update` was made
-        for."""
+        for; but brings them up to date if a body goes farther than they reach, because something has hit it. Returns
+        whether it did."""
+        if self.stale:
+            self.update(time, dt, self._steps)
+            return True
         self._read_bodies(dt)
+        went = self.positions_w - self._from_w + self.moved_w
+        outran = bool((np.einsum("ij,ij->i", went, went) > self._farthest**2).any())
+        if outran:
+            self._bring_up_to_date(time, dt, self._steps)
+        return outran
 
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
@@ -173,6 +178,25 @@ class Ground:
         self._whole.release()
         self._adopt([])
 
+    def _bring_up_to_date(self, time: float, dt: float, steps: int) -> None:
+        """Makes the patches those of the bodies as they were read, and of the ground at ``time`` [s]."""
+        self.stale, self._steps = False, steps
+        dt *= steps
+        moved = self.moved_w * steps
+        self._reach = reach_of(self._radii, moved)
+        self._from_w = self.positions_w
+        self._farthest = np.where(self._solid, self._reach - (1.0 - SLACK) * self._radii, np.inf)
+        lively = not self._colliders.fields.keeps(time)
+        batches = self._tracker.update(self.positions_w, moved, time, dt, lively=lively)
+        with self.stopwatch.stage("collider"):
+            kind = self.config.kind
+            if kind == "whole_trimesh" or kind == "whole_heightfield":
+                self._whole.update(kind, time)
+                self._carry([], time, dt)
+            else:
+                self._whole.release()
+                self._carry(batches, time, dt)
+
     def _adopt(self, followers: list[Follower]) -> None:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
         before = {follower: index for index, follower in enumerate(self.followers)}
@@ -184,8 +208,8 @@ class Ground:
         self._movement.adopt(followers, kept)
         self._colliders.adopt(followers, kept)
         self._prediction.adopt(kept)
-        solid = np.array([follower.solid for follower in followers], bool)
-        self._tracker.set_bodies(self._radii, kept, solid)
+        self._solid = np.array([follower.solid for follower in followers], bool)
+        self._tracker.set_bodies(self._radii, kept, self._solid)
 
     def _read_bodies(self, dt: float) -> None:
         with self.stopwatch.stage("bodies"):

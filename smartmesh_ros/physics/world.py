@@ -179,8 +179,8 @@ class World:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
         if self.ground.stale or self._refreshing.due(self.terrain, hurried=self.hurried):
             self.refresh()
-        else:
-            self.ground.go_on(self.config.physics.dt)
+        elif self.ground.go_on(self.time, self.config.physics.dt):
+            self.refreshes += 1
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
         """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
