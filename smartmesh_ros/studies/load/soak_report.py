@@ -44,6 +44,8 @@ class Slope(NamedTuple):
 
 def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     """The line through the means of blocks, by least squares; ``times`` in seconds."""
+    if not np.ptp(values):
+        return Slope(0.0, 0.0, float(values[0]))  # and not what rounding leaves
     blocks = [(t.mean() / 3600.0, v.mean()) for t, v in zip(
         np.array_split(times, BLOCKS), np.array_split(values, BLOCKS), strict=True)]  # fmt: skip
     t, v = np.array(blocks).T

@@ -80,7 +80,7 @@ def targets(groups: dict[str, list[Summary]]) -> str:
     ):
         step = s.stage("step")[0] if s else 0.0
         add(f"{name}: update and step, median", s, lambda s: s.stage("total")[0], most, "ms")
-        add(f"{name}: the same, mean", s, lambda s: s.update_and_step, most, "ms")
+        add(f"{name}: the same, from the medians of its stages", s, lambda s: s.update_and_step, most, "ms")
         add(f"{name}: missed deadlines", s, lambda s: 100 * s.missed, 0.1, "%")
         add(f"{name}: markers built and published, median", s, lambda s: s.stage("publish")[0], markers, "ms")
         add(f"{name}: processor time a step of everything but `stepSimulation`", s,

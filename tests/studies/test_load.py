@@ -1,0 +1,79 @@
+"""The load study: what it sends is what it says, a case runs from end to end, and a slope is that of a line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
+
+from smartmesh_ros.node.parameters import NAMES
+from smartmesh_ros.studies.load import cases
+from smartmesh_ros.studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
+from smartmesh_ros.studies.load.processes import run_case
+from smartmesh_ros.studies.load.soak_report import slope_of
+from smartmesh_ros.studies.load.summary import Summary
+from smartmesh_ros.studies.load.tables import runs
+from smartmesh_ros.studies.load.terrain_messages import TerrainMessages
+from smartmesh_ros.testing import domain
+
+__all__ = ["domain"]
+
+SMALL = Case(side=128, bodies=3, mode="regions", map_rate=30.0, physics_rate=120.0, seconds=2.5)
+
+
+def test_every_case_has_a_name_of_its_own_and_parameters_that_the_node_knows() -> None:
+    for group in (cases.grid, cases.naive, cases.executors, cases.memory):
+        members = group(quick=False)
+        assert len({case.name for case in members}) == len(members)
+        assert all(set(case.parameters()) <= set(NAMES) for case in members)
+        assert all(case.window <= case.side for case in members)
+
+
+@given(st.integers(0, 100), st.floats(0.0, 100.0))
+def test_maps_and_regions_are_the_wave_with_a_code_that_comes_round(k: int, time: float) -> None:
+    messages = TerrainMessages(SMALL)
+    stamp = int(1e9 * time)
+    whole = deserialize_message(messages.whole(k, time, stamp), Heightmap)
+    region = deserialize_message(messages.region(k, time, stamp), HeightmapUpdate)
+    side = SMALL.window
+    part = np.reshape(whole.heights, (SMALL.side, SMALL.side))[:side, :side]
+    np.testing.assert_array_equal(np.reshape(region.heights, (side, side)), part)
+    assert whole.header.stamp.sec + 1e-9 * whole.header.stamp.nanosec == pytest.approx(time, abs=1e-6)
+    x, y = np.array(SMALL.probe) / RESOLUTION
+    assert part[round(y), round(x)] == pytest.approx(RISE * (k % CODES))
+    amplitude, wave_number, frequency = WAVE
+    row, column = side // 2, 10
+    expected = amplitude * math.sin(wave_number * column * RESOLUTION - frequency * time)
+    assert part[row, column] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_case_runs_between_processes_and_says_what_happened(domain: int) -> None:
+    result = run_case(SMALL)
+    summary = Summary.of(result)
+    assert summary.lost == 0
+    assert result["sent"] == pytest.approx(SMALL.map_rate * SMALL.seconds, rel=0.3)
+    assert summary.latency is not None
+    assert 0.0 < summary.latency[0] <= summary.latency[1] <= summary.latency[2]
+    median, high, most = summary.stage("total")
+    assert 0.0 < summary.stage("step")[0] < median <= high <= most
+    assert summary.cpu_per_step > 0.0
+    assert 0.0 < summary.real_time_factor < 1.2
+    assert 0.0 <= summary.missed <= 1.0
+    assert summary.memory["resident"] > summary.memory["shared"] > 0.0
+    assert runs([summary]).count("\n") == 2
+
+
+@given(st.floats(-100.0, 100.0), st.floats(0.0, 100.0))
+def test_the_slope_of_a_line_is_its_own_and_what_stays_is_flat(per_hour: float, start: float) -> None:
+    times = np.arange(600.0)
+    slope = slope_of(times, start + per_hour * times / 3600.0)
+    assert slope.per_hour == pytest.approx(per_hour, abs=1e-6)
+    assert slope.error == pytest.approx(0.0, abs=1e-6)
+    assert slope_of(times, np.full(600, start)) == (0.0, 0.0, start)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(600)
+    assert not slope_of(times, 1.0 + noise + 10.0 * times / 3600.0).flat
