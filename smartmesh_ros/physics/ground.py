@@ -161,10 +161,11 @@ class Ground:
             return True
         self._read_bodies(dt)
         went = self.positions_w - self._from_w + self.moved_w
-        outran = bool((np.einsum("ij,ij->i", went, went) > self._farthest**2).any())
-        if outran:
+        outran = (np.einsum("ij,ij->i", went, went) > self._farthest**2) & ~self._movement.too_fast
+        if outran.any():
             self._bring_up_to_date(time, dt, self._steps)
-        return outran
+            return True
+        return False
 
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""

@@ -16,11 +16,13 @@ FASTEST = 50.0
 
 
 class Movement:
-    """Of N followers at the last reading: ``positions_w`` (N, 3) [m], and how far they move, ``moved_w`` (N, 3) [m]."""
+    """Of N followers at the last reading: ``positions_w`` (N, 3) [m], how far they move in a step, ``moved_w`` (N, 3)
+    [m], and who is ``too_fast`` (N,) for that to be all of it."""
 
     def __init__(self, client: Any) -> None:
         self.positions_w = np.empty((0, 3))
         self.moved_w = np.empty((0, 3))
+        self.too_fast = np.empty(0, bool)
         self._client = client
         self._calls = BulletCalls(client)
         self._followers: list[Follower] = []
@@ -71,7 +73,7 @@ class Movement:
         for index in np.flatnonzero(np.isnan(moved[:, 0])).tolist():
             moved[index] = np.multiply(self._calls.velocity(self._followers[index].body), dt)
         travel = np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        far = ~(travel <= FASTEST * dt)
+        self.too_fast = far = ~(travel <= FASTEST * dt)
         if far.any():
             moved[far] = np.nan_to_num(moved[far] * np.nan_to_num(FASTEST * dt / travel[far])[:, None])
         return moved

@@ -161,6 +161,13 @@ def test_what_is_hit_between_updates_stays_on_the_ground(kind: PatchKind, veloci
             assert place[2] > height + 0.9 * RADIUS
 
 
+def test_what_fell_off_the_map_asks_for_no_updates_however_fast_it_gets() -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
+        world.spawn("ball", Sphere(RADIUS), 1.0, BodyState((9.0, 2.0, 0.0), linear=(0.0, 0.0, -45.0)))
+        world.step(480)  # 65 m/s
+        assert world.refreshes <= 480 / 4 + 1
+
+
 def test_patches_are_ready_before_each_step_and_bodies_have_not_moved_yet() -> None:
     """Whoever shows patches need not wait for the physics."""
     ground, seen = Rising("heightfield", rate=40.0), []
