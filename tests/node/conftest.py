@@ -10,6 +10,14 @@ __all__ = ["domain", "probe"]
 
 
 @pytest.fixture
+def no_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Messages by UDP only, for tests that kill a peer: Fast DDS 2.14 may crash when a participant that shared memory
+    with a killed one ends (in ``SharedMemChannelResource::release``), which would be that of the tests. Ask for it
+    before the probe."""
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+
+
+@pytest.fixture
 def bare_environment() -> dict[str, str]:
     """Changes of the environment that make it one of a machine with only what the node needs installed."""
     return {

@@ -40,7 +40,7 @@ def stubborn_process() -> Iterator[None]:
     try:
         yield
     finally:
-        process.kill()
+        process.terminate()
         process.wait()
 
 

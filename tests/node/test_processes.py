@@ -19,7 +19,7 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, ex
         assert "Traceback" not in process.output
 
 
-def test_a_source_may_be_killed_and_started_again(probe: Probe) -> None:
+def test_a_source_may_be_killed_and_started_again(no_shared_memory: None, probe: Probe) -> None:
     """The map stays while there is no source, and the new source's maps are taken."""
     source = {"scene": "waves", "rate": 30.0, "rows": 60, "columns": 80, "yaw": 0.3}
     with probe.running():
