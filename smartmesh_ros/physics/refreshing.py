@@ -47,8 +47,9 @@ class Refreshing:
         self._least = math.ceil(LEAST * steps) if self._maps >= FIRST else 1
         if steps > 1:
             lifetimes = [mesh.lifetime for mesh in terrain.tiles.values() if mesh.moving(time) and mesh.lifetime > 0.0]
-            wait = max(round(PATIENCE * min(lifetimes) / dt), self._least) if lifetimes else math.inf
-            steps = int(wait) if (steps if hurried else 0) <= wait <= SOON * steps else steps
+            least = steps if hurried else self._least
+            wait = max(round(PATIENCE * min(lifetimes) / dt), least) if lifetimes else math.inf
+            steps = int(wait) if wait <= SOON * steps else steps
         self._age, self._lasts = 0, steps
         return steps
 

@@ -34,6 +34,7 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.studies.load import soak_report
 from smartmesh_ros.studies.load.processes import Watch, environment
+from smartmesh_ros.studies.load.tables import PAGE, PICTURES
 
 # How often things happen [s].
 SOURCE_EVERY, SPAWN_EVERY, KIND_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
@@ -43,7 +44,7 @@ KINDS = ("auto", "heightfield")
 START_LIMIT = 60.0
 # A line is printed, and what there is is kept, so often [s].
 TELL_EVERY = 60.0
-OUT, DOCUMENT = Path("out/soak"), Path("docs/images/load")
+OUT = Path("out/soak")
 
 
 @dataclass
@@ -276,16 +277,16 @@ def main(args: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
     parser.add_argument("--out", type=Path, default=OUT, help=f"folder of JSON and picture (default {OUT})")
-    parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {DOCUMENT}")
+    parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {PICTURES}")
     parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     options = parser.parse_args(args)
-    out = DOCUMENT if options.document else options.out
+    out = PICTURES if options.document else options.out
     file = out / "soak.json"
     if not options.report:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as folder:
             run(options.minutes, Path(folder), file)
-    soak_report.report(json.loads(file.read_text()), out, document=options.document)
+    soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.studies.load.tables import table, write
 
-PAGE = Path("docs/performance.md")
 # The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
 WARM_UP = 0.2
 # Samples in a row are alike; the slope's error is that of the means of so many blocks.
@@ -56,8 +55,8 @@ def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
     return Slope(per_hour, error, float(np.median(values)))
 
 
-def report(data: dict[str, Any], out: Path, *, document: bool) -> None:
-    """The picture, and the table, of the page as well if asked."""
+def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
+    """The picture, and the table of the page."""
     samples = {name: np.array(values) for name, values in data["samples"].items()}
     kept = samples["time"] >= WARM_UP * samples["time"].max()
     slopes = {name: slope_of(samples["time"][kept], samples[name][kept]) for name in FIGURES}
@@ -79,8 +78,8 @@ def report(data: dict[str, Any], out: Path, *, document: bool) -> None:
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
     print(text)
-    if document:
-        write(PAGE, {"soak": text})
+    if page is not None:
+        write(page, {"soak": text})
 
 
 def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:

@@ -13,8 +13,7 @@ from smartmesh_ros.studies.load import cases, pictures, regions, tables
 from smartmesh_ros.studies.load.cases import Case
 from smartmesh_ros.studies.load.processes import run_case
 from smartmesh_ros.studies.load.summary import Summary
-
-OUT, PAGE = Path("docs/images/load"), Path("docs/performance.md")
+from smartmesh_ros.studies.load.tables import PAGE, PICTURES
 
 
 def machine() -> str:
@@ -74,12 +73,14 @@ def main(args: list[str] | None = None) -> None:
     """Runs the study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
-    parser.add_argument("--out", type=Path, help=f"folder of JSON and pictures (default {OUT}; out/load with --quick)")
+    parser.add_argument(
+        "--out", type=Path, help=f"folder of JSON and pictures (default {PICTURES}; out/load with --quick)"
+    )
     parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
     parser.add_argument("--resume", action="store_true", help="run only what was not measured before")
     parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
     options = parser.parse_args(args)
-    out = options.out or (Path("out/load") if options.quick else OUT)
+    out = options.out or (Path("out/load") if options.quick else PICTURES)
     file = out / "load.json"
     if not options.report:
         out.mkdir(parents=True, exist_ok=True)

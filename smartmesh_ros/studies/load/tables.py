@@ -8,6 +8,8 @@ from pathlib import Path
 
 from smartmesh_ros.studies.load.summary import UPDATE, Summary
 
+# The page of the load study and the soak, and the folder of its pictures and what they show.
+PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
 KINDS = {"terrain_collider": "ours", "naive": "naive", "apart": "physics apart"}
 
 
