@@ -79,7 +79,7 @@ class TerrainCollider(Node):
             if session.paused:
                 session.world.refresh()
             else:
-                session.world.hurried = self.pacer.late
+                session.world.behind = self.pacer.late
                 session.world.skip(skipped)
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()

@@ -5,9 +5,34 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.collect import CollectMethod
-from smartmesh_ros.patches.extent import MOST_RINGS
+from smartmesh_ros.patches.report.collect import CollectMethod
+from smartmesh_ros.patches.report.extent import MOST_RINGS
 from smartmesh_ros.search.methods import SearchMethod
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelectionConfig:
+    """How supports are chosen, beyond what users tune.
+
+    ``hysteresis``: share of the tolerance within which a plane takes the place of a field, so that none changes back and
+    forth: changing a collider loses its contacts. ``leave`` [m]: a body loses its collider so far above the ground,
+    beyond what it can reach, for the same reason. ``most_cells``: of a field, on a side; larger ones get a coarser
+    stride, because replacing a filtered one of 32 x 32 takes a millisecond. ``most_samples``: of the window that is
+    looked at, on a side; for larger bodies samples are left out. ``fastest`` [m/s]: faster bodies get no larger
+    windows; a teleport is not a speed. ``carried``: a collider is left alone while it lies within this share of the
+    tolerance of where it should be. ``slack``: share of its radius that a body may go beyond what it was taken to.
+    """
+
+    hysteresis: float = 0.5
+    leave: float = 0.002
+    most_cells: int = 32
+    most_samples: int = 128
+    fastest: float = 50.0
+    carried: float = 0.1
+    slack: float = 0.2
+
+
+SELECTION = SelectionConfig()
 
 # The collider of one patch; "whole" = none of its own, the body stands on a collider of the whole terrain.
 ColliderKind = Literal["heightfield", "plane", "trimesh", "hull", "prisms", "whole"]
@@ -18,13 +43,13 @@ PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms",
 class PatchConfig:
     """How patches are made.
 
-    ``search``, ``collect``: the report's methods. ``kind``: the collider; *auto* chooses for each body none, a plane or
-    the heightfield with the fewest samples, whichever is cheapest within the tolerance; *plane* does without the
-    tolerance; the last two are the report's Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each
-    side of the nearest vertex (the report's collider-size); 0 = from the body's size and speed, above 0 there is no
-    choice to make and *auto* is a heightfield. ``tolerance`` [m]: how far a patch may lie from the main mesh.
-    ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps come, up to twice as often unless the
-    world is hurried; 0 = in every step.
+    ``search``, ``collect``: the report's methods, for patches of fixed extent. ``kind``: the collider; *auto* gives each
+    body what it can touch: nothing, a plane, or the smallest rectangle of samples within the tolerance; *heightfield*
+    does so without planes and without nothing, *plane* without the tolerance; the last two are the report's
+    Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each side of the nearest vertex (the report's
+    collider-size), for *auto* and *plane* a heightfield; 0 = what the body can touch. ``tolerance`` [m]: how far a
+    patch may lie from the main mesh. ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps come,
+    up to twice as often unless the world is behind real time; 0 = in every step.
     ``edge_filter``: no ghost collisions at the inner edges of patches; balls need none. ``carry_velocity``: patches
     carry the ground's velocity into the contact.
     """
@@ -52,13 +77,8 @@ class PatchConfig:
 
     @property
     def chooses(self) -> bool:
-        """Whether each body gets as much ground as it needs."""
-        return self.kind == "plane" or (self.kind == "auto" and self.rings == 0)
-
-    @property
-    def plane_tolerance(self) -> float:
-        """How far a plane may lie from the main mesh [m]."""
-        return math.inf if self.kind == "plane" else self.tolerance
+        """Whether each body gets what it can touch, and no patch of fixed extent."""
+        return self.kind in ("auto", "plane", "heightfield") and self.rings == 0
 
     @property
     def grid_kind(self) -> ColliderKind:

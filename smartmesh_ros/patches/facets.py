@@ -1,99 +1,262 @@
-"""The triangles of a small window of a height map, and how far a plane is from those that a ball may touch."""
+"""Triangles against convex shapes: how far apart they are, and how far a triangle lies from a plane near a shape.
+
+Lengths are in metres; all arguments are in one frame with z up. Sources: closest point of a triangle, Ericson,
+*Real-Time Collision Detection* (2005), 5.1.5; separating axes of a box and a triangle, Akenine-Möller, *Fast 3D
+Triangle-Box Overlap Testing* (2001).
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-import numpy as np
+from smartmesh_ros.compiled import compiled
 
-from smartmesh_ros.patches.grid_window import Balls, Window
-from smartmesh_ros.patches.planes import Planes
-from smartmesh_ros.terrain.grid import FloatArray
+# Cross products of nearly parallel edges are no separating axes: below this squared length they are noise [m^2].
+PARALLEL = 1e-12
 
 
-class Facets(NamedTuple):
-    """Triangles of n windows of (k + 1) x (k + 1) samples.
+class Point(NamedTuple):
+    """A point or vector [m]."""
 
-    ``slope_x``, ``slope_y``: (n, 2, k, k), first the triangles below each cell's diagonal, then those above it.
-    ``corner``: heights of the cells' first samples (n, k, k) [m]. ``places``: x or y of those samples (k,) [m].
+    x: float
+    y: float
+    z: float
+
+
+class Facet(NamedTuple):
+    """A triangle, counter-clockwise seen from the side that bodies are on."""
+
+    a: Point
+    b: Point
+    c: Point
+
+
+class Plane(NamedTuple):
+    """The plane z = ``height`` + ``slope_x`` x + ``slope_y`` y [m, -, -]."""
+
+    height: float
+    slope_x: float
+    slope_y: float
+
+
+class Solid(NamedTuple):
+    """A ball, or a box as it is turned.
+
+    ``ball``: whether it is one, of ``radius``; else ``u``, ``v``, ``w`` are the unit axes of a box and ``half`` its half
+    extents along them. ``centre``: its middle.
     """
 
-    slope_x: FloatArray
-    slope_y: FloatArray
-    corner: FloatArray
-    places: FloatArray
-    resolution: float
-    holes: bool
+    ball: bool
+    radius: float
+    centre: Point
+    u: Point
+    v: Point
+    w: Point
+    half: Point
 
 
-def facets_of(window: Window) -> Facets:
-    """Facets of windows, their instants one after the other."""
-    z = window.stacked
-    along, across = np.diff(z, axis=2) / window.resolution, np.diff(z, axis=1) / window.resolution
-    # Below the diagonal: (r, c), (r, c + 1), (r + 1, c + 1); above it: (r, c), (r + 1, c + 1), (r + 1, c).
-    slope_x = np.stack([along[:, :-1], along[:, 1:]], axis=1)
-    slope_y = np.stack([across[:, :, 1:], across[:, :, :-1]], axis=1)
-    return Facets(slope_x, slope_y, z[:, :-1, :-1], window.places()[:-1], window.resolution, window.holes)
+class Gap(NamedTuple):
+    """How far a solid is from a facet, negative where they overlap, at most as far as it truly is; the direction from
+    the facet to the solid (unit); and the facet's point nearest to the solid's centre."""
+
+    distance: float
+    normal: Point
+    nearest: Point
 
 
-def facet_deviation(facets: Facets, planes: Planes, balls: Balls) -> FloatArray:
-    """How far each plane may lie, vertically, from the facets where a ball can touch either (n,) [m]; infinite where a
-    hole is near, or where the plane can be touched beyond the window. What of the facets the balls can touch must lie
-    in it.
+@compiled
+def minus(a: Point, b: Point) -> Point:
+    """a - b."""
+    return Point(a.x - b.x, a.y - b.y, a.z - b.z)
 
-    A bound, not an estimate: facet and plane differ by a linear function. Where the ball can touch the facet
-    (within a disc around the foot of the perpendicular from the ball's middle) or the plane (likewise) it lies between
-    its values at the disc's edge, and over the facet between those at the corners.
+
+@compiled
+def dot(a: Point, b: Point) -> float:
+    """Scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@compiled
+def cross(a: Point, b: Point) -> Point:
+    """Vector product."""
+    return Point(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@compiled
+def along(a: Point, share: float, direction: Point) -> Point:
+    """a + share * direction."""
+    return Point(a.x + share * direction.x, a.y + share * direction.y, a.z + share * direction.z)
+
+
+@compiled
+def scaled(a: Point, factor: float) -> Point:
+    """factor * a."""
+    return Point(factor * a.x, factor * a.y, factor * a.z)
+
+
+@compiled
+def facet_normal(facet: Facet) -> Point:
+    """Unit normal, towards the side that bodies are on; zero for a facet without area."""
+    n = cross(minus(facet.b, facet.a), minus(facet.c, facet.a))
+    length = math.sqrt(dot(n, n))
+    return scaled(n, 1.0 / length) if length > 0.0 else Point(0.0, 0.0, 0.0)
+
+
+@compiled
+def closest_point(facet: Facet, p: Point) -> Point:
+    """The point of a facet that is closest to ``p``."""
+    ab, ac, ap = minus(facet.b, facet.a), minus(facet.c, facet.a), minus(p, facet.a)
+    d1, d2 = dot(ab, ap), dot(ac, ap)
+    if d1 <= 0.0 and d2 <= 0.0:
+        return facet.a
+    bp = minus(p, facet.b)
+    d3, d4 = dot(ab, bp), dot(ac, bp)
+    if d3 >= 0.0 and d4 <= d3:
+        return facet.b
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        return along(facet.a, d1 / (d1 - d3), ab)
+    cp = minus(p, facet.c)
+    d5, d6 = dot(ab, cp), dot(ac, cp)
+    if d6 >= 0.0 and d5 <= d6:
+        return facet.c
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        return along(facet.a, d2 / (d2 - d6), ac)
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        return along(facet.b, (d4 - d3) / ((d4 - d3) + (d5 - d6)), minus(facet.c, facet.b))
+    share = 1.0 / (va + vb + vc)
+    return along(along(facet.a, vb * share, ab), vc * share, ac)
+
+
+@compiled
+def ball_gap(facet: Facet, centre: Point, radius: float) -> Gap:
+    """The gap between a facet and a ball, exactly."""
+    nearest = closest_point(facet, centre)
+    away = minus(centre, nearest)
+    distance = math.sqrt(dot(away, away))
+    if distance > 1e-9:
+        return Gap(distance - radius, scaled(away, 1.0 / distance), nearest)
+    return Gap(-radius, facet_normal(facet), nearest)
+
+
+@compiled
+def separation(axis: Point, a: Point, b: Point, c: Point, half: Point) -> tuple[float, float]:
+    """How far a triangle (in the box's frame) is from the box along a unit axis, and on which side of it the box is."""
+    p, q, r = dot(axis, a), dot(axis, b), dot(axis, c)
+    low, high = min(p, q, r), max(p, q, r)
+    reach = half.x * abs(axis.x) + half.y * abs(axis.y) + half.z * abs(axis.z)
+    if low - reach >= -high - reach:
+        return low - reach, -1.0
+    return -high - reach, 1.0
+
+
+@compiled
+def in_frame(solid: Solid, p: Point) -> Point:
+    """A point in the solid's own frame."""
+    away = minus(p, solid.centre)
+    return Point(dot(solid.u, away), dot(solid.v, away), dot(solid.w, away))
+
+
+@compiled
+def out_of_frame(solid: Solid, p: Point) -> Point:
+    """A vector of the solid's own frame in the outer one."""
+    return along(along(scaled(solid.u, p.x), p.y, solid.v), p.z, solid.w)
+
+
+@compiled
+def box_gap(facet: Facet, solid: Solid) -> Gap:
+    """The gap between a facet and a box: the widest separation along any of their 13 axes, zero where they touch."""
+    a, b, c = in_frame(solid, facet.a), in_frame(solid, facet.b), in_frame(solid, facet.c)
+    half = solid.half
+    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
+    best, axis = -math.inf, Point(0.0, 0.0, 1.0)
+    normal = cross(ab, minus(c, a))
+    length = dot(normal, normal)
+    if length > 0.0:
+        normal = scaled(normal, 1.0 / math.sqrt(length))
+        best, side = separation(normal, a, b, c, half)
+        axis = scaled(normal, side)
+    for face in (Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)):
+        gap, side = separation(face, a, b, c, half)
+        if gap > best:
+            best, axis = gap, scaled(face, side)
+    for edge in (ab, bc, ca):
+        for crossed in (Point(0.0, -edge.z, edge.y), Point(edge.z, 0.0, -edge.x), Point(-edge.y, edge.x, 0.0)):
+            length = dot(crossed, crossed)
+            if length > PARALLEL:
+                unit = scaled(crossed, 1.0 / math.sqrt(length))
+                gap, side = separation(unit, a, b, c, half)
+                if gap > best:
+                    best, axis = gap, scaled(unit, side)
+    return Gap(best, out_of_frame(solid, axis), closest_point(facet, solid.centre))
+
+
+@compiled
+def gap_to(facet: Facet, solid: Solid) -> Gap:
+    """The gap between a facet and a solid."""
+    if solid.ball:
+        return ball_gap(facet, solid.centre, solid.radius)
+    return box_gap(facet, solid)
+
+
+@compiled
+def plane_of(facet: Facet) -> Plane:
+    """The plane of a facet that is not upright."""
+    n = cross(minus(facet.b, facet.a), minus(facet.c, facet.a))
+    slope_x, slope_y = -n.x / n.z, -n.y / n.z
+    return Plane(facet.a.z - slope_x * facet.a.x - slope_y * facet.a.y, slope_x, slope_y)
+
+
+@compiled
+def height_of(plane: Plane, x: float, y: float) -> float:
+    """Height of a plane over (x, y)."""
+    return plane.height + plane.slope_x * x + plane.slope_y * y
+
+
+@compiled
+def plane_normal(plane: Plane) -> Point:
+    """Upward unit normal of a plane."""
+    z = 1.0 / math.sqrt(1.0 + plane.slope_x * plane.slope_x + plane.slope_y * plane.slope_y)
+    return Point(-plane.slope_x * z, -plane.slope_y * z, z)
+
+
+@compiled
+def reach_along(solid: Solid, direction: Point) -> float:
+    """How far a solid reaches from its centre along a unit direction."""
+    if solid.ball:
+        return solid.radius
+    return (
+        solid.half.x * abs(dot(solid.u, direction))
+        + solid.half.y * abs(dot(solid.v, direction))
+        + solid.half.z * abs(dot(solid.w, direction))
+    )
+
+
+@compiled
+def deviation_near(facet: Facet, plane: Plane, solid: Solid, gap: Gap, margin: float) -> float:
+    """How far a facet lies from a plane, vertically, where a solid grown by ``margin`` can touch the facet, at most.
+
+    Their difference is linear, so it is at most what it is at the facet's corners. It is also at most what it is over
+    the part that the solid can reach: for a ball, the points of the facet no further from its nearest one than the
+    chord allows (projection onto a convex set); for a box, its extent along the difference's gradient.
     """
-    x, y, z = (balls.centres[:, axis, None, None, None] for axis in range(3))
-    radii, lateral = balls.radii[:, None, None, None], balls.lateral[:, None, None, None]
-    flat = Planes(*(values[:, None, None, None] for values in planes))
-    places, spacing = facets.places, facets.resolution
-    slope_x, slope_y = facets.slope_x, facets.slope_y
-    base = facets.corner[:, None] - slope_x * places - slope_y * places[:, None]  # where their planes meet x = y = 0
-    tilt_x, tilt_y = slope_x - flat.slope_x, slope_y - flat.slope_y
-    offset = base - flat.height
-    tilt = np.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
-    lowest, highest = _corner_deviations(offset, tilt_x, tilt_y, facets)
-    deviation = np.zeros(len(balls.radii))
-    for height, across, along in ((base, slope_x, slope_y), flat):
-        steepness = 1.0 / np.sqrt(1.0 + across * across + along * along)
-        distance = (z - height - across * x - along * y) * steepness
-        disc = np.sqrt(np.maximum(radii * radii - distance * distance, 0.0)) + lateral
-        foot_x, foot_y = x + distance * across * steepness, y + distance * along * steepness
-        # The disc and the cell may meet: the foot lies within the disc's radius of the cell's square.
-        away_x = np.maximum(np.maximum(places - foot_x, foot_x - places - spacing), 0.0)
-        away_y = np.maximum(np.maximum(places[:, None] - foot_y, foot_y - places[:, None] - spacing), 0.0)
-        near = (away_x * away_x + away_y * away_y <= disc * disc) & (distance <= radii)
-        at_foot = offset + tilt_x * foot_x + tilt_y * foot_y
-        swing = disc * tilt
-        above, below = np.minimum(at_foot + swing, highest), np.maximum(at_foot - swing, lowest)
-        worst = np.where(near, np.maximum(above, -below), 0.0)
-        if facets.holes:
-            worst[np.isnan(worst)] = 0.0
-        np.maximum(deviation, worst.max(axis=(1, 2, 3)), out=deviation)
-    # The last of the two were the planes themselves.
-    aside = np.maximum(np.abs(foot_x), np.abs(foot_y)) + disc
-    deviation[(aside > 0.5 * len(places) * spacing)[:, 0, 0, 0] & (distance <= radii)[:, 0, 0, 0]] = np.inf
-    if facets.holes:
-        holes = np.isnan(slope_x)
-        away_x = np.maximum(np.maximum(places - x, x - places - spacing), 0.0)
-        away_y = np.maximum(np.maximum(places[:, None] - y, y - places[:, None] - spacing), 0.0)
-        near = away_x * away_x + away_y * away_y <= (radii + lateral) ** 2
-        deviation[(holes & near).any(axis=(1, 2, 3))] = np.inf
-    return deviation
-
-
-def _corner_deviations(
-    offset: FloatArray, tilt_x: FloatArray, tilt_y: FloatArray, facets: Facets
-) -> tuple[FloatArray, FloatArray]:
-    """The least and the largest deviation at the three corners of each facet (n, 2, k, k)."""
-    spacing = facets.resolution
-    first = offset + tilt_x * facets.places + tilt_y * facets.places[:, None]
-    opposite = first + (tilt_x + tilt_y) * spacing
-    third = first.copy()
-    third[:, 0] += tilt_x[:, 0] * spacing
-    third[:, 1] += tilt_y[:, 1] * spacing
-    lowest: FloatArray = np.minimum(np.minimum(first, opposite), third)
-    highest: FloatArray = np.maximum(np.maximum(first, opposite), third)
-    return lowest, highest
+    a = facet.a.z - height_of(plane, facet.a.x, facet.a.y)
+    b = facet.b.z - height_of(plane, facet.b.x, facet.b.y)
+    c = facet.c.z - height_of(plane, facet.c.x, facet.c.y)
+    corners = max(abs(a), abs(b), abs(c))
+    own = plane_of(facet)
+    tilt_x, tilt_y = own.slope_x - plane.slope_x, own.slope_y - plane.slope_y
+    tilt = math.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
+    if tilt == 0.0:
+        return corners
+    if solid.ball:
+        reach, distance = solid.radius + margin, gap.distance + solid.radius
+        x, y = gap.nearest.x, gap.nearest.y
+        swing = tilt * math.sqrt(max(reach * reach - distance * distance, 0.0))
+    else:
+        x, y = solid.centre.x, solid.centre.y
+        swing = tilt * (reach_along(solid, Point(tilt_x / tilt, tilt_y / tilt, 0.0)) + margin)
+    return min(corners, abs(height_of(own, x, y) - height_of(plane, x, y)) + swing)

@@ -11,7 +11,7 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.base_frames import InertialFrame
-from smartmesh_ros.physics.bounds import bounding_radius
+from smartmesh_ros.physics.body_shapes import read_shape
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, require_between
@@ -130,7 +130,7 @@ class BodyFactory:
         if not links:
             client.removeBody(uid)
             raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
-        body = Body(name, uid, bounding_radius(client, uid, next(iter(links))), False, state, links, joints, urdf=urdf)
+        body = Body(name, uid, float(read_shape(client, uid, next(iter(links)))["radius"]), False, state, links, joints, urdf=urdf)
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         self.place(body, state)
         return body

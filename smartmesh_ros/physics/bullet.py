@@ -4,11 +4,14 @@ A `BulletClient` adds the client to each call as a keyword, which costs as much 
 position. Everything else goes through the client.
 """
 
+from itertools import chain
 from typing import Any
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.physics.state import Vector
+from smartmesh_ros.terrain.grid import FloatArray
 
 
 class BulletCalls:
@@ -22,17 +25,11 @@ class BulletCalls:
         get, client = pb.getBasePositionAndOrientation, self._client
         return [get(body, client)[0] for body in bodies]
 
-    def set_positions(self, bodies: list[int], positions: list[list[float]], orientation: Any) -> None:
-        """Puts bodies at positions [m], all in one orientation (x, y, z, w). This stops them."""
-        reset, client = pb.resetBasePositionAndOrientation, self._client
-        for body, position in zip(bodies, positions, strict=True):
-            reset(body, position, orientation, client)
-
-    def set_poses(self, bodies: list[int], positions: list[list[float]], orientations: list[list[float]]) -> None:
-        """Puts bodies at positions [m] in orientations (x, y, z, w). This stops them."""
-        reset, client = pb.resetBasePositionAndOrientation, self._client
-        for body, position, orientation in zip(bodies, positions, orientations, strict=True):
-            reset(body, position, orientation, client)
+    def states(self, bodies: list[int]) -> FloatArray:
+        """Position, orientation (x, y, z, w), velocity and angular velocity of each body (n, 13) [m, m/s, rad/s]."""
+        pose, velocity, client = pb.getBasePositionAndOrientation, pb.getBaseVelocity, self._client
+        numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
+        return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
 
     def velocity(self, body: int) -> tuple[float, float, float]:
         """Linear velocity of a body [m/s]."""
@@ -55,28 +52,14 @@ class BulletCalls:
             found.append(linear)
         return found
 
-    def set_velocities(self, bodies: list[int], twists: list[list[float]]) -> None:
-        """Gives bodies their linear and angular velocities, six numbers each [m/s, rad/s]."""
-        reset, client = pb.resetBaseVelocity, self._client
-        for body, twist in zip(bodies, twists, strict=True):
-            reset(body, twist[:3], twist[3:], client)
-
-    def replace_heightfields(
-        self, shapes: list[int], size: int, heights: list[list[float]], filters: list[bool]
-    ) -> None:
-        """Gives heightfields of ``size`` x ``size`` samples their new heights, and some a filter of their inner edges.
-
-        The filter's flag is passed at every replacement; without it PyBullet drops the edges' data.
-        """
-        create, client, kind = pb.createCollisionShape, self._client, pb.GEOM_HEIGHTFIELD
-        flags = (0, pb.GEOM_CONCAVE_INTERNAL_EDGE)
-        for shape, values, filtered in zip(shapes, heights, filters, strict=True):
-            create(
-                kind,
-                flags=flags[filtered],
-                heightfieldData=values,
-                numHeightfieldRows=size,
-                numHeightfieldColumns=size,
-                replaceHeightfieldIndex=shape,
-                physicsClientId=client,
-            )
+    def replace_heightfield(self, shape: int, rows: int, columns: int, heights: list[float], filtered: bool) -> None:
+        """Gives a heightfield its new heights, in PyBullet's order, with or without a filter of its inner edges."""
+        pb.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD,
+            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
+            heightfieldData=heights,
+            numHeightfieldRows=rows,
+            numHeightfieldColumns=columns,
+            replaceHeightfieldIndex=shape,
+            physicsClientId=self._client,
+        )

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.terrain.grid import FloatArray
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class GroundContact:
 
 
 def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[GroundContact]:
-    """Contacts with the ground in the last step, and those of tracked bodies with their patches as they are.
+    """Contacts with the ground in the last step, and those of tracked bodies with the ground as of the last update.
 
     ``names``: of the ground's followers, in their order.
     """
@@ -37,13 +36,11 @@ def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[Groun
         if follower.collider is not None
     }
     contacts = contacts_of_step(client, colliders)
-    for batch in ground.batches:
-        members = [i for i, index in enumerate(batch.bodies) if not followers[index].solid]
-        if members:
-            bodies = batch.bodies[members]
-            radii = np.array([followers[index].radius for index in bodies])
-            chosen = [names[index] for index in bodies]
-            contacts += contacts_of_spheres(chosen, ground.positions_w[bodies], radii, batch, members)
+    tracked = [index for index, follower in enumerate(followers) if not follower.solid]
+    if tracked:
+        ground.batches  # noqa: B018  # supports of tracked bodies are worked out with their patches
+        found = (_contact_of_sphere(names[index], ground, index) for index in tracked)
+        contacts += [contact for contact in found if contact is not None]
     return contacts
 
 
@@ -60,55 +57,20 @@ def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundConta
     return contacts
 
 
-def contacts_of_spheres(
-    names: list[str], centres_w: FloatArray, radii: FloatArray, batch: PatchBatch, members: list[int]
-) -> list[GroundContact]:
-    """Deepest contact of n tracked spheres with their patches, which are rows ``members`` of the batch.
-
-    Where the centre is below the surface the contact is that of a sphere pushed through the ground.
-    """
-    vertices = batch.vertices_w()[members][:, batch.triangles]  # (n, T, 3, 3)
-    nearest = _closest_points(centres_w[:, None, :], vertices)
-    offsets = centres_w[:, None, :] - nearest
-    distance = np.where(np.isnan(offsets).any(axis=2), np.inf, np.linalg.norm(offsets, axis=2))
-    best = np.argmin(distance, axis=1)
-    contacts = []
-    for i, name in enumerate(names):
-        triangle = vertices[i, best[i]]
-        face = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-        offset, gap = offsets[i, best[i]], float(distance[i, best[i]])
-        if not np.isfinite(gap):
-            continue
-        below = bool(np.dot(offset, face) < 0.0)
-        normal = offset / gap if gap > 1e-9 else face / np.linalg.norm(face)
-        depth = radii[i] + gap if below else radii[i] - gap
-        if depth > 0.0:
-            position = tuple(nearest[i, best[i]].tolist())
-            contacts.append(
-                GroundContact(
-                    name, position, tuple((-normal if below else normal).tolist()), float(depth), float("nan")
-                )
-            )
-    return contacts
-
-
-def _closest_points(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Closest point of each triangle (..., 3, 3) to the points (..., 3), by clamped projection onto its edges."""
-    a, b, c = triangles[..., 0, :], triangles[..., 1, :], triangles[..., 2, :]
-    normal = np.cross(b - a, c - a)
-    area = np.sum(normal * normal, axis=-1)
-    inner = points - normal * (np.sum((points - a) * normal, axis=-1) / area)[..., None]
-    inside = np.ones(inner.shape[:-1], bool)
-    best = np.empty_like(inner)
-    least = np.full(inner.shape[:-1], np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge = end - start
-        inside &= np.sum(np.cross(edge, inner - start) * normal, axis=-1) >= 0.0
-        along = np.clip(np.sum((points - start) * edge, axis=-1) / np.sum(edge * edge, axis=-1), 0.0, 1.0)
-        candidate = start + edge * along[..., None]
-        gap = np.sum((points - candidate) ** 2, axis=-1)
-        closer = gap < least
-        best[closer] = candidate[closer]
-        least[closer] = gap[closer]
-    result: FloatArray = np.where(inside[..., None], inner, best)
-    return result
+def _contact_of_sphere(name: str, ground: Ground, index: int) -> GroundContact | None:
+    """The deepest contact of a tracked sphere; where its centre is below the surface, that of a sphere pushed through
+    the ground."""
+    support, radius = ground.supports[index], float(ground.shapes["radius"][index])
+    if support.state == Support.NONE:
+        return None
+    foot = np.array([support.foot_x, support.foot_y, support.foot_z])
+    facet = np.array([support.facet_x, support.facet_y, support.facet_z])
+    away = ground.states[index, :3] - foot
+    distance = float(np.linalg.norm(away))
+    below = bool(away @ facet < 0.0)
+    depth = radius + distance if below else radius - distance
+    if depth <= 0.0:
+        return None
+    normal = away / distance if distance > 1e-9 else facet
+    position, direction = foot.tolist(), (-normal if below else normal).tolist()
+    return GroundContact(name, tuple(position), tuple(direction), depth, float("nan"))

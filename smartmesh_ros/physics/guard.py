@@ -6,24 +6,26 @@ resort, is counted, and can be switched off to see what the colliders do without
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch, PlaneBatch
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.config import SELECTION
+from smartmesh_ros.patches.selection import window_memory
+from smartmesh_ros.patches.selector import rules_for
+from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.ground import Ground
+from smartmesh_ros.physics.impact import height_at_rest
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 # Speed along the ground that a rescued body keeps at most [m/s].
 FASTEST_RESCUED = 5.0
-# Bodies whose middle is nearer to the plane along the ground under them are looked at closely [radii].
+# Bodies whose middle is nearer to the plane of the ground under them are looked at closely [radii].
 NEAR = 0.5
-# Who was found above ground at rest is not looked at closely again before going this share of that, or for so long [s]:
-# it may go into a cliff.
-CLEAR, AGAIN = 0.25, 0.05
 
 
 class Guard:
@@ -31,71 +33,66 @@ class Guard:
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
-        # Of which followers and maps it is known where and when bodies were found how far above the ground [m].
-        self._followers: list[Follower] = []
-        self._maps: list[tuple[MainMesh, int]] = []
-        self._places_w, self._room, self._asked = np.empty((0, 3)), np.empty(0), np.empty(0)
+        self._memory = window_memory(SELECTION.most_samples + 3)
 
     def rescue(self, client: Any, bodies: list[Body | None], time: float) -> int:
         """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
         None = stays where it is, since its pose is dictated."""
-        lifts: dict[str, tuple[Body, float, float]] = {}
         ground = self._ground
-        for index, height, rate in zip(*(values.tolist() for values in self._below(time)), strict=True):
-            body, follower = bodies[index], ground.followers[index]
-            if body is not None:
-                lift = float(height - ground.positions_w[index, 2] + follower.radius)
-                if body.name not in lifts or lift > lifts[body.name][1]:  # a robot as far as its link that needs most
-                    lifts[body.name] = (body, lift, rate)
+        suspect = np.array([body is not None for body in bodies], bool)
+        suspect &= suspicious(ground.states, ground.supports, ground.shapes, NEAR)
+        index = np.flatnonzero(suspect)
+        if not index.size:
+            return 0
+        heights, velocities = ground.terrain.at(ground.states[index, :2], time)
+        below = ground.states[index, 2] < heights
+        lifts: dict[str, tuple[Body, float, float]] = {}
+        for follower, height, rate in zip(*(values[below].tolist() for values in (index, heights, velocities))):
+            body = bodies[follower]
+            assert body is not None
+            lift = self._lift(follower, height, time)
+            if body.name not in lifts or lift > lifts[body.name][1]:  # a robot as far as its link that needs most
+                lifts[body.name] = (body, lift, rate)
         for body, lift, rate in lifts.values():
             put_back(client, body, lift, rate)
             ground.placed(body.uid)
         return len(lifts)
 
-    def _below(self, time: float) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Bodies whose middle is under the ground, by index (k,); height [m] and vertical velocity [m/s] of the ground
-        above them (k,)."""
-        ground, positions_w = self._ground, self._ground.positions_w
-        index = suspects(ground.carrying, positions_w, ground.radii)
-        if not index.size or self._clear(index, time):
-            return np.empty(0, np.int64), np.empty(0), np.empty(0)
-        heights, velocities = ground.terrain.at(positions_w[index, :2], time)
-        room = positions_w[index, 2] - heights
-        self._places_w[index], self._room[index] = positions_w[index], np.maximum(room, 0.0)
-        self._asked[index] = time
-        below = room < 0.0
-        rates = np.zeros(len(index)) if velocities is None else np.nan_to_num(velocities)
-        return index[below], heights[below], rates[below]
-
-    def _clear(self, index: IntArray, time: float) -> bool:
-        """Whether all bodies of ``index`` (k,) are still about where they were found above ground at rest."""
-        ground, meshes = self._ground, self._ground.terrain.tiles.values()
-        maps = [(mesh, mesh.version) for mesh in meshes]
-        if self._followers is not ground.followers or self._maps != maps or any(mesh.moving(time) for mesh in meshes):
-            self._followers, self._maps = ground.followers, maps
-            count = len(self._followers)
-            self._places_w, self._room, self._asked = np.zeros((count, 3)), np.zeros(count), np.full(count, np.inf)
-        gone = ground.positions_w[index] - self._places_w[index]
-        near = np.einsum("ij,ij->i", gone, gone) < (CLEAR * self._room[index]) ** 2
-        ago = time - self._asked[index]
-        return bool((near & (ago >= 0.0) & (ago < AGAIN)).all())
+    def _lift(self, follower: int, height: float, time: float) -> float:
+        """How far a follower is lifted so that its lowest point lies on the ground [m]."""
+        ground = self._ground
+        body = ground.states[follower]
+        lift = height - body[2] + ground.shapes["radius"][follower]
+        for mesh in ground.terrain.tiles.values():
+            if isinstance(mesh, HeightMap) and mesh.beyond(body[None])[0] <= 0.0:
+                rules = rules_for(ground.config, SELECTION, 0.0, across=False)
+                exact = lift_of(
+                    mesh.moved_to(time), ground.shapes[follower : follower + 1], body, time, rules, *self._memory[:2]
+                )
+                return float(lift if math.isnan(exact) else exact)
+        return float(lift)
 
 
-def suspects(batches: list[PatchBatch], positions_w: FloatArray, radii: FloatArray) -> IntArray:
-    """Bodies that may be under the ground, by the batches' indices (k,), as are their places (N, 3) [m] and bounding
-    ``radii`` (N,) [m]: those whose middle is not well above the plane under them, or their patch."""
-    found: list[IntArray] = []
-    for batch in batches:
-        bodies = batch.bodies
-        if isinstance(batch, GridBatch | PlaneBatch) and batch.points_w is not None and batch.normals_w is not None:
-            above = np.einsum("ij,ij->i", positions_w[bodies] - batch.points_w, batch.normals_w)
-            under = above < NEAR * radii[bodies]
-        else:
-            tops = batch.heights_w if isinstance(batch, GridBatch) else batch.vertices_w()[..., 2]
-            under = positions_w[bodies, 2] < np.fmax.reduce(tops, axis=1)
-        if under.any():
-            found.append(bodies[under])
-    return np.concatenate(found) if found else np.empty(0, np.int64)
+@compiled
+def lift_of(grid, shape, body, time, rules, memory_h, memory_r):  # type: ignore[no-untyped-def]
+    """`height_at_rest` for a record in an array of one."""
+    return height_at_rest(grid, shape[0], body, time, rules, memory_h, memory_r)
+
+
+@compiled
+def suspicious(states: FloatArray, supports: Any, shapes: Any, near: float) -> IntArray:
+    """Which bodies may be under the ground: those that touch none of it, and those whose middle is not well above the
+    plane under them (N,)."""
+    found = np.zeros(len(states), np.bool_)
+    for i in range(len(states)):
+        support = supports[i]
+        above = (
+            (states[i, 0] - support.foot_x) * support.facet_x
+            + (states[i, 1] - support.foot_y) * support.facet_y
+            + (states[i, 2] - support.foot_z) * support.facet_z
+        )
+        found[i] = support.state == Support.NONE or above < near * shapes[i].radius
+    return found
 
 
 def put_back(client: Any, body: Body, lift: float, rate: float) -> None:

@@ -5,14 +5,14 @@ It knows nothing of the ground's velocity, and costs the map and not the bodies:
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.bullet import BulletCalls
-from smartmesh_ros.physics.heightfield import BOUND, collider_yaw
+from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -44,7 +44,6 @@ class WholeMesh:
 
     def __init__(self, client: Any, terrain: Terrain) -> None:
         self._client = client
-        self._calls = BulletCalls(client)
         self._terrain = terrain
         self._colliders: dict[str, tuple[MainMesh, int, int]] = {}  # by tile: mesh, shape and body
         self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and whether it moved, at the last update
@@ -98,12 +97,12 @@ class WholeMesh:
     def _replace(self, name: str, mesh: MainMesh, time: float) -> None:
         assert isinstance(mesh, HeightMap)
         geometry = mesh.geometry
-        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-BOUND)
+        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.bound)
         turned = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
         rows, columns = geometry.columns, geometry.rows  # of the collider, a quarter turn from the map
         if name not in self._colliders:
             bounds = np.zeros(geometry.size)
-            bounds[0], bounds[-1] = -BOUND, BOUND
+            bounds[0], bounds[-1] = -COLLIDERS.bound, COLLIDERS.bound
             # PyBullet counts along its x first, whatever it calls that.
             shape = self._client.createCollisionShape(
                 pb.GEOM_HEIGHTFIELD,
@@ -114,7 +113,7 @@ class WholeMesh:
             )
             middle = geometry.to_world((geometry.rows - 1) / 2, (geometry.columns - 1) / 2)
             position = (float(middle[0]), float(middle[1]), geometry.origin[2])
-            self._colliders[name] = (mesh, shape, self._create(shape, position, collider_yaw(geometry.yaw)))
+            self._colliders[name] = (mesh, shape, self._create(shape, position, _quarter_turn(geometry.yaw)))
         self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             heightfieldData=turned.tolist(),
@@ -136,5 +135,12 @@ def whole_vertices(heightmap: HeightMap, time: float) -> FloatArray:
     indices: IntArray = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
     vertices = np.empty((geometry.size, 3))
     vertices[:, :2] = geometry.to_world(rows, columns)
-    vertices[:, 2] = heightmap.sample(indices, indices[:, 0], time).heights.ravel()
+    vertices[:, 2] = heightmap.sample(indices, time).heights.ravel()
     return vertices
+
+
+def _quarter_turn(yaw: float) -> tuple[float, float, float, float]:
+    """Orientation (x, y, z, w) of a heightfield's body over a grid turned by ``yaw`` [rad]: a quarter turn from it, see
+    `make_field`."""
+    half = 0.5 * (yaw + 0.5 * math.pi)
+    return (0.0, 0.0, math.sin(half), math.cos(half))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,21 +13,21 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics import landing
 from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.ground import Ground
+from smartmesh_ros.physics.follower_index import index_followers
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
+from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
-from smartmesh_ros.physics.refreshing import Refreshing
-from smartmesh_ros.physics.roll import call_roll
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
 from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.update_schedule import UpdateSchedule
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -43,8 +44,8 @@ class WorldConfig:
 class World:
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``hurried``: whether
-    patches are to last as long as their rate allows although maps come, because time is short.
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind``: whether the
+    world is behind real time, so that patches are to last as long as their rate allows although maps come.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class World:
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
-        self.hurried = False
+        self.behind = False
         self.refreshes = 0  # times that patches were brought up to date
         self.rescues = 0  # bodies put back onto the ground so far
         self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
@@ -68,13 +69,14 @@ class World:
         self.bodies: dict[str, Body] = {}
         self.client: Any = BulletClient(pb.DIRECT)
         set_up(self.client, self.config.physics)
-        self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch)
-        self._refreshing = Refreshing()
+        gravity = math.hypot(*self.config.physics.gravity)
+        self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
+        self._schedule = UpdateSchedule()
+        self._landing = Landing(self.client, self.ground)
         self._guard = Guard(self.ground)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
-        self._roll = call_roll([], [])
-        self._met: list[int] = []  # followers that met the ground in the last step
+        self._index = index_followers([], [])
 
     def __enter__(self) -> World:
         return self
@@ -143,7 +145,7 @@ class World:
         self.client.removeBody(body.uid)
         self._motors.forget(body.uid)
         del self.bodies[name]
-        self._call_roll()
+        self._index_followers()
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = its limit."""
@@ -166,18 +168,18 @@ class World:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
         self.refreshes += 1
         dt = self.config.physics.dt
-        steps = self._refreshing.begin(self.terrain, self.time, dt, self.config.patch.rate, hurried=self.hurried)
+        steps = self._schedule.begin(self.terrain, self.time, dt, self.config.patch.rate, behind=self.behind)
         self.ground.update(self.time, dt, steps)
         if self._drop_lost():
             self.ground.update(self.time, dt, steps)
-        rescued = self._guard.rescue(self.client, self._roll.bodies, self.time) if self.config.physics.guard else 0
+        rescued = self._guard.rescue(self.client, self._index.bodies, self.time) if self.config.physics.guard else 0
         if rescued:
             self.rescues += rescued
             self.ground.update(self.time, dt, steps)
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        if self.ground.stale or self._refreshing.due(self.terrain, hurried=self.hurried):
+        if self.ground.stale or self._schedule.due(self.terrain, behind=self.behind):
             self.refresh()
         elif self.ground.go_on(self.time, self.config.physics.dt):
             self.refreshes += 1
@@ -208,8 +210,8 @@ class World:
     def reset_time(self) -> None:
         """Sets the time to zero; bodies and terrain stay as they are."""
         self.terrain.shift_time(-self.time)
+        self.ground.stand_still(-self.time)
         self.time = 0.0
-        self.ground.stale = True
 
     def reset_bodies(self) -> None:
         """Puts every simulated body back where it was spawned. What drives its joints goes on."""
@@ -276,37 +278,35 @@ class World:
 
     def follower_names(self) -> list[str]:
         """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
-        return self._roll.names
+        return self._index.names
 
     def contacts(self) -> list[GroundContact]:
         """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
-        return ground_contacts(self.client, self.ground, self._roll.names)
+        return ground_contacts(self.client, self.ground, self._index.names)
 
     def wrenches(self) -> list[GroundWrench]:
         """What the ground exerted in the last step on each simulated body and link that can touch it."""
-        return wrenches_of_step(self.client, self.ground.followers, self._roll.names)
+        return wrenches_of_step(self.client, self.ground.followers, self._index.names)
 
     def below_ground(self) -> list[str]:
         """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
         positions = self.ground.positions_w
         heights = self.terrain.at(positions[:, :2], self.time).heights
         below = np.flatnonzero(positions[:, 2] < heights)
-        return [self._roll.names[index] for index in below if self.ground.followers[index].solid]
+        return [self._index.names[index] for index in below if self.ground.followers[index].solid]
 
     def _step(self) -> None:
-        """Steps PyBullet, bodies meeting the ground softly where that is asked for."""
-        physics, meeting = self.config.physics, None
+        """Steps PyBullet, bodies being clamped before impact where that is asked for."""
+        physics, clamped = self.config.physics, None
         if physics.landing:
             with self.stopwatch.stage("bodies"):
-                bodies, radii = self._roll.bodies, self._roll.radii
-                meeting = landing.meet(self.client, self.ground, bodies, radii, self._met, self.time, physics)
+                clamped = self._landing.clamp(self._index.free, self.time, physics)
         with self.stopwatch.stage("step"):
             self._motors.apply_efforts()
             self.client.stepSimulation()
-        self._met = []
-        if meeting is not None:
+        if clamped is not None:
             with self.stopwatch.stage("bodies"):
-                self._met = landing.part(self.client, self.ground, meeting, physics)
+                self._landing.restore(clamped, physics)
 
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
@@ -314,7 +314,7 @@ class World:
         if np.abs(positions).max(initial=0.0) <= FARTHEST:  # not so either where there is a NaN
             return False
         there = (np.abs(positions) <= FARTHEST).all(axis=1)
-        for name in self._roll.bodies_of(np.flatnonzero(~there)):
+        for name in self._index.bodies_of(np.flatnonzero(~there)):
             self.remove(name)
             self.lost.append(name)
         return True
@@ -339,10 +339,10 @@ class World:
             for link in body.links:
                 self.ground.attach(body.uid, link)
         else:
-            ball = isinstance(body.shape, Sphere)
-            self.ground.attach(body.uid, radius=body.radius, solid=not body.tracked, ball=ball)
-        self._call_roll()
+            shape = Sphere(body.radius) if body.shape is None else body.shape
+            self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
+        self._index_followers()
 
-    def _call_roll(self) -> None:
-        self._roll = call_roll(self.bodies.values(), self.ground.followers)
-        self._met = []
+    def _index_followers(self) -> None:
+        self._index = index_followers(self.bodies.values(), self.ground.followers)
+        self._landing.forget()

@@ -7,37 +7,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain import triangles
-from smartmesh_ros.terrain.clocks import BlockClocks, Blocks
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import REST, MotionConfig
+from smartmesh_ros.terrain.motion import CLOCK, KEPT, PATIENCE, REST, MotionConfig, phase_of
+from smartmesh_ros.terrain.moving_grid import BLOCK, INSTANT, MovingGrid, ground_at, samples_at, take_heights
+from smartmesh_ros.terrain.revisions import next_revision
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
-# Larger maps take memory for the heights before only as they move: first regions at a place cost more, as long as it
-# takes to find that memory [bytes].
-LARGE = 64 * 2**20
+
+_NO_VELOCITIES = np.empty((0, 0), np.float32)
 
 
 class Samples(NamedTuple):
-    """Ground at a set of samples: heights [m] (NaN = no ground) and vertical velocities [m/s], same shape; None where
-    all of it is at rest."""
+    """Ground at a set of samples: heights [m] (NaN = no ground) and vertical velocities [m/s], same shape."""
 
     heights: FloatArray
-    velocities: FloatArray | None
+    velocities: FloatArray
 
 
 class HeightMap:
-    """Heights on a uniform grid, their holes, and how fast they move.
+    """Heights on a uniform grid, their holes, and how they move.
 
     ``heights``: (rows, columns) array [m], kept as float32 and copied; NaN = no ground. ``resolution``, ``origin`` and
     ``yaw`` place it (see `GridGeometry`; an origin of two numbers lies at z = 0), or pass a ``geometry``. ``time`` [s]
     is the instant the heights hold for, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape, says how
     fast the ground rises; without it velocity is the difference of successive heights.
 
-    Beside the heights the map keeps the heights before them, so that velocity is worked out only where a body stands,
-    and for each block of 64 x 64 samples the time of its last update.
+    Beside the heights the map keeps the last three velocities of each sample, whose memory is taken as they are written,
+    and for each block of 64 x 64 samples when it was updated. ``revision`` changes with every update.
     """
 
     def __init__(
@@ -66,18 +64,16 @@ class HeightMap:
             )
         self.geometry = geometry
         self.motion = motion or MotionConfig()
-        new, speeds, self._has_holes = _checked(heights, velocities, (geometry.rows, geometry.columns), "the map")
+        shape = (geometry.rows, geometry.columns)
+        new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
-        # Without velocities nothing is known of before, and nothing reads it until a later map has written it.
-        if speeds is not None:
-            self._before = self._heights - speeds
-        else:
-            self._before = untouched_zeros(new.shape) if new.nbytes > LARGE else self._heights.copy()
-        self.clocks = BlockClocks(geometry.rows, geometry.columns)
-        self.velocity_given = False  # whether the last velocity was given, and not worked out
+        self._velocities = untouched_zeros((KEPT, *shape))
+        self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK).view(np.recarray)
+        self._clocks["time"] = -np.inf
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
+        self._slide_interval = 0.0  # between the maps that tell it [s]
         self.version = 0  # counts the updates
-        self._set_clock(self.clocks.all, time, given=speeds is not None)
+        self._take(0, 0, new, speeds, time)
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -99,7 +95,8 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time from the last update to the next, of ground that moves [s]; 0 = none is expected."""
-        return self.clocks.stream.lifetime
+        moves = self._clocks["time"] + REST * self._clocks["lifetime"] > self.time
+        return float(self._clocks["lifetime"][moves].max(initial=self._slide_interval))
 
     @property
     def has_holes(self) -> bool:
@@ -109,23 +106,13 @@ class HeightMap:
     @property
     def time(self) -> float:
         """Time of the newest sample [s]."""
-        return self.clocks.latest
+        return float(self._clocks["time"].max())
 
     def replace(self, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None) -> None:
         """Takes a whole new map of the same geometry, (rows, columns) [m]; raises `InputError` and changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
-        new, speeds, has_holes = _checked(heights, velocities, shape, "the map")
-        # Swapping the two buffers saves a copy; not where a block is corrected, whose heights before must stay.
-        if speeds is None:
-            if self.clocks.before(time, self.clocks.all) == [self.clocks.all]:
-                self._heights, self._before = self._before, self._heights
-            else:
-                self._keep_before(self.clocks.all, time)
-        self._heights[...] = new
-        if speeds is not None:
-            np.subtract(self._heights, speeds, out=self._before)
-        self._has_holes = has_holes
-        self._set_clock(self.clocks.all, time, given=speeds is not None)
+        new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
+        self._take(0, 0, new, speeds, time)
 
     def update_region(
         self, row: int, column: int, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None
@@ -138,117 +125,85 @@ class HeightMap:
         shape = np.shape(heights)
         if len(shape) != 2 or 0 in shape:
             raise InputError("length", f"a region needs (rows, columns) of at least 1 x 1 samples, not {shape}")
-        end_row, end_column = row + shape[0], column + shape[1]
         rows, columns = self.geometry.rows, self.geometry.columns
-        if row < 0 or column < 0 or end_row > rows or end_column > columns:
+        if row < 0 or column < 0 or row + shape[0] > rows or column + shape[1] > columns:
             raise InputError(
                 "region",
-                f"rows {row} to {end_row - 1} and columns {column} to {end_column - 1} leave the map, whose last "
-                f"sample is row {rows - 1}, column {columns - 1}",
+                f"rows {row} to {row + shape[0] - 1} and columns {column} to {column + shape[1] - 1} leave the map, "
+                f"whose last sample is row {rows - 1}, column {columns - 1}",
             )
         new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
-        region = (slice(row, end_row), slice(column, end_column))
-        blocks = self.clocks.around(row, column, end_row, end_column)
-        if speeds is None:
-            self._keep_before(blocks, time)
-        else:
-            around = self.clocks.samples(blocks)
-            self._before[around] = self._heights[around]
-        self._heights[region] = new
-        if speeds is not None:
-            self._before[region] = self._heights[region] - speeds
         self._has_holes |= has_holes
-        self._set_clock(blocks, time, given=speeds is not None)
+        self._take(row, column, new, speeds, time)
 
     def moving(self, time: float) -> bool:
         """Whether any sample may move at ``time`` [s]."""
-        return time < self.clocks.moves_until
-
-    @property
-    def steady_until(self) -> float:
-        """Until when, from the newest sample's time on, every sample goes on with the velocity it has [s]; -inf where
-        nothing can be said."""
-        return self.clocks.stream.steady_until if self.motion.mode == "extrapolate" else -math.inf
+        slides = self.slide_w != (0.0, 0.0) and time < self.time + REST * self._slide_interval
+        return slides or bool((time < self._clocks["time"] + REST * self._clocks["lifetime"]).any())
 
     def slide(self, velocity_w: tuple[float, float], interval: float) -> None:
         """Has the ground carry a horizontal velocity [m/s] while maps come every ``interval`` [s], about."""
         self.slide_w = velocity_w
-        if velocity_w != (0.0, 0.0):
-            self.clocks.moves_until = max(self.clocks.moves_until, self.time + REST * interval)
+        self._slide_interval = interval if velocity_w != (0.0, 0.0) else 0.0
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
-        self.clocks.shift(by)
+        for name in ("time", "middle", "middle_1", "middle_2"):
+            self._clocks[name] += by
 
-    def sample(self, indices: IntArray, centres: IntArray, time: float, *, velocities: bool = True) -> Samples:
-        """Ground at ``time`` [s] at N x K samples, as ``indices`` (N, K) into the row-major map.
+    def moved_to(self, time: float) -> MovingGrid:
+        """The map for compiled functions, at where it has slid to by ``time`` [s]."""
+        geometry, motion = self.geometry, self.motion
+        x, y, z = geometry.origin
+        slide_x = slide_y = 0.0
+        if self._slide_interval:
+            along, _, rate, *_ = phase_of(time, self.time, self._slide_interval, 0.0, motion.code)
+            x, y = x + along * self.slide_w[0], y + along * self.slide_w[1]
+            slide_x, slide_y = rate * self.slide_w[0], rate * self.slide_w[1]
+        return MovingGrid(
+            self._heights, self._velocities, self._clocks, x, y, z, math.cos(geometry.yaw), math.sin(geometry.yaw),
+            geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity,
+        )  # fmt: skip
 
-        ``centres`` (N,) are the samples that say how old each row of ``indices`` is. Heights include the origin's z.
-        Without ``velocities`` the heights are the same and nothing else is worked out that they do not need.
-        """
-        heights = self._heights.reshape(-1).take(indices).astype(np.float64)
-        found = None
-        if self.moving(time):
-            interval, offset, rate = self.clocks.progress(self.motion.mode, centres, time)
-            if velocities or np.any(offset):
-                found = heights - self._before.reshape(-1).take(indices)
-                found /= interval
-                fastest = np.abs(found).max(initial=0.0)
-                if not fastest <= self.motion.max_velocity:
-                    # NaN where the sample was or is a hole; too fast is a jump, not a motion.
-                    found[~(np.abs(found) <= self.motion.max_velocity)] = 0.0
-                heights += found * offset
-                found *= rate
-        if self.geometry.origin[2]:
-            heights += self.geometry.origin[2]
-        return Samples(heights, found)
+    def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
+        """Ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map, heights with the origin's
+        z, velocities as means over the time ``ahead`` [s]; shapes (...)."""
+        flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
+        heights, velocities = np.empty(len(flat)), np.empty(len(flat))
+        samples_at(self.moved_to(time), flat, time, ahead, heights, velocities)
+        return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
 
-    def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside, and where they are as
-        fractional (row, column) (N, 2)."""
-        geometry = self.geometry
-        grid = geometry.to_grid(xy_w)
-        over = np.maximum(-grid, grid - geometry.last).max(axis=1)
-        # A point on the edge is inside, whatever rounding says.
-        return (over - EDGE) * geometry.resolution, grid
+    def beyond(self, xy_w: FloatArray) -> FloatArray:
+        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside. A point on the edge is inside,
+        whatever rounding says."""
+        grid = self.geometry.to_grid(xy_w)
+        over: FloatArray = np.maximum(-grid, grid - self.geometry.last).max(axis=1)
+        return (over - EDGE) * self.geometry.resolution
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]; NaN outside the map and over holes. Shapes (N,)."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
-        beyond, grid = self.beyond(points)
-        samples = self._at_grid(grid, time)
-        samples.heights[beyond > 0.0] = np.nan
+        samples = self.at_edge(points, time)
+        samples.heights[self.beyond(points) > 0.0] = np.nan
         return samples
 
     def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
-        """The same for points (N, 2) [m] outside, at the point of the map that is nearest to each."""
-        geometry = self.geometry
-        return self._at_grid(np.clip(geometry.to_grid(xy_w), 0, (geometry.rows - 1, geometry.columns - 1)), time)
+        """The same, with the map's outermost triangles continued outside."""
+        heights, velocities = np.empty(len(xy_w)), np.empty(len(xy_w))
+        ground_at(self.moved_to(time), np.ascontiguousarray(xy_w[:, :2]), time, heights, velocities)
+        return Samples(heights, velocities)
 
-    def _at_grid(self, grid: FloatArray, time: float) -> Samples:
-        """Ground at fractional (row, column) (N, 2); outside the map its outermost triangles are continued."""
-        geometry = self.geometry
-        points = triangles.locate(grid, geometry.rows, geometry.columns)
-        indices = geometry.flat_index(points.rows, points.columns)
-        corners = self.sample(indices, indices[:, 0], time)
-        used = points.weights > 0.0
-        heights = np.where(used, corners.heights, 0.0) * points.weights
-        velocities = None
-        if corners.velocities is not None:
-            velocities = (corners.velocities * points.weights).sum(axis=1)
-        return Samples(heights.sum(axis=1), velocities)
-
-    def _keep_before(self, blocks: Blocks, time: float) -> None:
-        """Keeps the heights as those before, in ``blocks`` that are not merely corrected at ``time`` [s]."""
-        for part in self.clocks.before(time, blocks):
-            around = self.clocks.samples(part)
-            self._before[around] = self._heights[around]
-
-    def _set_clock(self, blocks: Blocks, time: float, *, given: bool) -> None:
-        """Notes that ``blocks`` were updated at ``time`` [s], with a ``given`` velocity or one to be worked out."""
+    def _take(
+        self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
+    ) -> None:
+        """Takes checked heights and notes when they came."""
         self.version += 1
-        self.velocity_given = given
-        self.clocks.update(blocks, time, self.version, self.motion.max_interval, given=given)
+        self.revision = next_revision()
+        given = _NO_VELOCITIES if speeds is None else speeds
+        take_heights(
+            self._heights, self._velocities, self._clocks, row, column, np.ascontiguousarray(new),
+            np.ascontiguousarray(given), time, self.motion.max_interval,
+        )  # fmt: skip
 
 
 def _checked(

@@ -1,20 +1,58 @@
-"""What the ground does between two maps."""
+"""What the ground does between maps: the only place where ground is moved on in time.
 
+A sample moves on with its velocity and acceleration, both told by the maps so far. Velocity is the difference of the
+last two maps, which holds for the middle of the time between them, or is given with a map. Acceleration is the change
+of velocity; it counts only as far as the change before agrees with it, so that ground that stops, jolts or jumps is not
+carried past its velocity.
+"""
+
+from __future__ import annotations
+
+import math
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import FloatArray
 
 MotionMode = Literal["hold", "extrapolate", "interpolate"]
+
+
+class Mode(IntEnum):
+    """Motion modes as compiled functions know them."""
+
+    HOLD = 0
+    EXTRAPOLATE = 1
+    INTERPOLATE = 2
+
 
 # The source is late, not gone, until an age of PATIENCE map intervals; extrapolation then runs back to the last map
 # at half the ground's speed, so that nothing is ever teleported.
 PATIENCE = 1.5
 # After an age of REST map intervals the ground is at rest at the last map's heights.
 REST = 3.0 * PATIENCE
+# The acceleration of the ground counts up to this multiple of the one before it.
+AGREEMENT = 2.0
+# Velocities that are kept of each sample: the newest and the two before it tell two accelerations.
+KEPT = 3
+
+# When a block of samples was updated. ``time`` [s]: last update; ``lifetime`` [s]: expected time to the next, 0 = at
+# rest; ``middle``, ``middle_1``, ``middle_2`` [s]: instants that the velocities hold for, newest first; ``known``: how
+# many of them are known; ``newest``: where in the ring of KEPT velocities the newest is.
+CLOCK = np.dtype(
+    [
+        ("time", np.float64),
+        ("lifetime", np.float64),
+        ("middle", np.float64),
+        ("middle_1", np.float64),
+        ("middle_2", np.float64),
+        ("known", np.int64),
+        ("newest", np.int64),
+    ]
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,25 +77,97 @@ class MotionConfig:
         if not self.max_interval > 0.0 or not self.max_velocity > 0.0:
             raise InputError("parameter", "terrain max_interval [s] and max_velocity [m/s] must be greater than zero")
 
-
-class Progress(NamedTuple):
-    """How far the ground is along its velocity: height = map + velocity * offset, speed = velocity * rate."""
-
-    offset: FloatArray
-    rate: FloatArray
+    @property
+    def code(self) -> int:
+        """The mode as compiled functions know it."""
+        return int(Mode[self.mode.upper()])
 
 
-def progress(mode: MotionMode, age: FloatArray, interval: FloatArray) -> Progress:
-    """Offset [s] and rate [-] of ground whose last map is ``age`` seconds old and came ``interval`` after the one
-    before; arrays of one shape. ``rate`` is the derivative of ``offset`` (in *hold*, of what the offset leaves out).
-    """
-    patience = PATIENCE * interval
-    fresh = age <= patience
-    if mode == "hold":
-        return Progress(np.zeros_like(age), fresh.astype(np.float64))
-    if mode == "interpolate":
-        return Progress(np.clip(age - interval, -interval, 0.0), (age < interval).astype(np.float64))
-    returning = ~fresh & (age < REST * interval)
-    offset = np.where(fresh, np.maximum(age, -interval), np.maximum(patience - 0.5 * (age - patience), 0.0))
-    rate = np.where(fresh, 1.0, np.where(returning, -0.5, 0.0))
-    return Progress(offset, rate)
+class Phase(NamedTuple):
+    """How far ground is along its motion: it is ``velocity * along + acceleration * bend`` higher than the map, and
+    rises at ``velocity * rate + acceleration * bend_rate``, which goes on for a time ``left`` [s] and changes by
+    ``acceleration * curve`` a second. ``inverse``, ``inverse_1`` [1/s]: one over the times between the velocities,
+    newest first, zero where they are not known."""
+
+    along: float
+    bend: float
+    rate: float
+    bend_rate: float
+    curve: float
+    left: float
+    inverse: float
+    inverse_1: float
+
+
+AT_REST = Phase(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -> tuple[float, ...]:
+    """The first six of `Phase` at ``time`` [s], of ground whose ``last`` map is due again after ``lifetime`` [s], and
+    whose velocity holds for ``lag`` [s] before that map. As long as maps come in time the ground is taken to go on."""
+    age = time - last
+    patience = PATIENCE * lifetime
+    if lifetime <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if mode == 0:  # hold
+        return 0.0, 0.0, 1.0 if age <= patience else 0.0, 0.0, 0.0, math.inf
+    if mode == 2:  # interpolate
+        return min(max(age - lifetime, -lifetime), 0.0), 0.0, 1.0 if age < lifetime else 0.0, 0.0, 0.0, math.inf
+    if age <= patience:
+        age = max(age, -lifetime)
+        return age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, math.inf
+    bend = 0.5 * patience * (patience + 2.0 * lag)
+    share = 1.0 - 0.5 * (age - patience) / patience
+    if share <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return patience * share, bend * share, -0.5, -0.5 * bend / patience, 0.0, 2.0 * patience * share
+
+
+@compiled
+def block_phase(clock, time, mode):  # type: ignore[no-untyped-def]
+    """The `Phase` of a block, a record of ``CLOCK``, at ``time`` [s]."""
+    if clock.known == 0:
+        return AT_REST
+    along, bend, rate, bend_rate, curve, left = phase_of(
+        time, clock.time, clock.lifetime, clock.time - clock.middle, mode
+    )
+    if clock.known < KEPT or mode != 1:
+        return Phase(along, 0.0, rate, 0.0, 0.0, left, 0.0, 0.0)
+    inverse, inverse_1 = 1.0 / (clock.middle - clock.middle_1), 1.0 / (clock.middle_1 - clock.middle_2)
+    return Phase(along, bend, rate, bend_rate, curve, left, inverse, inverse_1)
+
+
+@compiled
+def agreed(change: float, before: float) -> float:
+    """A ``change`` as far as the one ``before`` agrees: none if it points the other way."""
+    if change * before <= 0.0:
+        return 0.0
+    most = AGREEMENT * abs(before)
+    return change if abs(change) <= most else math.copysign(most, change)
+
+
+@compiled
+def motion_of(
+    velocity: float, velocity_1: float, velocity_2: float, phase: Phase, max_velocity: float
+) -> tuple[float, float]:
+    """Velocity [m/s] and acceleration [m/s^2] of a sample. Its velocities newest first [m/s]; NaN (it is or was a hole)
+    or faster than ``max_velocity`` (it has jumped) is no motion."""
+    if not abs(velocity) <= max_velocity:
+        return 0.0, 0.0
+    if phase.inverse == 0.0 or not (abs(velocity_1) <= max_velocity and abs(velocity_2) <= max_velocity):
+        return velocity, 0.0
+    return velocity, agreed((velocity - velocity_1) * phase.inverse, (velocity_1 - velocity_2) * phase.inverse_1)
+
+
+@compiled
+def displacement(velocity: float, acceleration: float, phase: Phase) -> float:
+    """How much higher than its map a sample of such a motion is [m]."""
+    return velocity * phase.along + acceleration * phase.bend
+
+
+@compiled
+def rise_of(velocity: float, acceleration: float, phase: Phase, duration: float) -> float:
+    """How much a sample of such a motion rises in a ``duration`` [s] [m]."""
+    lasts = min(duration, phase.left)
+    return velocity * phase.rate * lasts + acceleration * lasts * (phase.bend_rate + 0.5 * phase.curve * lasts)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.scrolling import sliding
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -19,6 +20,7 @@ class Terrain:
 
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
+        self.layout_revision = next_revision()  # changes when a tile comes, goes or is replaced by another
         if single is not None:
             self.put("", single)
 
@@ -33,11 +35,13 @@ class Terrain:
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             mesh.slide(sliding(old, mesh), mesh.time - old.time)
         self.tiles[name] = mesh
+        self.layout_revision = next_revision()
 
     def remove(self, name: str) -> None:
         """Takes a tile away; raises `InputError` if there is none of that name."""
         self.tile(name)
         del self.tiles[name]
+        self.layout_revision = next_revision()
 
     def tile(self, name: str) -> MainMesh:
         """The tile of that name; raises `InputError` if there is none."""
@@ -51,6 +55,15 @@ class Terrain:
         """Moves the times of all maps by so many seconds, when the clock they are stamped with is set anew."""
         for mesh in self.tiles.values():
             mesh.shift_time(by)
+
+    def changed_since(self, revision: int) -> bool:
+        """Whether any ground came, changed or went after `revision` had a value."""
+        return self.revision > revision
+
+    @property
+    def revision(self) -> int:
+        """The revision of what changed last."""
+        return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
 
     @property
     def widest_cell(self) -> float:
@@ -68,7 +81,7 @@ class Terrain:
                 break
             found = mesh.at(points[missing], time)
             heights[missing] = found.heights
-            velocities[missing] = 0.0 if found.velocities is None else found.velocities
+            velocities[missing] = found.velocities
         return Samples(heights, velocities)
 
     def around(self, xy_w: FloatArray, time: float) -> Samples:
@@ -83,17 +96,15 @@ class Terrain:
         total = np.zeros((3, gap.size))  # weights, weighted heights, weighted velocities
         sides = np.zeros(gap.size, np.int64)
         for heightmap in maps:
-            beyond, _ = heightmap.beyond(xy_w[gap])
+            beyond = heightmap.beyond(xy_w[gap])
             near = np.flatnonzero((beyond > 0.0) & (beyond <= widest))
             if near.size:
                 edge = heightmap.at_edge(xy_w[gap[near]], time)
                 known = ~np.isnan(edge.heights)
                 weight = 1.0 / beyond[near[known]]
-                speed = 0.0 if edge.velocities is None else edge.velocities[known]
-                total[:, near[known]] += weight, weight * edge.heights[known], weight * speed
+                total[:, near[known]] += weight, weight * edge.heights[known], weight * edge.velocities[known]
                 sides[near[known]] += 1
         bridged = sides > 1  # beside one tile only there is nothing to reach
         heights[gap[bridged]] = total[1, bridged] / total[0, bridged]
-        if velocities is not None:
-            velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]
+        velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]
         return Samples(heights, velocities)

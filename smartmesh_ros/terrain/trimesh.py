@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
-from smartmesh_ros.terrain.motion import REST, MotionConfig, progress
+from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, block_phase, displacement, motion_of, rise_of
+from smartmesh_ros.terrain.moving_grid import INSTANT
+from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.shape import MeshShape, shape_of
 
 
 class MeshSamples(NamedTuple):
-    """Vertices at a time: positions (n, 3) [m] and velocities (n, 3) [m/s], None where all are at rest."""
+    """Vertices at a time: positions (n, 3) [m] and velocities (n, 3) [m/s]."""
 
     positions: FloatArray
-    velocities: FloatArray | None
+    velocities: FloatArray
 
 
 class TriangleMesh:
@@ -44,11 +47,9 @@ class TriangleMesh:
         self.motion = motion or MotionConfig()
         # Coordinate by coordinate, so that the search reads them in one stride each.
         self._now = _checked_vertices(vertices, None).T.copy()
-        self._before = self._now.copy()
-        self.time = time
-        self._interval = np.inf
-        self.lifetime = 0.0  # expected time from an update to the next [s], 0 = none is expected
-        self.velocity_given = False  # with the last update
+        self._velocities = np.zeros((KEPT, *self._now.shape))  # a ring, see CLOCK
+        self._clock = np.zeros(1, CLOCK).view(np.recarray)
+        self._clock["time"] = time
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)
         corners = np.argsort(self.triangles.ravel(), kind="stable")
@@ -56,6 +57,7 @@ class TriangleMesh:
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
         self.version = 0
+        self.revision = next_revision()
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
@@ -115,20 +117,45 @@ class TriangleMesh:
                 moved[:, target] = new
                 shape = shape_of(moved, self.triangles)
                 check(shape)
-        since = time - self.time
-        if since > 0.0 or speeds is not None:
-            self._before[...] = self._now
+        self._note_velocities(new, target, speeds, time)
         self._now[:, target] = new
-        recent = 0.0 < since <= self.motion.max_interval
-        if speeds is not None:
-            self._before[:, target] = new - speeds
-            self._interval, self.lifetime = 1.0, since if recent else self.motion.max_interval
-        elif since != 0.0:
-            self._interval, self.lifetime = (since, since) if recent else (np.inf, 0.0)
-        self.velocity_given = speeds is not None
-        self.time = time
         self._shape = shape
         self.version += 1
+        self.revision = next_revision()
+
+    def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
+        """Notes the velocities that an update tells: those given, or the difference to the positions before."""
+        clock = self._clock[0]
+        since = time - clock.time
+        recent = 0.0 < since <= self.motion.max_interval
+        if since != 0.0 or speeds is not None:
+            clock.newest = (clock.newest + 1) % KEPT
+            self._velocities[clock.newest] = 0.0
+        if speeds is not None:
+            self._velocities[clock.newest][:, target] = speeds
+        elif recent:
+            self._velocities[clock.newest][:, target] = (new - self._now[:, target]) / since
+        elif since == 0.0 and clock.known and clock.middle < clock.time:
+            interval = 2.0 * (clock.time - clock.middle)
+            self._velocities[clock.newest][:, target] += (new - self._now[:, target]) / interval
+        if since == 0.0 and speeds is None:
+            return
+        clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
+        clock.middle = time if speeds is not None else time - 0.5 * since
+        moves = recent or speeds is not None
+        clock.known = min(clock.known + 1, KEPT) if recent else int(moves)
+        clock.lifetime = since if recent else self.motion.max_interval if moves else 0.0
+        clock.time = time
+
+    @property
+    def time(self) -> float:
+        """Time of the last update [s]."""
+        return float(self._clock[0].time)
+
+    @property
+    def lifetime(self) -> float:
+        """Expected time from an update to the next [s], 0 = none is expected."""
+        return float(self._clock[0].lifetime)
 
     def moving(self, time: float) -> bool:
         """Whether any vertex may move at ``time`` [s]."""
@@ -136,26 +163,25 @@ class TriangleMesh:
 
     def shift_time(self, by: float) -> None:
         """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
-        self.time += by
+        for name in ("time", "middle", "middle_1", "middle_2"):
+            self._clock[name] += by
 
-    def sample(self, indices: IntArray, time: float) -> MeshSamples:
-        """Vertices (n,) at ``time`` [s]."""
-        positions = self._now[:, indices].T
-        if not self.moving(time):
-            return MeshSamples(positions, None)
-        age = time - self.time
-        velocities = (positions - self._before[:, indices].T) / self._interval
-        # Faster than anything moves: it has jumped.
-        velocities[np.linalg.norm(velocities, axis=1) > self.motion.max_velocity] = 0.0
-        done = progress(self.motion.mode, np.array([age]), np.array([self.lifetime]))
-        return MeshSamples(positions + velocities * done.offset, velocities * done.rate)
+    def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
+        """Vertices (n,) at ``time`` [s], their velocities as means over the time ``ahead`` [s]."""
+        positions, velocities = np.empty((len(indices), 3)), np.empty((len(indices), 3))
+        chosen = np.asarray(indices, np.int64)
+        motion = self.motion
+        vertices_at(
+            self._now, self._velocities, self._clock, chosen, time, ahead, motion.code, motion.max_velocity, positions,
+            velocities,
+        )  # fmt: skip
+        return MeshSamples(positions, velocities)
 
-    def beyond(self, xy_w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far points (N, 2+) lie beyond the mesh's bounds seen from above (N,) [m], zero or less inside; a general
-        mesh has no rows and columns, so the second array is empty (N, 0)."""
+    def beyond(self, xy_w: FloatArray) -> FloatArray:
+        """How far points (N, 2+) lie beyond the mesh's bounds seen from above (N,) [m], zero or less inside."""
         low, high = self._now[:2].min(axis=1), self._now[:2].max(axis=1)
         xy = xy_w[:, :2]
-        return np.asarray(np.maximum(low - xy, xy - high).max(axis=1)), np.empty((len(xy), 0))
+        return np.asarray(np.maximum(low - xy, xy - high).max(axis=1))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Ground under N points (N, 2) [m] at ``time`` [s]: the highest triangle there, NaN where there is none."""
@@ -169,9 +195,8 @@ class TriangleMesh:
                 z = (weights * everything.positions[corners, 2]).sum(axis=1)
                 top = int(z.argmax())
                 heights[index] = z[top]
-                if everything.velocities is not None:
-                    velocities[index] = float(weights[top] @ everything.velocities[corners[top], 2])
-        return Samples(heights, None if everything.velocities is None else velocities)
+                velocities[index] = float(weights[top] @ everything.velocities[corners[top], 2])
+        return Samples(heights, velocities)
 
     def _over(self, positions: FloatArray, point: FloatArray) -> tuple[IntArray, FloatArray]:
         """Corners (n, 3) of the triangles over a point (2,), and its barycentric weights (n, 3) in them."""
@@ -190,6 +215,24 @@ class TriangleMesh:
         )
         inside: IntArray = touched[np.isin(self.triangles[touched], vertices).all(axis=1)]
         return inside
+
+
+@compiled
+def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity, positions, rates):  # type: ignore[no-untyped-def]
+    """Writes ``positions`` [m] and mean ``rates`` over the time ``ahead`` [s] [m/s] (n, 3) of vertices (n,) at ``time``
+    [s]; ``now`` (3, V) as of the last update, ``velocities`` (KEPT, 3, V)."""
+    phase = block_phase(clock[0], time, mode)
+    newest = clock[0].newest
+    first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
+    for i in range(len(indices)):
+        vertex = indices[i]
+        for axis in range(3):
+            velocity, acceleration = motion_of(
+                velocities[newest, axis, vertex], velocities[first, axis, vertex], velocities[second, axis, vertex],
+                phase, max_velocity,
+            )  # fmt: skip
+            positions[i, axis] = now[axis, vertex] + displacement(velocity, acceleration, phase)
+            rates[i, axis] = rise_of(velocity, acceleration, phase, ahead) / ahead
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:

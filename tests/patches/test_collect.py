@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.collect import TopologyCache, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.patches.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.patches.report.template import patch_template
 from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 

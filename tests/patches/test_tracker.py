@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
-from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.patches.report.template import patch_template
 from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 from typing import get_args
 
@@ -10,7 +11,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics import heightfield
+from smartmesh_ros.physics.colliders import field
+from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -79,7 +81,7 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(terrain: Callable
     with World(terrain(), config("hull", rings=2, search="brute_force")) as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(world.ground.batches[0].vertices_w()[0], (0.0, 0.0))
+        lid = lid_over(world.ground.batches[0].vertices_w[0], (0.0, 0.0))
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
@@ -99,7 +101,7 @@ def test_every_method_gives_the_same_patches(search: SearchMethod, collect: str)
             seen = []
             for _ in range(30):
                 world.step(8)
-                seen += [batch.vertices_w() for batch in world.ground.batches]
+                seen += [batch.vertices_w for batch in world.ground.batches]
             return seen
 
     expected = track(config("heightfield"))
@@ -192,7 +194,7 @@ def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update
                 # Brute force is three-dimensional, and what a ray falls back to.
                 allowed = {"brute_force": {in_space}, "ray_cast": {in_space, from_above}}.get(search, {from_above})
                 assert int(batch.columns[0]) in allowed
-                np.testing.assert_array_equal(batch.positions_w[0], moved[batch.vertices])  # type: ignore[attr-defined]
+                np.testing.assert_array_equal(batch.vertices_w[0], moved[batch.vertices])
 
 
 def test_what_a_terrain_does_not_allow_is_refused_and_nothing_changes() -> None:
@@ -290,5 +292,5 @@ def test_the_bounds_of_leaning_colliders_do_not_reach_over_others() -> None:
 
 
 def test_bounds_as_high_as_they_may_be_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(heightfield, "SLOPE", np.inf)
+    monkeypatch.setattr(field, "COLLIDERS", replace(COLLIDERS, slope=np.inf))
     assert width_on_a_seesaw() > 10.0

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
-from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics import heightfields
-from smartmesh_ros.physics.heightfields import CARRIED
+from smartmesh_ros.patches.config import SELECTION, PatchKind
+from smartmesh_ros.physics.colliders import driver, field
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import InwardWaves, Wave
 
@@ -60,7 +59,7 @@ def test_ground_above_everything_seen_before_carries() -> None:
 
 
 def test_without_preallocated_bounds_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(heightfields, "room", lambda sizes, *_: np.zeros(len(sizes)))
+    monkeypatch.setattr(driver, "make_field", lambda *arguments: field.make_field(*arguments[:-1], 1e-3))
     assert depth_in_pit() > 0.5
 
 
@@ -262,14 +261,14 @@ def test_colliders_lie_along_ground_that_moves_steadily_with_few_changes(edge: i
                 worst = max(worst, farthest_off(world))
                 looks += 1
             world.step()
-    assert worst <= CARRIED * tolerance + 1e-5
+    assert worst <= SELECTION.carried * tolerance + 1e-5
     assert changes < 0.6 * 9 * looks
 
 
 def farthest_off(world: World) -> float:
     """How far colliders are from the ground near their bodies' feet [m]."""
     client, ground, off = world.client, world.ground, 0.0
-    for index in (index for batch in ground.carrying for index in batch.bodies.tolist()):
+    for index in np.flatnonzero(ground.supports["state"]).tolist():
         follower, position = ground.followers[index], ground.positions_w[index]
         feet = position[:2] + np.array([[0.0, 0.0], [0.1, 0.03], [-0.05, 0.1], [-0.1, -0.08]])
         client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise

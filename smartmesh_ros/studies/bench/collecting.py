@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.patches.collect import TopologyCache, queue_bfs, topology_around, union_bfs
-from smartmesh_ros.patches.template import patch_template
+from smartmesh_ros.patches.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.patches.report.template import patch_template
 from smartmesh_ros.studies.bench.measure import Bench, Case
 from smartmesh_ros.studies.bench.moving import Waves, general_mesh
 from smartmesh_ros.studies.bench.report import BATCHES, RINGS

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from smartmesh_ros.patches.collect import topology_around
+from smartmesh_ros.patches.report.collect import topology_around
 from smartmesh_ros.search.best_first import best_first_cells, best_first_vertex, best_first_vertices
 from smartmesh_ros.search.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.search.grid import Cells, nearest_vertices

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch, PatchBatch
-from smartmesh_ros.patches.bodies import carry_over
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.search.best_first import best_first_cells
 from smartmesh_ros.search.brute_force import brute_force_cells
 from smartmesh_ros.search.grid import Cells, nearest_vertices
@@ -23,7 +25,8 @@ class GridSearch:
 
     def set_bodies(self, kept: IntArray) -> None:
         """Says which bodies there are, by their index before, -1 = new (N,)."""
-        carry_over(self, {"_row": -1, "_column": -1}, kept)
+        self._row = carried_over(self._row, kept, np.full(len(kept), -1))
+        self._column = carried_over(self._column, kept, np.full(len(kept), -1))
 
     def forget(self, bodies: IntArray | slice) -> None:
         """Forgets where bodies were."""
@@ -67,15 +70,15 @@ def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -
     place = {body: index for index, body in enumerate(bodies.tolist())}
     rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
     for batch in before:
-        if not isinstance(batch, GridBatch):
-            continue
+        if batch.vertices is not None:
+            continue  # of a general mesh
         members = [i for i, body in enumerate(batch.bodies.tolist()) if body in place]
         if not members:
             continue
         mine = np.array([place[body] for body in batch.bodies[members].tolist()])
-        vertex = ray_cast(positions_w[mine], batch.vertices_w()[members], batch.triangles)
-        hit = vertex >= 0
-        template, stride = batch.template, batch.stride[members]
-        rows[mine[hit]] = (batch.rows[members] + template.rows[vertex] * stride)[hit]
-        columns[mine[hit]] = (batch.columns[members] + template.columns[vertex] * stride)[hit]
+        vertex = ray_cast(positions_w[mine], batch.vertices_w[members], batch.triangles)
+        hit, side = vertex >= 0, math.isqrt(batch.vertices_w.shape[1])
+        stride = batch.stride[members]
+        rows[mine[hit]] = (batch.rows[members] + (vertex // side - side // 2) * stride)[hit]
+        columns[mine[hit]] = (batch.columns[members] + (vertex % side - side // 2) * stride)[hit]
     return rows, columns

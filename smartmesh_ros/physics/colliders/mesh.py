@@ -14,9 +14,10 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.physics.pairs import Pairs
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.physics.colliders.pairs import Pairs
+from smartmesh_ros.terrain.grid import FloatArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
 
@@ -46,46 +47,35 @@ class MeshColliders:
         self._colliders: dict[Follower, _MeshCollider] = {}
 
     def apply_batch(
-        self,
-        batch: PatchBatch,
-        rows: IntArray,
-        base: FloatArray,
-        higher: FloatArray,
-        twist: FloatArray | None,
-        followers: list[Follower],
-        *,
-        edge_filter: bool,
+        self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
     ) -> None:
-        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, on bodies at
-        ``base`` (n, 3) [m] that carry the ground's ``twist`` (n, 6), None = at rest, and are ``higher`` (n,) [m] than
-        the batch says; none where all is holes."""
+        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, which carry the
+        velocity of the ground; none where all is holes."""
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
-        vertices = batch.vertices_w()
-        for row in rows.tolist():
-            follower, triangles = followers[int(batch.bodies[row])], batch.triangles
+        for row in rows:
+            index = int(batch.bodies[row])
+            support, vertices, triangles = supports[index], batch.vertices_w[row], batch.triangles
             if batch.may_have_holes:
-                triangles = triangles[~np.isnan(vertices[row, :, 2])[triangles].any(axis=1)]
+                triangles = triangles[~np.isnan(vertices[:, 2])[triangles].any(axis=1)]
             if not len(triangles):
-                self.release(follower)
+                self.release(followers[index])
                 continue
-            surface = np.nan_to_num(vertices[row], nan=float(base[row, 2]))
-            carried = None if twist is None else twist[row]
-            self.apply(follower, batch.kind, surface, triangles, base[row], float(higher[row]), carried, edge_filter)
+            base = batch.centres_w[row].copy()
+            base[2] = support.foot_z
+            surface = np.nan_to_num(vertices, nan=float(base[2]))
+            uid = self._collider(followers[index], batch.kind, surface - base, triangles, base, config.edge_filter)
+            self._client.resetBasePositionAndOrientation(uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
+            if config.carry_velocity:
+                away = base - (support.foot_x, support.foot_y, support.foot_z)
+                turn = np.array([support.turn_x, support.turn_y, support.turn_z])
+                linear = np.array([support.slide_x, support.slide_y, support.rise]) + np.cross(turn, away)
+                self._client.resetBaseVelocity(uid, linear.tolist(), turn.tolist())
 
-    def apply(
-        self,
-        follower: Follower,
-        kind: MeshKind,
-        vertices_w: FloatArray,
-        triangles: NDArray[np.int32],
-        base: FloatArray,
-        higher: float,
-        twist: FloatArray | None,
+    def _collider(
+        self, follower: Follower, kind: MeshKind, relative: FloatArray, triangles: NDArray[np.int32], base: FloatArray,
         edge_filter: bool,
-    ) -> None:
-        """Gives a follower its collider: a surface of ``vertices_w`` (K, 3) [m] and ``triangles`` (T, 3), on a body at
-        ``base`` (3,) [m], ``higher`` [m] than that, that carries the ground's ``twist`` (6,), None = at rest."""
-        relative = vertices_w - base
+    ) -> int:  # fmt: skip
+        """PyBullet's body of a follower's collider, built anew if its surface is another."""
         old = self._colliders.get(follower)
         if old is None or not _same(old, kind, edge_filter, relative, triangles):
             self.release(follower)
@@ -94,10 +84,7 @@ class MeshColliders:
             follower.collider = uid
             self._pairs.join(uid, follower.body, follower.link)
             self.built += 1
-        x, y, z = base.tolist()
-        self._client.resetBasePositionAndOrientation(old.uid, (x, y, z + higher), (0.0, 0.0, 0.0, 1.0))
-        if twist is not None:
-            self._client.resetBaseVelocity(old.uid, twist[:3].tolist(), twist[3:].tolist())
+        return old.uid
 
     def release(self, follower: Follower) -> None:
         """Takes a follower's mesh collider away, if it has one."""

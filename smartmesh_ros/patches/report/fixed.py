@@ -1,0 +1,156 @@
+"""Patches of fixed extent on height maps: as many rings around the nearest vertex as the settings or the body's size
+say, found and collected by the report's methods."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.batch import PatchBatch, samples_across
+from smartmesh_ros.patches.carry_over import carried_over
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.report.collect import BFS
+from smartmesh_ros.patches.report.extent import extent_for
+from smartmesh_ros.patches.report.grid_search import GridSearch
+from smartmesh_ros.patches.report.template import patch_template
+from smartmesh_ros.patches.selection import Place, describe, local_body, moved_solid
+from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.patches.touchable import Travel, Window, nearest_planes, touched_facets
+from smartmesh_ros.search.grid import Cells
+from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.graph import GridGraph
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.terrain import Terrain
+
+EVERYWHERE = 1e9  # farther than any facet of a patch [m]
+
+
+class FixedPatches:
+    """Searches and collects patches of fixed extent, by the bodies' indices."""
+
+    def __init__(self, terrain: Terrain, stopwatch: Stopwatch) -> None:
+        self._terrain = terrain
+        self._stopwatch = stopwatch
+        self._search = GridSearch()
+        # Rings and stride of each body's patch, and between which reaches [m] it stays as it is.
+        self._extents = np.zeros((0, 4))
+
+    def adopt(self, kept: IntArray) -> None:
+        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        self._extents = carried_over(self._extents, kept, np.tile([0.0, 0.0, 0.0, -1.0], (len(kept), 1)))
+        self._search.set_bodies(kept)
+
+    def forget(self, bodies: IntArray | slice) -> None:
+        """Forgets where bodies were: they are on another map now, or patches are to be made anew."""
+        self._extents[bodies, 3] = -1.0
+        self._search.forget(bodies)
+
+    def select(
+        self, heightmap: HeightMap, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float,
+        duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
+    ) -> list[FloatArray]:  # fmt: skip
+        """Fills in the supports of the bodies in ``chosen`` (n,) on a map; their heights [m], each (K,).
+
+        ``shapes``, ``bodies``, ``supports``: as in `select`; ``reach`` (n,) [m]: how far from their centres bodies may
+        touch ground until the next update; ``before``: the patches of the last update, at which rays are cast.
+        """
+        geometry = heightmap.geometry
+        self._set_extents(heightmap, chosen, reach, config.rings)
+        with self._stopwatch.stage("search"):
+            grid = geometry.to_grid(bodies[chosen, :2])
+            cells = self._search.nearest(config.search, geometry, chosen, grid, bodies[chosen, :3], before)
+            if len(self._terrain.tiles) > 1:
+                # Where tiles meet there is no rim: the grid goes on beyond the edge.
+                nearest = np.ceil(grid - 0.5).astype(np.int64)
+                beyond = (nearest < 1) | (nearest > (geometry.rows - 2, geometry.columns - 2))
+                cells = Cells(*np.where(beyond.any(axis=1), nearest.T, cells))
+        heights: list[FloatArray] = [np.empty(0)] * len(chosen)
+        with self._stopwatch.stage("collect"):
+            rings = self._extents[chosen, 0].astype(np.int64)
+            for size in np.unique(rings).tolist():
+                of_size = np.flatnonzero(rings == size)
+                part = Cells(cells.rows[of_size], cells.columns[of_size])
+                found = self._of_size(
+                    heightmap, size, chosen[of_size], part, shapes, bodies, time, duration, config, supports
+                )
+                for row, values in zip(of_size.tolist(), found, strict=True):
+                    heights[row] = values
+        return heights
+
+    def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, rings: int) -> None:
+        """Grows patches at once and shrinks them only well below the size they have, so that none flickers."""
+        _, _, least, most = self._extents[chosen].T
+        outgrown = (need > most) | (need < least)
+        geometry = heightmap.geometry
+        side = min(geometry.rows, geometry.columns)
+        extent = extent_for(need[outgrown], geometry.resolution, side, rings)
+        self._extents[chosen[outgrown]] = np.stack(extent, axis=1)
+
+    def _of_size(
+        self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: Any, bodies: FloatArray,
+        time: float, duration: float, config: PatchConfig, supports: Any,
+    ) -> FloatArray:  # fmt: skip
+        geometry, stride = heightmap.geometry, self._extents[chosen, 1].astype(np.int64)
+        rows, columns = cells
+        if len(self._terrain.tiles) == 1:  # a rim as wide as the patch keeps its topology
+            margin = rings * stride
+            rows = np.maximum(np.minimum(rows, geometry.rows - 1 - margin), margin)
+            columns = np.maximum(np.minimum(columns, geometry.columns - 1 - margin), margin)
+        now, velocities = self._collect(heightmap, rings, rows, columns, stride, time, duration, config)
+        size = 2 * rings + 1
+        for name, values in (
+            ("row", rows - rings * stride), ("column", columns - rings * stride), ("rows", size), ("columns", size),
+            ("stride", stride),
+        ):  # fmt: skip
+            supports[name][chosen] = values
+        whole = not config.rings and len(self._terrain.tiles) == 1 and not np.isnan(now).any()
+        supports["deviation"][chosen] = np.where((stride == 1) & whole, 0.0, np.nan)
+        describe_fixed(
+            heightmap.moved_to(time), chosen, shapes, bodies, now.reshape(-1, size, size),
+            (velocities * duration).reshape(-1, size, size), duration, supports, np.zeros((size, size), np.uint8),
+        )  # fmt: skip
+        return now
+
+    def _collect(
+        self, heightmap: HeightMap, rings: int, rows: IntArray, columns: IntArray, stride: IntArray, time: float,
+        ahead: float, config: PatchConfig,
+    ) -> Samples:  # fmt: skip
+        """Samples (n, K) of patches by the chosen method."""
+        geometry, template = heightmap.geometry, patch_template(rings)
+        if config.collect == "cached" or len(self._terrain.tiles) > 1:
+            r = rows[:, None] + template.rows * stride[:, None]
+            c = columns[:, None] + template.columns * stride[:, None]
+            return samples_across(self._terrain, heightmap, r, c, time, ahead)
+        collect = BFS[config.collect]
+        centres = (rows * geometry.columns + columns).tolist()
+        indices = [
+            collect(GridGraph(geometry.rows, geometry.columns, step), centre, rings)
+            for centre, step in zip(centres, stride.tolist(), strict=True)
+        ]
+        return heightmap.sample(np.array(indices, np.int64).reshape(len(centres), -1), time, ahead)
+
+
+@compiled
+def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, touched):  # type: ignore[no-untyped-def]
+    """Fills in feet, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S) [m]."""
+    local = np.empty(13)
+    for k in range(len(chosen)):
+        support = supports[chosen[k]]
+        place = Place(support.row, support.column, support.rows, support.columns, support.stride)
+        local_body(grid, bodies[chosen[k]], local)
+        solid = solid_of(shapes[chosen[k]], local)
+        own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+        window = Window(heights[k], rises[k], grid.resolution * place.stride)
+        touch = touched_facets(window, own, Travel(0.0, 0.0, 0.0, EVERYWHERE), touched)
+        if touch.count == 0:
+            support.state, support.gap = Support.NONE, math.inf
+            continue
+        support.state = Support.FIELD
+        support.gap, support.margin = touch.gap.distance, 0.0
+        plane, rise = nearest_planes(window, touch)
+        describe(grid, place, own, touch, plane, rise, duration, support)

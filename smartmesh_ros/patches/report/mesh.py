@@ -1,0 +1,166 @@
+"""Patches of general meshes: triangles around the nearest vertex, by the report's methods."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.batch import MeshPatch
+from smartmesh_ros.patches.carry_over import carried_over
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.facets import Facet, Gap, Point, facet_normal, gap_to
+from smartmesh_ros.patches.report.collect import BFS, PatchTopology, TopologyCache, topology_around
+from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.search.best_first import best_first_vertices
+from smartmesh_ros.search.brute_force import BruteForce
+from smartmesh_ros.search.grid import uniform_grid_vertices
+from smartmesh_ros.search.methods import require_search
+from smartmesh_ros.search.ray_cast import ray_cast
+from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+# Rings of the largest patch of a general mesh.
+MOST_RINGS = 8
+
+
+class MeshPatches:
+    """Searches and collects the patches of bodies on one general mesh."""
+
+    def __init__(self, mesh: TriangleMesh, stopwatch: Stopwatch) -> None:
+        self.mesh = mesh
+        self._stopwatch = stopwatch
+        self._brute_force = BruteForce(mesh.size)
+        self._cache = TopologyCache(mesh)
+        self._table: IntArray | None = None
+        self._vertex = np.empty(0, np.int64)  # nearest vertex at the update before, -1 = none
+
+    def adopt(self, kept: IntArray) -> None:
+        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        self._vertex = carried_over(self._vertex, kept, np.full(len(kept), -1))
+
+    def select(
+        self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,
+        config: PatchConfig, supports: Any, before: dict[int, MeshPatch], gravity: float,
+    ) -> dict[int, MeshPatch]:  # fmt: skip
+        """Fills in the supports of the bodies in ``chosen`` (n,); their patches by the body. Arguments as in
+        `FixedPatches.select`."""
+        require_search(config.search, self.mesh)
+        positions_w = bodies[chosen, :3]
+        with self._stopwatch.stage("search"):
+            found = self._search(chosen, positions_w, before, config)
+        self._vertex[chosen] = found
+        patches = {}
+        with self._stopwatch.stage("collect"):
+            for body, vertex, distance in zip(chosen.tolist(), found.tolist(), reach.tolist(), strict=True):
+                patches[body] = self._patch(body, vertex, distance, shapes, bodies, time, duration, config, supports,
+                                            gravity)  # fmt: skip
+        return patches
+
+    def _search(
+        self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch], config: PatchConfig
+    ) -> IntArray:
+        """Nearest vertices by the chosen method."""
+        method, mesh = config.search, self.mesh
+        if method == "grid_traversal":
+            assert mesh.shape.grid is not None
+            return uniform_grid_vertices(mesh.shape.grid, positions_w)
+        if method == "best_first":
+            if self._table is None:
+                self._table = mesh.graph.padded()
+            start = np.maximum(self._vertex[bodies], 0)
+            return best_first_vertices(mesh, self._table, positions_w, start)
+        found = np.full(len(bodies), -1)
+        if method == "ray_cast":
+            found = self._hits(bodies, positions_w, before)
+        for index in np.flatnonzero(found < 0).tolist():
+            found[index] = self._brute_force.nearest(mesh.coordinates, positions_w[index])
+        return found
+
+    def _hits(self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch]) -> IntArray:
+        """Vertices that rays from the bodies hit on the patches they had, -1 = missed or none."""
+        found = np.full(len(bodies), -1)
+        for index, body in enumerate(bodies.tolist()):
+            patch = before.get(body)
+            if patch is not None:
+                hit = int(ray_cast(positions_w[index : index + 1], patch.positions_w[None], patch.triangles)[0])
+                found[index] = patch.vertices[hit] if hit >= 0 else -1
+        return found
+
+    def _patch(
+        self, body: int, vertex: int, reach: float, shapes: Any, bodies: FloatArray, time: float, duration: float,
+        config: PatchConfig, supports: Any, gravity: float,
+    ) -> MeshPatch:  # fmt: skip
+        mesh = self.mesh
+        rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_RINGS)
+        topology = self._topology(vertex, rings, config)
+        now = mesh.sample(topology.vertices, time, duration)
+        support = supports[body]
+        support.row, support.column, support.rows, support.columns, support.stride = 0, vertex, 0, 0, 1
+        support.state, support.deviation = Support.MESH, 0.0
+        one = np.array([body])
+        mesh_foot(now.positions, topology.triangles, shapes, bodies, one, supports)
+        foot = np.array([support.foot_x, support.foot_y, support.foot_z])
+        linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
+        support.slide_x, support.slide_y, support.rise = linear
+        support.turn_x, support.turn_y, support.turn_z = angular
+        swing = float(np.linalg.norm(bodies[body, 10:])) * duration * float(shapes[body].radius)
+        moved = (float(np.linalg.norm(bodies[body, 7:10] - linear)) + 0.5 * gravity * duration) * duration
+        support.margin = moved + swing
+        if config.kind == "auto" and support.gap > support.margin + self.mesh.edge_length:
+            support.state = Support.NONE
+        centre = int(np.searchsorted(topology.vertices, vertex))
+        return MeshPatch(
+            vertices=topology.vertices, positions_w=now.positions, triangles=topology.triangles, nearest=vertex,
+            centre=centre,
+        )  # fmt: skip
+
+    def _topology(self, vertex: int, rings: int, config: PatchConfig) -> PatchTopology:
+        if config.collect == "cached":
+            return self._cache.around(vertex, rings)
+        return topology_around(self.mesh, vertex, rings, BFS[config.collect])
+
+
+@compiled
+def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):  # type: ignore[no-untyped-def]
+    """Writes the foot, normals and gap of a body, ``chosen`` (1,), to triangles (T, 3) among ``positions`` (K, 3) [m]."""
+    i = chosen[0]
+    solid, support = solid_of(shapes[i], bodies[i]), supports[i]
+    best, up = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre), Point(0.0, 0.0, 1.0)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        facet = Facet(
+            Point(positions[a, 0], positions[a, 1], positions[a, 2]),
+            Point(positions[b, 0], positions[b, 1], positions[b, 2]),
+            Point(positions[c, 0], positions[c, 1], positions[c, 2]),
+        )
+        gap = gap_to(facet, solid)
+        if gap.distance < best.distance:
+            best, up = gap, facet_normal(facet)
+    support.gap = best.distance
+    support.foot_x, support.foot_y, support.foot_z = best.nearest.x, best.nearest.y, best.nearest.z
+    support.normal_x, support.normal_y, support.normal_z = best.normal.x, best.normal.y, best.normal.z
+    support.facet_x, support.facet_y, support.facet_z = up.x, up.y, up.z
+
+
+def mesh_twist(
+    offsets: FloatArray, velocities: FloatArray, body: FloatArray, edge: float
+) -> tuple[FloatArray, FloatArray]:
+    """Twist of the rigid motion nearest to the ``velocities`` (k, 3) of points at ``offsets`` (k, 3) from a centre.
+
+    By least squares, weighted towards where the ``body`` is (3,) from that centre [m]: at a distance of one ``edge``
+    [m] the weight is a seventh. The mean over a patch is another motion where the velocity is curved.
+    """
+    distance = np.einsum("ij,ij->i", offsets - body, offsets - body)
+    weight = np.exp(-2.0 * (distance - distance.min()) / (edge * edge))[:, None]
+    share = weight / weight.sum()
+    middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
+    arm, swing = offsets - middle, velocities - linear
+    inertia = (share * arm * arm).sum() * np.eye(3) - (share * arm).T @ arm
+    # A flat patch does not tell about turning in its own plane beyond what its points show; lstsq leaves that out.
+    angular = np.linalg.lstsq(inertia, (share * np.cross(arm, swing)).sum(axis=0), rcond=1e-9)[0]
+    return linear - np.cross(angular, middle), angular

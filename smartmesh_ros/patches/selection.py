@@ -1,0 +1,273 @@
+"""One compiled pass that finds, for each body, exactly the ground it can touch until the next update."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, plane_normal, reach_along
+from smartmesh_ros.patches.rectangles import Rectangle, smallest_rectangle
+from smartmesh_ros.patches.shapes import product, solid_of
+from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.patches.touchable import (
+    Touch,
+    Travel,
+    Window,
+    fitted_planes,
+    nearest_planes,
+    plane_deviation,
+    surface_at,
+    touched_facets,
+)
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.moving_grid import MovingGrid, read_window, to_grid
+
+
+class Rules(NamedTuple):
+    """How supports are chosen: `SelectionConfig` and the settings of patches as compiled functions take them.
+
+    ``tolerance`` [m]; ``hysteresis``: share of it that a plane must keep to take the place of something else; ``leave``
+    [m]: how far above the ground a body loses its collider, beyond what it can reach; ``planes``, ``any_plane``: whether
+    planes are tried, and taken whatever they deviate; ``always``: whether bodies near the ground have a field even if
+    they touch nothing; ``most_cells``: of a field, on a side; ``most_samples``: of a window, on a side; ``fastest``
+    [m/s]; ``gravity`` [m/s^2]; ``across``: whether bodies whose window leaves the map are left to be chosen by the
+    samples of several tiles.
+    """
+
+    tolerance: float
+    hysteresis: float
+    leave: float
+    planes: bool
+    any_plane: bool
+    always: bool
+    most_cells: int
+    most_samples: int
+    fastest: float
+    gravity: float
+    across: bool
+
+
+class Place(NamedTuple):
+    """Where a window lies on its map: first sample, samples on its sides, and the stride between them."""
+
+    row: int
+    column: int
+    high: int
+    wide: int
+    stride: int
+
+
+@compiled
+def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
+    """A body (13,) in the frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
+    row, column = to_grid(grid, body[0], body[1])
+    out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
+    half = math.sqrt(0.5 * (1.0 + grid.cos))  # cosine of half the yaw
+    sine = 0.5 * grid.sin / half if half > 1e-9 else 1.0
+    turn = product((0.0, 0.0, -sine, half), (body[3], body[4], body[5], body[6]))
+    out[3], out[4], out[5], out[6] = turn
+    for first in (7, 10):
+        x, y = body[first], body[first + 1]
+        out[first], out[first + 1] = x * grid.cos + y * grid.sin, y * grid.cos - x * grid.sin
+        out[first + 2] = body[first + 2]
+    slide_x, slide_y = grid.slide_x, grid.slide_y
+    out[7] -= slide_x * grid.cos + slide_y * grid.sin
+    out[8] -= slide_y * grid.cos - slide_x * grid.sin
+
+
+@compiled
+def travel_of(body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules) -> Travel:
+    """How far a body (13,) with a bounding ``radius`` [m] goes in a ``duration`` [s]: its velocity, its spin, its fall."""
+    speed = math.sqrt(body[7] * body[7] + body[8] * body[8] + body[9] * body[9])
+    share = duration if speed <= rules.fastest else duration * rules.fastest / speed
+    spin = math.sqrt(body[10] * body[10] + body[11] * body[11] + body[12] * body[12])
+    away_x, away_y, away_z = solid.centre.x - body[0], solid.centre.y - body[1], solid.centre.z - body[2]
+    arm = math.sqrt(away_x * away_x + away_y * away_y + away_z * away_z) if solid.ball else radius
+    swing = min(spin * duration, 2.0) * arm
+    fall = 0.5 * rules.gravity * duration * duration
+    return Travel(body[7] * share, body[8] * share, body[9] * share, fall + swing)
+
+
+@compiled
+def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) -> Place:
+    """The window of samples over which a solid can get, with a cell more on each side."""
+    reach_x = reach_along(solid, Point(1.0, 0.0, 0.0)) + abs(travel.x) + travel.more + rules.leave
+    reach_y = reach_along(solid, Point(0.0, 1.0, 0.0)) + abs(travel.y) + travel.more + rules.leave
+    row = int(math.floor((solid.centre.y - reach_y) / resolution)) - 1
+    column = int(math.floor((solid.centre.x - reach_x) / resolution)) - 1
+    high = int(math.ceil((solid.centre.y + reach_y) / resolution)) + 2 - row
+    wide = int(math.ceil((solid.centre.x + reach_x) / resolution)) + 2 - column
+    stride = (max(high, wide) - 1) // rules.most_samples + 1
+    return Place(row, column, (high - 2) // stride + 2, (wide - 2) // stride + 2, stride)
+
+
+@compiled
+def select(grid, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
+    """Chooses supports of the bodies in ``chosen`` (n,), until ``duration`` [s] after ``time`` [s].
+
+    ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, in and out.
+    ``heights``, ``rises``, ``touched``: memory for windows (S, S).
+    """
+    local = np.empty(13)
+    for k in range(len(chosen)):
+        i = chosen[k]
+        local_body(grid, bodies[i], local)
+        solid = solid_of(shapes[i], local)
+        travel = travel_of(local, solid, shapes[i].radius, duration, rules)
+        place = window_place(grid.resolution, solid, travel, rules)
+        if rules.across and leaves_map(grid, place):
+            supports[i].state = Support.ACROSS
+            continue
+        h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]
+        read_window(grid, place.row, place.column, place.stride, time, duration, h, r)
+        choose(grid, place, h, r, solid, travel, duration, rules, supports[i], touched)
+
+
+@compiled
+def leaves_map(grid: MovingGrid, place: Place) -> bool:
+    """Whether a window has samples beyond the map's edge."""
+    rows, columns = grid.heights.shape
+    last_row = place.row + (place.high - 1) * place.stride
+    last_column = place.column + (place.wide - 1) * place.stride
+    return place.row < 0 or place.column < 0 or last_row >= rows or last_column >= columns
+
+
+@compiled
+def select_across(grid, place, heights, rises, shape, body, duration, rules, support, touched):  # type: ignore[no-untyped-def]
+    """Chooses the support of one body whose window (h, w) at ``place`` was read from several tiles."""
+    local = np.empty(13)
+    local_body(grid, body, local)
+    solid = solid_of(shape[0], local)
+    travel = travel_of(local, solid, shape[0].radius, duration, rules)
+    choose(grid, place, heights, rises, solid, travel, duration, rules, support[0], touched)
+
+
+@compiled
+def window_of(grid, shape, body, duration, rules):  # type: ignore[no-untyped-def]
+    """The place of a body's window on the grid."""
+    local = np.empty(13)
+    local_body(grid, body, local)
+    solid = solid_of(shape[0], local)
+    return window_place(grid.resolution, solid, travel_of(local, solid, shape[0].radius, duration, rules), rules)
+
+
+@compiled
+def moved_solid(solid: Solid, x: float, y: float) -> Solid:
+    """A solid moved by (-x, -y)."""
+    centre = Point(solid.centre.x - x, solid.centre.y - y, solid.centre.z)
+    return Solid(solid.ball, solid.radius, centre, solid.u, solid.v, solid.w, solid.half)
+
+
+@compiled
+def choose(grid, place, heights, rises, solid, travel, duration, rules, support, touched):  # type: ignore[no-untyped-def]
+    """Chooses the support of one solid from a window of samples."""
+    before = support.state
+    spacing = grid.resolution * place.stride
+    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    window = Window(heights, rises, spacing)
+    leave = rules.leave if before != Support.NONE else 0.0
+    travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)
+    touch = touched_facets(window, own, travel, touched)
+    if touch.count == 0:
+        touch = below(window, own, touch)
+        if not rules.always or touch.count == 0:
+            support.state, support.gap, support.deviation = Support.NONE, math.inf, math.nan
+            return
+    plane, rise = nearest_planes(window, touch) if own.ball else fitted_planes(window, own, touch, touched)
+    deviation = math.inf
+    if rules.planes:
+        limit = rules.tolerance if before == Support.PLANE else rules.hysteresis * rules.tolerance
+        deviation = plane_deviation(
+            window, own, travel, touch, touched, plane, rise, math.inf if rules.any_plane else limit
+        )
+        if rules.any_plane and not deviation < math.inf:
+            deviation = math.nan
+    support.state = Support.FIELD if deviation == math.inf else Support.PLANE
+    rectangle = rectangle_of(grid, place, window, touch, rules, support, before)
+    stride = rectangle.stride * place.stride
+    support.row, support.column = place.row + rectangle.row * place.stride, place.column + rectangle.column * place.stride
+    support.rows, support.columns, support.stride = rectangle.high + 1, rectangle.wide + 1, stride
+    if support.state == Support.PLANE:
+        support.deviation = deviation
+    else:
+        support.deviation = rectangle.deviation if place.stride == 1 else math.nan
+    support.gap, support.margin = touch.gap.distance, touch.margin
+    describe(grid, place, own, touch, plane, rise, duration, support)
+
+
+@compiled
+def below(window: Window, solid: Solid, touch: Touch) -> Touch:
+    """The cell straight below a solid that touches nothing, as what it can touch; nothing where there is a hole."""
+    z, _ = surface_at(window, solid.centre.x, solid.centre.y)
+    if math.isnan(z):
+        return touch
+    a, b = int(solid.centre.y / window.spacing), int(solid.centre.x / window.spacing)
+    upper = 1 if solid.centre.y / window.spacing - a > solid.centre.x / window.spacing - b else 0
+    return Touch(1, a, a, b, b, a, b, upper, touch.gap, touch.margin)
+
+
+@compiled
+def rectangle_of(grid, place, window, touch, rules, support, before):  # type: ignore[no-untyped-def]
+    """The rectangle of a field; for a plane the touchable cells at a stride that leaves few."""
+    rows, columns = grid.heights.shape
+    bounds = (-place.row, rows - 1 - place.row, -place.column, columns - 1 - place.column)
+    if rules.across:
+        far = 1 << 40
+        bounds = (-far, far, -far, far)
+    if place.stride > 1:
+        bounds = (0, window.heights.shape[0] - 1, 0, window.heights.shape[1] - 1)
+    if support.state == Support.PLANE:
+        need = max(touch.bottom - touch.top, touch.right - touch.left) + 1
+        stride = (need + 1) // 2
+        row = max(min(touch.top, bounds[1] - 2 * stride), bounds[0])
+        column = max(min(touch.left, bounds[3] - 2 * stride), bounds[2])
+        return Rectangle(row, column, 2, 2, stride, 0.0)
+    had = Rectangle(0, 0, 0, 0, 1, math.inf)
+    if before == Support.FIELD and support.stride % place.stride == 0:
+        stride = support.stride // place.stride
+        high, wide = support.rows - 1, support.columns - 1
+        aligned = (support.row - place.row) % place.stride == 0 and (support.column - place.column) % place.stride == 0
+        row, column = (support.row - place.row) // place.stride, (support.column - place.column) // place.stride
+        had = Rectangle(row if aligned else -(1 << 40), column, high, wide, stride, math.inf)
+    return smallest_rectangle(window, touch, had, rules.tolerance, rules.most_cells, bounds)
+
+
+@compiled
+def describe(
+    grid: MovingGrid, place: Place, solid: Solid, touch: Touch, plane: Plane, rise: Plane, duration: float, support
+) -> None:  # type: ignore[no-untyped-def]
+    """Writes the foot, normals and motion of the ground under a solid, in the terrain's frame."""
+    facet = plane_normal(plane)
+    if solid.ball and touch.gap.distance < math.inf:
+        foot = touch.gap.nearest
+    else:
+        above = (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * facet.z
+        foot = Point(
+            solid.centre.x - above * facet.x, solid.centre.y - above * facet.y, solid.centre.z - above * facet.z
+        )
+    normal = touch.gap.normal
+    cos, sin = grid.cos, grid.sin
+    x, y = foot.x + place.column * grid.resolution, foot.y + place.row * grid.resolution
+    support.foot_x, support.foot_y, support.foot_z = grid.x + x * cos - y * sin, grid.y + x * sin + y * cos, foot.z
+    support.normal_x, support.normal_y = normal.x * cos - normal.y * sin, normal.x * sin + normal.y * cos
+    support.normal_z = normal.z
+    support.facet_x, support.facet_y = facet.x * cos - facet.y * sin, facet.x * sin + facet.y * cos
+    support.facet_z = facet.z
+    inverse = 1.0 / duration
+    support.rise = height_of(rise, foot.x, foot.y) * inverse
+    # A point at (x, y) of ground that turns with w rises at w_x y - w_y x.
+    turn_x, turn_y = rise.slope_y * inverse, -rise.slope_x * inverse
+    support.turn_x, support.turn_y = turn_x * cos - turn_y * sin, turn_x * sin + turn_y * cos
+    support.slide_x, support.slide_y = grid.slide_x, grid.slide_y
+
+
+WindowMemory = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]
+
+
+def window_memory(samples: int) -> WindowMemory:
+    """Memory for windows of so many samples on a side: heights, rises, and marks of touchable facets."""
+    return np.empty((samples, samples)), np.empty((samples, samples)), np.zeros((samples, samples), np.uint8)

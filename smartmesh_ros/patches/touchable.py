@@ -1,0 +1,303 @@
+"""Touchable ground: the facets of a window of samples that a solid can reach until the next update."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.facets import (
+    Facet,
+    Gap,
+    Plane,
+    Point,
+    Solid,
+    deviation_near,
+    dot,
+    gap_to,
+    height_of,
+    in_frame,
+    minus,
+    out_of_frame,
+    plane_normal,
+    plane_of,
+    reach_along,
+)
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.moving_grid import triangle_weights
+
+# Of facets that are as near, the one nearer to the solid's centre is taken: weight of that distance [-].
+TIE = 1e-6
+# Points whose spread along one direction is less than this share of that along the other tell no plane.
+THIN = 1e-4
+UP = Point(0.0, 0.0, 1.0)
+
+
+class Window(NamedTuple):
+    """Samples (h, w): ``heights`` now [m] and how much they rise until the next update, ``rises`` [m]. Sample (a, b) is
+    at x = b ``spacing``, y = a ``spacing`` [m]; NaN = no ground."""
+
+    heights: FloatArray
+    rises: FloatArray
+    spacing: float
+
+
+class Travel(NamedTuple):
+    """How far a solid goes until the next update: its straight path (``x``, ``y``, ``z``), and what may be added to it in
+    any direction, ``more`` [m]."""
+
+    x: float
+    y: float
+    z: float
+    more: float
+
+
+class Touch(NamedTuple):
+    """What a solid can touch: how many facets, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the nearest of
+    them (cell ``a``, ``b``, ``upper``) and its gap; the largest margin of any."""
+
+    count: int
+    top: int
+    bottom: int
+    left: int
+    right: int
+    a: int
+    b: int
+    upper: int
+    gap: Gap
+    margin: float
+
+
+@compiled
+def facet_of(heights: FloatArray, spacing: float, a: int, b: int, upper: int) -> Facet:
+    """A facet of cell (a, b): the one below its diagonal, or the ``upper`` one."""
+    x, y = b * spacing, a * spacing
+    first = Point(x, y, heights[a, b])
+    opposite = Point(x + spacing, y + spacing, heights[a + 1, b + 1])
+    if upper == 1:
+        return Facet(first, opposite, Point(x, y + spacing, heights[a + 1, b]))
+    return Facet(first, Point(x + spacing, y, heights[a, b + 1]), opposite)
+
+
+@compiled
+def is_ground(facet: Facet) -> bool:
+    """Whether none of a facet's corners is a hole."""
+    return not math.isnan(facet.a.z + facet.b.z + facet.c.z)
+
+
+@compiled
+def margin_of(rises: Facet, travel: Travel) -> float:
+    """How far a solid may move relative to a facet whose corners rise by the heights of ``rises`` [m]."""
+    vertical = max(abs(travel.z - rises.a.z), abs(travel.z - rises.b.z), abs(travel.z - rises.c.z))
+    return math.sqrt(travel.x * travel.x + travel.y * travel.y + vertical * vertical) + travel.more
+
+
+@compiled
+def extents(solid: Solid) -> Point:
+    """Half extents of the bounds of a solid along x, y and z."""
+    return Point(
+        reach_along(solid, Point(1.0, 0.0, 0.0)), reach_along(solid, Point(0.0, 1.0, 0.0)), reach_along(solid, UP)
+    )
+
+
+@compiled
+def out_of_reach(solid: Solid, extent: Point, x: float, y: float, spacing: float, low: float, high: float, margin: float) -> bool:
+    """Whether all points of a cell from (x, y) on, between the heights ``low`` and ``high``, are farther than ``margin``
+    from a solid with such bounds; it may be so where this says no."""
+    centre = solid.centre
+    away_x = max(x - centre.x, centre.x - x - spacing, 0.0)
+    away_y = max(y - centre.y, centre.y - y - spacing, 0.0)
+    away_z = max(low - centre.z, centre.z - high, 0.0)
+    if solid.ball:
+        reach = solid.radius + margin
+        return away_x * away_x + away_y * away_y + away_z * away_z > reach * reach
+    return away_x > extent.x + margin or away_y > extent.y + margin or away_z > extent.z + margin
+
+
+@compiled
+def largest_margin(window: Window, travel: Travel) -> float:
+    """How far a solid may move relative to any ground of a window."""
+    fastest = 0.0
+    high, wide = window.rises.shape
+    for a in range(high):
+        for b in range(wide):
+            fastest = max(fastest, abs(travel.z - window.rises[a, b]))
+    return math.sqrt(travel.x * travel.x + travel.y * travel.y + fastest * fastest) + travel.more
+
+
+@compiled
+def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArray[np.uint8]) -> Touch:
+    """Finds the facets that a solid can touch, and marks them in ``touched`` (h - 1, w - 1): 1 below a cell's diagonal,
+    2 above it. Facets may be too many, never too few."""
+    high, wide = window.heights.shape
+    extent, most, z = extents(solid), largest_margin(window, travel), window.heights
+    count, top, bottom, left, right = 0, high, -1, wide, -1
+    best, best_a, best_b, best_upper, widest = math.inf, 0, 0, 0, 0.0
+    nearest = Gap(math.inf, UP, solid.centre)
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            touched[a, b] = 0
+            x, y = b * window.spacing, a * window.spacing
+            low = min(min(z[a, b], z[a, b + 1]), min(z[a + 1, b], z[a + 1, b + 1]))
+            top_z = max(max(z[a, b], z[a, b + 1]), max(z[a + 1, b], z[a + 1, b + 1]))
+            if out_of_reach(solid, extent, x, y, window.spacing, low, top_z, most):
+                continue
+            for upper in range(2):
+                facet = facet_of(window.heights, window.spacing, a, b, upper)
+                if not is_ground(facet):
+                    continue
+                margin = margin_of(facet_of(window.rises, window.spacing, a, b, upper), travel)
+                gap = gap_to(facet, solid)
+                if gap.distance > margin:
+                    continue
+                touched[a, b] |= 1 + upper
+                count += 1
+                top, bottom, left, right = min(top, a), max(bottom, a), min(left, b), max(right, b)
+                widest = max(widest, margin)
+                away = minus(gap.nearest, solid.centre)
+                rank = gap.distance + TIE * math.sqrt(dot(away, away))
+                if rank < best:
+                    best, best_a, best_b, best_upper, nearest = rank, a, b, upper, gap
+    return Touch(count, top, bottom, left, right, best_a, best_b, best_upper, nearest, widest)
+
+
+@compiled
+def surface_at(window: Window, x: float, y: float) -> tuple[float, float]:
+    """Height [m] of the ground over (x, y), and how much it rises [m]; NaN over holes."""
+    high, wide = window.heights.shape
+    a, b, _, _, upper = triangle_weights(y / window.spacing, x / window.spacing, high, wide)
+    facet = facet_of(window.heights, window.spacing, a, b, upper)
+    if not is_ground(facet):
+        return math.nan, 0.0
+    rises = facet_of(window.rises, window.spacing, a, b, upper)
+    return height_of(plane_of(facet), x, y), height_of(plane_of(rises), x, y)
+
+
+@compiled
+def nearest_planes(window: Window, touch: Touch) -> tuple[Plane, Plane]:
+    """The plane of the nearest facet, and how it rises until the next update."""
+    heights = facet_of(window.heights, window.spacing, touch.a, touch.b, touch.upper)
+    rises = facet_of(window.rises, window.spacing, touch.a, touch.b, touch.upper)
+    return plane_of(heights), plane_of(rises)
+
+
+@compiled
+def inside(solid: Solid, p: Point) -> Point:
+    """The point of a box nearest to ``p``."""
+    own, half = in_frame(solid, p), solid.half
+    clamped = Point(
+        min(max(own.x, -half.x), half.x), min(max(own.y, -half.y), half.y), min(max(own.z, -half.z), half.z)
+    )
+    away = out_of_frame(solid, clamped)
+    return Point(solid.centre.x + away.x, solid.centre.y + away.y, solid.centre.z + away.z)
+
+
+@compiled
+def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[np.uint8]) -> tuple[Plane, Plane]:
+    """The plane fitted to the ground under a box where it can touch it, and how that plane rises, by least squares.
+
+    One point for each touchable facet: where the box is nearest to the facet's middle. The plane of the nearest facet
+    where these points tell no plane.
+    """
+    n = sx = sy = sz = sr = sxx = sxy = syy = sxz = syz = sxr = syr = 0.0
+    x0, y0 = solid.centre.x, solid.centre.y
+    for a in range(touch.top, touch.bottom + 1):
+        for b in range(touch.left, touch.right + 1):
+            for upper in range(2):
+                if touched[a, b] & (1 + upper):
+                    f = facet_of(window.heights, window.spacing, a, b, upper)
+                    middle = Point((f.a.x + f.b.x + f.c.x) / 3.0, (f.a.y + f.b.y + f.c.y) / 3.0, f.a.z)
+                    p = inside(solid, middle)
+                    z, rise = surface_at(window, p.x, p.y)
+                    if not math.isnan(z):
+                        x, y = p.x - x0, p.y - y0
+                        n, sx, sy, sz, sr = n + 1.0, sx + x, sy + y, sz + z, sr + rise
+                        sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
+                        sxz, syz, sxr, syr = sxz + x * z, syz + y * z, sxr + x * rise, syr + y * rise
+    if n < 3.0:
+        return nearest_planes(window, touch)
+    sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+    sxz, syz, sxr, syr = sxz - sx * sz / n, syz - sy * sz / n, sxr - sx * sr / n, syr - sy * sr / n
+    determinant = sxx * syy - sxy * sxy
+    if determinant <= THIN * (sxx + syy) * (sxx + syy):
+        return nearest_planes(window, touch)
+    slope_x, slope_y = (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
+    rise_x, rise_y = (sxr * syy - syr * sxy) / determinant, (syr * sxx - sxr * sxy) / determinant
+    x, y = x0 + sx / n, y0 + sy / n
+    return (
+        Plane(sz / n - slope_x * x - slope_y * y, slope_x, slope_y),
+        Plane(sr / n - rise_x * x - rise_y * y, rise_x, rise_y),
+    )
+
+
+@compiled
+def corner_drift(rises: Facet, rise: Plane) -> float:
+    """How far the corners of a facet come off a plane that rises as ``rise``, at most [m]."""
+    return max(
+        abs(rises.a.z - height_of(rise, rises.a.x, rises.a.y)),
+        abs(rises.b.z - height_of(rise, rises.b.x, rises.b.y)),
+        abs(rises.c.z - height_of(rise, rises.c.x, rises.c.y)),
+    )
+
+
+@compiled
+def on_plane(facet: Facet, plane: Plane) -> Facet:
+    """A facet's corners moved vertically onto a plane."""
+    a, b, c = facet.a, facet.b, facet.c
+    return Facet(
+        Point(a.x, a.y, height_of(plane, a.x, a.y)),
+        Point(b.x, b.y, height_of(plane, b.x, b.y)),
+        Point(c.x, c.y, height_of(plane, c.x, c.y)),
+    )
+
+
+@compiled
+def plane_deviation(
+    window: Window, solid: Solid, travel: Travel, touch: Touch, touched: NDArray[np.uint8], plane: Plane, rise: Plane,
+    limit: float,
+) -> float:  # fmt: skip
+    """How far a plane that rises as ``rise`` may lie from the ground until the next update, vertically, wherever the
+    solid can touch either [m]; infinite where that is more than ``limit``, where a hole is under the part of the plane
+    that can be touched, or where the solid's centre is below it."""
+    high, wide = window.heights.shape
+    normal = plane_normal(plane)
+    if (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * normal.z <= 0.0:
+        return math.inf
+    extent, most = extents(solid), max(largest_margin(window, travel), touch.margin)
+    half = 0.5 * window.spacing
+    swing = (abs(plane.slope_x) + abs(plane.slope_y)) * half
+    worst = 0.0
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            x, y = b * window.spacing, a * window.spacing
+            middle = height_of(plane, x + half, y + half)
+            if touched[a, b] == 0 and out_of_reach(
+                solid, extent, x, y, window.spacing, middle - swing, middle + swing, most
+            ):
+                continue
+            for upper in range(2):
+                facet = facet_of(window.heights, window.spacing, a, b, upper)
+                flat = on_plane(facet, plane)
+                if not is_ground(facet):
+                    if gap_to(flat, solid).distance <= touch.margin:
+                        return math.inf
+                    continue
+                rises = facet_of(window.rises, window.spacing, a, b, upper)
+                drift = corner_drift(rises, rise)
+                off = max(abs(facet.a.z - flat.a.z), abs(facet.b.z - flat.b.z), abs(facet.c.z - flat.c.z)) + drift
+                if off <= worst:
+                    continue
+                margin = max(margin_of(rises, travel), touch.margin)
+                bound = 0.0
+                if touched[a, b] & (1 + upper):
+                    bound = deviation_near(facet, plane, solid, gap_to(facet, solid), margin) + drift
+                gap = gap_to(flat, solid)
+                if gap.distance <= margin:
+                    bound = max(bound, deviation_near(facet, plane, solid, gap, margin) + drift)
+                worst = max(worst, min(bound, off))
+                if worst > limit:
+                    return math.inf
+    return worst

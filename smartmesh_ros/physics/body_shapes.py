@@ -1,0 +1,106 @@
+"""Shapes of PyBullet's bodies and links as the selection takes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.patches.shapes import SHAPE, ShapeKind
+from smartmesh_ros.physics.quaternions import rotate
+from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
+from smartmesh_ros.physics.state import Quaternion, Vector
+from smartmesh_ros.terrain.grid import FloatArray
+
+CENTRE: Vector = (0.0, 0.0, 0.0)
+UNTURNED: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+def ball(radius: float) -> Any:
+    """A ball about the body's centre."""
+    return _record(ShapeKind.BALL, (radius,) * 3, CENTRE, UNTURNED, radius)
+
+
+def shape_record(shape: Shape) -> Any:
+    """A shape about the body's centre."""
+    if isinstance(shape, Sphere):
+        return ball(shape.radius)
+    if isinstance(shape, Box):
+        half = (0.5 * shape.x, 0.5 * shape.y, 0.5 * shape.z)
+        return _record(ShapeKind.BOX, half, CENTRE, UNTURNED, shape.bounding_radius)
+    end = shape.radius if isinstance(shape, Capsule) else 0.0
+    half = (shape.radius, shape.radius, 0.5 * shape.height + end)
+    return _record(ShapeKind.ROUND, half, CENTRE, UNTURNED, math.hypot(*half[1:]) if not end else half[2])
+
+
+def read_shape(client: Any, body: int, link: int = -1) -> Any:
+    """The shape of a body or link, as PyBullet tells it: several shapes are a box around all, meshes the box around
+    them; a ball that holds its bounds where PyBullet tells nothing. Its radius is zero where it has no shape."""
+    try:
+        found = client.getCollisionShapeData(body, link)
+    except pb.error:  # PyBullet does not tell the shapes of bodies in maximal coordinates
+        return ball(_radius_of_bounds(client, body, link))
+    if not found:
+        return ball(0.0)
+    parts = [_part(kind, size, file, position, turn) for _, _, kind, size, file, position, turn in found]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return ball(_radius_of_bounds(client, body, link))
+    return known[0] if len(known) == 1 else _box_around(known)
+
+
+def is_ball(shape: Any) -> bool:
+    """Whether a shape is a ball about the body's centre: those roll over inner edges without a filter."""
+    return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
+
+
+def _record(kind: ShapeKind, half: Iterable[float], offset: Vector, turn: Quaternion, radius: float) -> Any:
+    return np.array((kind, *half, offset, turn, radius), SHAPE)
+
+
+def _part(kind: int, size: Any, file: bytes, position: Vector, turn: Quaternion) -> Any:
+    """One of a link's shapes, None where its size is unknown."""
+    away = math.hypot(*position)
+    if kind == pb.GEOM_SPHERE:
+        return _record(ShapeKind.BALL, (size[0],) * 3, position, UNTURNED, size[0] + away)
+    if kind == pb.GEOM_BOX:
+        half = [0.5 * edge for edge in size]
+        return _record(ShapeKind.BOX, half, position, turn, math.hypot(*half) + away)
+    if kind in (pb.GEOM_CYLINDER, pb.GEOM_CAPSULE):
+        height, radius = size[0], size[1]
+        end = radius if kind == pb.GEOM_CAPSULE else 0.0
+        half = [radius, radius, 0.5 * height + end]
+        return _record(ShapeKind.ROUND, half, position, turn, (half[2] if end else math.hypot(*half[1:])) + away)
+    return None
+
+
+def _box_around(parts: list[Any]) -> Any:
+    """The box, along the body's own axes, around several shapes."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for part in parts:
+        extent = _extent(part)
+        low, high = np.minimum(low, part["offset"] - extent), np.maximum(high, part["offset"] + extent)
+    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    x, y, z = middle.tolist()
+    return _record(ShapeKind.BOX, half.tolist(), (x, y, z), UNTURNED, float(np.linalg.norm(half) + np.linalg.norm(middle)))
+
+
+def _extent(part: Any) -> FloatArray:
+    """Half extents of a shape along the body's axes (3,) [m]."""
+    half = np.array([part["half_x"], part["half_y"], part["half_z"]])
+    if part["kind"] == ShapeKind.BALL:
+        return half
+    x, y, z, w = part["turn"].tolist()
+    axes = np.array([rotate((x, y, z, w), axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    return np.asarray(np.abs(axes).T @ half)
+
+
+def _radius_of_bounds(client: Any, body: int, link: int) -> float:
+    """Radius of the ball about the centre of mass that holds the axis-aligned bounds [m]."""
+    low, high = (np.array(corner) for corner in client.getAABB(body, link))
+    pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
+    centre = np.array(pose[0])
+    return float(np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre))))

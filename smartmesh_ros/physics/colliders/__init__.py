@@ -1,0 +1,1 @@
+"""Colliders of patches: one pool, one driver, a file for each kind."""

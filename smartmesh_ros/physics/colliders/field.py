@@ -1,0 +1,110 @@
+"""PyBullet heightfields that are replaced in place."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pybullet as pb
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, POSE, SAMPLES, VELOCITY, advance, push
+from smartmesh_ros.terrain.moving_grid import sample_at, to_world
+
+
+def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:
+    """PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose bounds reach
+    ``bound`` [m] above and below its base.
+
+    It lies a quarter turn from its grid: PyBullet cuts cells along the other diagonal than the main mesh does, and the
+    turn brings the two together (row r, column c of the patch is PyBullet's row columns - 1 - c, column r). PyBullet
+    counts along its x first, whatever it calls that.
+    """
+    heights = [0.0] * (rows * columns)
+    heights[0], heights[-1] = -bound, bound
+    return int(
+        client.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD,
+            meshScale=[spacing, spacing, 1.0],
+            heightfieldData=heights,
+            numHeightfieldRows=rows,
+            numHeightfieldColumns=columns,
+        )
+    )
+
+
+def field_bound(rows: int, columns: int, spacing: float, *, tall: bool) -> float:
+    """How far above or below its base a field's samples may be [m]."""
+    low = 0.5 * COLLIDERS.slope * (max(rows, columns) - 1) * spacing
+    return COLLIDERS.bound if tall else min(low, COLLIDERS.bound)
+
+
+@compiled
+def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, work, pose, velocity):  # type: ignore[no-untyped-def]
+    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose`` and ``velocity``
+    as in `plan_plane`.
+
+    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): as they were
+    when its contacts were last dropped. ``samples``: heights of fields that are not read from ``grid``. ``work``: room
+    for the new heights.
+    """
+    rows, columns, stride = support.rows, support.columns, support.stride
+    spacing = grid.resolution * stride
+    if collider.rows != rows or collider.columns != columns or abs(collider.spacing - spacing) > 1e-9 * spacing:
+        return MISFIT
+    advance(collider, time)
+    x, y = to_world(grid, support.row + 0.5 * (rows - 1) * stride, support.column + 0.5 * (columns - 1) * stride)
+    base = support.foot_z
+    yaw = math.atan2(grid.sin, grid.cos)
+    aside = max(abs(collider.x - x), abs(collider.y - y))
+    stays = collider.there == 1 and aside <= limits.elsewhere * spacing and abs(collider.yaw - yaw) < 1e-12
+    deepest = -limits.bound
+    off, change, sunk, steepest, tallest = 0.0, 0.0, 0.0, 0.0, 0.0
+    k = 0
+    for i in range(columns):
+        c = columns - 1 - i
+        for r in range(rows):
+            if support.first >= 0:
+                height = samples[support.first + r * columns + c]
+            else:
+                height, _ = sample_at(grid, support.row + r * stride, support.column + c * stride, time, 0.0)
+            above = deepest if math.isnan(height) else height - base
+            if above > collider.extent or (above < -collider.extent and not math.isnan(height)):
+                if collider.extent < limits.bound:
+                    return MISFIT
+            above = min(max(above, -collider.extent), collider.extent)
+            old = heights[collider.first + k]
+            u, v = (c - 0.5 * (columns - 1)) * spacing, (r - 0.5 * (rows - 1)) * spacing
+            dx, dy = u * grid.cos - v * grid.sin, u * grid.sin + v * grid.cos
+            leans = collider.tilt_x * dy - collider.tilt_y * dx
+            off = max(off, abs(collider.z + old + leans - base - above))
+            change = max(change, abs(above - old))
+            sunk = max(sunk, at_contact[collider.first + k] - above)
+            tallest = max(tallest, abs(above))
+            if k > 0:
+                steepest = max(steepest, abs(above - work[k - 1]))
+            work[k] = above
+            k += 1
+    # What is turned about its base also moves sideways, the more the higher it is.
+    tilt = math.sqrt(collider.tilt_x * collider.tilt_x + collider.tilt_y * collider.tilt_y)
+    off += tilt * tallest * steepest / spacing
+    result = NOTHING
+    if not (stays and off <= limits.off):
+        result = POSE
+        if not (collider.there == 1 and change <= limits.same_height):
+            result |= SAMPLES
+            if not sunk <= limits.sunk:
+                collider.turned = 1 - collider.turned  # cached contacts are then elsewhere, and forgotten
+            for j in range(k):
+                if not sunk <= limits.sunk:
+                    at_contact[collider.first + j] = work[j]
+                heights[collider.first + j] = work[j]
+        collider.x, collider.y, collider.z, collider.yaw = x, y, base, yaw
+        collider.tilt_x = collider.tilt_y = 0.0
+        collider.there = 1
+        half = 0.5 * (yaw + (1.5 if collider.turned == 1 else 0.5) * math.pi)
+        pose[0], pose[1], pose[2] = x, y, base
+        pose[3], pose[4], pose[5], pose[6] = 0.0, 0.0, math.sin(half), math.cos(half)
+    if push(collider, support, limits, result != NOTHING, velocity):
+        result |= VELOCITY
+    return result

@@ -1,0 +1,62 @@
+"""Boxes with their tops along the ground, for ground that is flat where a body can touch it.
+
+A box and not PyBullet's endless plane, whose bounds would meet those of every other body. It is as thick as it is wide,
+so that nothing falls through it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pybullet as pb
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, POSE, VELOCITY, advance, push
+
+
+def box_size(need: float) -> float:
+    """Half of the edges of a box for a body that needs so much around its foot [m]; sizes are few, to be handed on."""
+    return 2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9))
+
+
+def make_box(client: Any, size: float) -> int:
+    """PyBullet's collision shape of a box."""
+    return int(client.createCollisionShape(pb.GEOM_BOX, halfExtents=[size] * 3))
+
+
+@compiled
+def plane_need(support, shape):  # type: ignore[no-untyped-def]
+    """How far around a foot a body may touch its plane until the next update [m]."""
+    return shape.radius + support.margin
+
+
+@compiled
+def plan_plane(collider, support, shape, time, limits, pose, velocity):  # type: ignore[no-untyped-def]
+    """What PyBullet has to be told for a box to lie along the plane of a support: the bits of its change; its ``pose`` (7,), position
+    [m] and orientation (x, y, z, w), and ``velocity`` (6,) [m/s, rad/s]."""
+    need = plane_need(support, shape)
+    if collider.extent < need:
+        return MISFIT
+    advance(collider, time)
+    foot_x, foot_y, foot_z = support.foot_x, support.foot_y, support.foot_z
+    nx, ny, nz, size = support.facet_x, support.facet_y, support.facet_z, collider.extent
+    away_x = foot_x - collider.x - size * collider.nx
+    away_y = foot_y - collider.y - size * collider.ny
+    away_z = foot_z - collider.z - size * collider.nz
+    off = abs(away_x * collider.nx + away_y * collider.ny + away_z * collider.nz)
+    turned = math.sqrt((nx - collider.nx) ** 2 + (ny - collider.ny) ** 2 + (nz - collider.nz) ** 2)
+    aside = math.sqrt(away_x * away_x + away_y * away_y + away_z * away_z)
+    stays = collider.there == 1 and off + turned * need <= limits.off and aside <= size - need
+    change = NOTHING
+    if not stays:
+        collider.x, collider.y, collider.z = foot_x - size * nx, foot_y - size * ny, foot_z - size * nz
+        collider.nx, collider.ny, collider.nz = nx, ny, nz
+        collider.there = 1
+        w = math.sqrt(0.5 * (1.0 + nz))  # the shortest turn that takes z to the normal
+        pose[0], pose[1], pose[2] = collider.x, collider.y, collider.z
+        pose[3], pose[4], pose[5], pose[6] = -ny / (2.0 * w), nx / (2.0 * w), 0.0, w
+        change = POSE
+    if push(collider, support, limits, not stays, velocity):
+        change |= VELOCITY
+    return change

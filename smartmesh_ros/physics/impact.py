@@ -1,0 +1,158 @@
+"""When a moving solid meets the ground, and how high it lies on it: conservative advancement on the nearest facet.
+
+A solid can move by its distance from the ground without meeting it; moved on by that, again and again, it arrives at
+its surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, scaled
+from smartmesh_ros.patches.selection import local_body, moved_solid, window_place
+from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.touchable import (
+    UP,
+    Travel,
+    Window,
+    extents,
+    facet_of,
+    is_ground,
+    out_of_reach,
+    surface_at,
+)
+from smartmesh_ros.terrain.moving_grid import read_window
+
+# Advances after which a solid that grazes the ground is taken to miss it.
+ADVANCES = 32
+
+
+class Impact(NamedTuple):
+    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; and the direction from there to the solid."""
+
+    share: float
+    normal: Point
+
+
+@compiled
+def moved_by(solid: Solid, path: Point, share: float) -> Solid:
+    """A solid moved by a share of a path."""
+    centre = along(solid.centre, share, path)
+    return Solid(solid.ball, solid.radius, centre, solid.u, solid.v, solid.w, solid.half)
+
+
+@compiled
+def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
+    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
+    ``reach`` [m]; infinite where there is none."""
+    high, wide = window.heights.shape
+    extent, z = extents(solid), window.heights
+    best = Gap(math.inf, UP, solid.centre)
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            low = min(min(z[a, b], z[a, b + 1]), min(z[a + 1, b], z[a + 1, b + 1]))
+            top = max(max(z[a, b], z[a, b + 1]), max(z[a + 1, b], z[a + 1, b + 1]))
+            margin = min(best.distance, reach)
+            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
+                continue
+            for upper in range(2):
+                facet = facet_of(z, window.spacing, a, b, upper)
+                if is_ground(facet):
+                    gap = gap_to(facet, solid)
+                    if gap.distance < best.distance and -dot(gap.normal, path) > least:
+                        best = gap
+    return best
+
+
+@compiled
+def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Impact:
+    """Where a solid comes nearer to the ground than ``arrival`` [m] on its path, closing on it by more than ``least`` [m]."""
+    length = math.sqrt(dot(path, path))
+    share = 0.0
+    for _ in range(ADVANCES):
+        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
+        if gap.distance <= arrival:
+            return Impact(share, gap.normal)
+        share += gap.distance / length
+        if share >= 1.0:
+            break
+    return Impact(2.0, UP)
+
+
+@compiled
+def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
+    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
+    unchanged where it meets nothing, or is at the ground from the start."""
+    first = time_of_impact(window, solid, path, least, arrival)
+    if first.share >= 1.0 or first.share == 0.0:
+        return path
+    closing = -(1.0 - first.share) * dot(first.normal, path)
+    if closing <= least:
+        return path
+    slides = along(path, closing - arrival, first.normal)
+    rest = minus(slides, scaled(path, first.share))
+    second = time_of_impact(window, moved_by(solid, path, first.share), rest, least, arrival)
+    if 0.0 < second.share < 1.0:
+        return along(scaled(path, first.share), second.share, rest)
+    return slides
+
+
+@compiled
+def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
+    """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
+    ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
+    there is any."""
+    local = np.empty(13)
+    local_body(grid, body, local)
+    solid = solid_of(shape, local)
+    fall_x, fall_y = fall[0] * grid.cos + fall[1] * grid.sin, fall[1] * grid.cos - fall[0] * grid.sin
+    path = Point((local[7] + fall_x) * dt, (local[8] + fall_y) * dt, (local[9] + fall[2]) * dt)
+    place = window_place(grid.resolution, solid, Travel(path.x, path.y, path.z, arrival), rules)
+    heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
+    read_window(grid, place.row, place.column, place.stride, time, dt, heights, rises)
+    window = Window(heights, rises, grid.resolution * place.stride)
+    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    _, rise = surface_at(window, own.centre.x, own.centre.y)
+    relative = Point(path.x, path.y, path.z - rise)
+    cut = minus(clamped_path(window, own, relative, least, arrival), relative)
+    if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
+        return False
+    x, y = cut.x / dt, cut.y / dt
+    change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
+    return True
+
+
+@compiled
+def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):  # type: ignore[no-untyped-def]
+    """How high a body (13,) is lifted to lie on the ground as it is turned [m]: it is let down from above until it
+    touches; NaN where there is no ground under it."""
+    local = np.empty(13)
+    local_body(grid, body, local)
+    solid = solid_of(shape, local)
+    place = window_place(grid.resolution, solid, Travel(0.0, 0.0, 0.0, 0.0), rules)
+    heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
+    read_window(grid, place.row, place.column, place.stride, time, 0.0, heights, rises)
+    window = Window(heights, rises, grid.resolution * place.stride)
+    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    top = -math.inf
+    for a in range(place.high):
+        for b in range(place.wide):
+            if heights[a, b] > top:
+                top = heights[a, b]
+    if top == -math.inf:
+        return math.nan
+    start = top + extents(own).z
+    raised = moved_by(own, Point(0.0, 0.0, start - own.centre.z), 1.0)
+    down = Point(0.0, 0.0, -1.0)
+    for _ in range(4 * ADVANCES):
+        gap = nearest_gap(window, raised, down, 0.0, math.inf)
+        if gap.distance <= 1e-5:
+            break
+        if gap.distance == math.inf:
+            return math.nan
+        raised = moved_by(raised, Point(0.0, 0.0, -gap.distance), 1.0)
+    return raised.centre.z - own.centre.z

@@ -1,0 +1,228 @@
+"""A height map as compiled functions see it: its samples moved on to an instant."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import AT_REST, KEPT, block_phase, displacement, motion_of, rise_of
+
+# Side of the square blocks of samples that share a clock, as a power of two [samples].
+BLOCK_SHIFT = 6
+BLOCK = 1 << BLOCK_SHIFT
+# A time over which no motion changes: velocities are rises over it [s].
+INSTANT = 1e-9
+
+
+class MovingGrid(NamedTuple):
+    """Samples of a height map and how they move.
+
+    ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring whose
+    newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``, ``y``,
+    ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground [m/s].
+    ``mode``, ``max_velocity``: as in `MotionConfig`.
+    """
+
+    heights: NDArray[np.float32]
+    velocities: NDArray[np.float32]
+    clocks: NDArray[np.void]
+    x: float
+    y: float
+    z: float
+    cos: float
+    sin: float
+    resolution: float
+    slide_x: float
+    slide_y: float
+    mode: int
+    max_velocity: float
+
+
+@compiled
+def to_grid(grid: MovingGrid, x: float, y: float) -> tuple[float, float]:
+    """Fractional row and column of a point [m]."""
+    dx, dy = (x - grid.x) / grid.resolution, (y - grid.y) / grid.resolution
+    return dy * grid.cos - dx * grid.sin, dx * grid.cos + dy * grid.sin
+
+
+@compiled
+def to_world(grid: MovingGrid, row: float, column: float) -> tuple[float, float]:
+    """Position (x, y) of a (fractional) sample [m]."""
+    u, v = column * grid.resolution, row * grid.resolution
+    return grid.x + u * grid.cos - v * grid.sin, grid.y + u * grid.sin + v * grid.cos
+
+
+@compiled
+def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float) -> tuple[float, float]:
+    """Height [m] of a sample at ``time`` [s], and how much it rises in the time ``ahead`` [m], [s]; NaN beyond the edge
+    and in holes."""
+    rows, columns = grid.heights.shape
+    if row < 0 or column < 0 or row >= rows or column >= columns:
+        return math.nan, 0.0
+    height = grid.z + float(grid.heights[row, column])
+    clock = grid.clocks[row >> BLOCK_SHIFT, column >> BLOCK_SHIFT]
+    if clock.known == 0:
+        return height, 0.0
+    phase = block_phase(clock, time, grid.mode)
+    velocity, acceleration = _motion_at(grid, row, column, clock.newest, phase)
+    return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
+
+
+@compiled
+def _motion_at(grid, row, column, newest, phase):  # type: ignore[no-untyped-def]
+    """Velocity and acceleration of a sample, by the ring of its velocities."""
+    v = grid.velocities
+    first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
+    return motion_of(
+        float(v[newest, row, column]), float(v[first, row, column]), float(v[second, row, column]), phase,
+        grid.max_velocity,
+    )  # fmt: skip
+
+
+@compiled
+def read_window(
+    grid: MovingGrid, row: int, column: int, stride: int, time: float, ahead: float, heights: FloatArray,
+    rises: FloatArray,
+) -> None:  # fmt: skip
+    """Reads a window whose first sample is (``row``, ``column``), every ``stride``-th sample: its ``heights`` (h, w) [m]
+    at ``time`` and by how much they rise in the time ``ahead`` [s] (h, w) [m]. NaN beyond the edge and in holes."""
+    rows, columns = grid.heights.shape
+    high, wide = heights.shape
+    for a in range(high):
+        r = row + a * stride
+        block, newest, known = -1, 0, 0
+        phase = AT_REST
+        for b in range(wide):
+            c = column + b * stride
+            if r < 0 or c < 0 or r >= rows or c >= columns:
+                heights[a, b], rises[a, b] = math.nan, 0.0
+                continue
+            if c >> BLOCK_SHIFT != block:
+                block = c >> BLOCK_SHIFT
+                clock = grid.clocks[r >> BLOCK_SHIFT, block]
+                newest, known = clock.newest, clock.known
+                phase = block_phase(clock, time, grid.mode)
+            height, rise = grid.z + float(grid.heights[r, c]), 0.0
+            if known:
+                velocity, acceleration = _motion_at(grid, r, c, newest, phase)
+                height += displacement(velocity, acceleration, phase)
+                rise = rise_of(velocity, acceleration, phase, ahead)
+            heights[a, b], rises[a, b] = height, rise
+
+
+@compiled
+def triangle_weights(row: float, column: float, rows: int, columns: int) -> tuple[int, int, float, float, int]:
+    """The triangle under a point given as fractional (row, column): first sample of its cell, row and column; the
+    point's place in the cell (v along rows, u along columns); and 0 below the cell's diagonal, 1 above it.
+
+    Every cell is cut from (row, column) to (row + 1, column + 1), as in the report's Figures 3 and 4. Points outside use
+    the nearest cell.
+    """
+    r = min(max(int(math.floor(row)), 0), rows - 2)
+    c = min(max(int(math.floor(column)), 0), columns - 2)
+    v, u = row - r, column - c
+    return r, c, v, u, 0 if u >= v else 1
+
+
+@compiled
+def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
+    """Writes ``heights`` [m] and vertical ``velocities`` [m/s] of the ground under points ``xy`` (N, 2) [m], both (N,);
+    NaN over holes. Outside the map the ground is that of the nearest point of its edge."""
+    rows, columns = grid.heights.shape
+    for i in range(len(xy)):
+        if not (math.isfinite(xy[i, 0]) and math.isfinite(xy[i, 1])):
+            heights[i], velocities[i] = math.nan, 0.0
+            continue
+        row, column = to_grid(grid, xy[i, 0], xy[i, 1])
+        row, column = min(max(row, 0.0), rows - 1.0), min(max(column, 0.0), columns - 1.0)
+        r, c, v, u, upper = triangle_weights(row, column, rows, columns)
+        corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
+        height, velocity = 0.0, 0.0
+        for weight, a, b in (
+            (1.0 - max(u, v), r, c), (abs(u - v), corner_r, corner_c), (min(u, v), r + 1, c + 1)
+        ):  # fmt: skip
+            if weight != 0.0:
+                z, rise = sample_at(grid, a, b, time, INSTANT)
+                height += weight * z
+                velocity += weight * rise / INSTANT
+        heights[i], velocities[i] = height, velocity
+
+
+@compiled
+def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):  # type: ignore[no-untyped-def]
+    """Writes ``heights`` [m] and mean ``velocities`` over the time ``ahead`` [s] [m/s] of samples given by ``indices``
+    into the row-major map, all (n,)."""
+    columns = grid.heights.shape[1]
+    for i in range(len(indices)):
+        heights[i], rise = sample_at(grid, indices[i] // columns, indices[i] % columns, time, ahead)
+        velocities[i] = rise / ahead
+
+
+@compiled
+def take_heights(heights, velocities, clocks, row, column, new, given, time, max_interval):  # type: ignore[no-untyped-def]
+    """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``), and
+    the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
+
+    Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
+    are at rest. The same instant again is a correction: its difference is added to the velocity.
+    """
+    rows, columns = heights.shape
+    high, wide = new.shape
+    says = given.size > 0
+    for block_row in range(row >> BLOCK_SHIFT, ((row + high - 1) >> BLOCK_SHIFT) + 1):
+        for block_column in range(column >> BLOCK_SHIFT, ((column + wide - 1) >> BLOCK_SHIFT) + 1):
+            clock = clocks[block_row, block_column]
+            since = time - clock.time
+            first_row, first_column = block_row << BLOCK_SHIFT, block_column << BLOCK_SHIFT
+            last_row, last_column = min(first_row + BLOCK, rows), min(first_column + BLOCK, columns)
+            top, bottom = max(row, first_row), min(row + high, last_row)
+            left, right = max(column, first_column), min(column + wide, last_column)
+            again = since == 0.0
+            recent = 0.0 < since <= max_interval
+            if says:
+                clock.newest = clock.newest if again and clock.known > 0 else (clock.newest + 1) % KEPT
+            elif recent:
+                clock.newest = (clock.newest + 1) % KEPT
+            newest = clock.newest
+            if (says and not again) or recent:
+                for r in range(first_row, last_row):
+                    if top <= r < bottom:
+                        for c in range(first_column, left):
+                            velocities[newest, r, c] = 0.0
+                        for c in range(right, last_column):
+                            velocities[newest, r, c] = 0.0
+                    else:
+                        for c in range(first_column, last_column):
+                            velocities[newest, r, c] = 0.0
+            if says:
+                for r in range(top, bottom):
+                    for c in range(left, right):
+                        velocities[newest, r, c] = given[r - row, c - column]
+            elif recent:
+                inverse = np.float32(1.0 / since)
+                for r in range(top, bottom):
+                    for c in range(left, right):
+                        velocities[newest, r, c] = (new[r - row, c - column] - heights[r, c]) * inverse
+            elif again and clock.known > 0 and clock.middle < clock.time:
+                inverse = np.float32(0.5 / (clock.time - clock.middle))
+                for r in range(top, bottom):
+                    for c in range(left, right):
+                        velocities[newest, r, c] += (new[r - row, c - column] - heights[r, c]) * inverse
+            for r in range(top, bottom):
+                for c in range(left, right):
+                    heights[r, c] = new[r - row, c - column]
+            if again and (not says or clock.known > 0):
+                continue
+            if not (says or recent):
+                clock.known, clock.lifetime = 0, 0.0
+            else:
+                clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
+                clock.middle = time if says else time - 0.5 * since
+                clock.known = min(clock.known + 1, KEPT) if recent else 1
+                clock.lifetime = since if recent else max_interval
+            clock.time = time
