@@ -65,7 +65,8 @@ def _page(compared: list[Compared], commits: dict[str, str], pieces: int) -> str
         f"Written by `make before-after`. Before: {commits['before']}; now: {commits['now']}. Physics at 240 Hz, "
         f"patches at 60 Hz, maps at 60 Hz unless a row says otherwise. Processor time per body and step: median of "
         f"{pieces} pieces, quartiles; both sides took turns in one run. Update = all but `stepSimulation`. Penetration "
-        "is measured against the main mesh.",
+        "is measured against the main mesh. `Ground` in a plain PyBullet world, without landing and guard; or `World`, "
+        "where a row says so.",
         f"Measured on {found['cores']} cores of {found['cpu']}; {words}.",
         speed_table(compared),
         "![](before_after.png)",
