@@ -16,8 +16,9 @@ class Case:
     """Bodies on a map, run again and again from the same start.
 
     ``ground``: as `make_ground` takes it. ``samples`` on a side and ``resolution`` [m] of the map, around the origin.
-    ``map_rate`` [Hz]: how often a map comes, 0 = once; ground at rest sends the same one. ``kind``: of patches, which
-    are brought up to date at 60 Hz. ``driver``: *ground* = `Ground` in a plain PyBullet world, *world* = `World`.
+    ``map_rate`` [Hz]: how often a map comes, 0 = once; ground at rest sends the same one. ``early`` [s]: maps come so
+    long before the time they are stamped with, as they do to a node that is behind its sender. ``kind``: of patches,
+    which are brought up to date at 60 Hz. ``driver``: *ground* = `Ground` in a plain PyBullet world, *world* = `World`.
     ``settle`` [s] is neither timed nor measured, the rest of ``seconds`` [s] is. ``to_reach``: the update's speed-up
     that is asked for, None = none; ``deepest``: the penetration [m], 99 %, that is asked for. ``calls``: PyBullet's
     own calls are counted as well. ``quick``: part of the quick run.
@@ -32,6 +33,7 @@ class Case:
     shape: str = "sphere"
     size: tuple[float, ...] = (0.2,)
     map_rate: float = 60.0
+    early: float = 0.0
     kind: str = "auto"
     driver: Literal["ground", "world"] = "ground"
     seconds: float = 2.0
@@ -114,6 +116,12 @@ CASES = (
     SLOW_MAPS,
     replace(SLOW_MAPS, name="maps_20_world", title=f"{SLOW_MAPS.title} (World)", driver="world"),
     STEEP,
+    replace(
+        STEEP,
+        name="steep_45_early",
+        title="waves A 0.4 k 2 w 6, 48 balls, maps at 45 Hz, 2 ms early (World)",
+        early=0.002,
+    ),
 )
 
 

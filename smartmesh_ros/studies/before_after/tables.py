@@ -23,7 +23,7 @@ def speed_table(compared: Sequence[Compared]) -> str:
         rows.append(
             [
                 case.title, _with_quartiles(before), _with_quartiles(now), _ratio(one), asked,
-                f"{before.step:.2f} / {now.step:.2f}", f"{before.longest:.2f} / {now.longest:.2f}",
+                _pair(before.step, now.step), _pair(before.longest, now.longest),
                 _depths(one), f"{before.lost} / {now.lost}",
             ]
         )  # fmt: skip
@@ -103,4 +103,8 @@ def _ratio(one: Compared) -> str:
 
 def _depths(one: Compared) -> str:
     asked = "" if one.case.deepest is None else f" (<= {1e3 * one.case.deepest:g})"
-    return f"{one.before.p99:.2f} / {one.now.p99:.2f}{asked}"
+    return f"{_pair(one.before.p99, one.now.p99)}{asked}"
+
+
+def _pair(before: float, now: float) -> str:
+    return " / ".join("-" if math.isnan(value) else f"{value:.2f}" for value in (before, now))
