@@ -3,7 +3,7 @@ PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
 
-.PHONY: help demo test lint prepare bench studies load soak fuzz clean
+.PHONY: help demo test lint prepare bench studies before-after load soak fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -25,6 +25,9 @@ bench:  ## running times against the report's tables
 
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/studies $(ARGS)
+
+before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute
+	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/before_after --before "$(BEFORE)" $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
 	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/load $(LOAD)

@@ -41,6 +41,7 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",
+            f"before_after = {NAME}.studies.before_after.study:main",
             f"load = {NAME}.studies.load.study:main",
             f"soak = {NAME}.studies.load.soak:main",
             f"studies = {NAME}.studies.accuracy:main",

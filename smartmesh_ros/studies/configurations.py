@@ -18,7 +18,7 @@ RATE = 240.0
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
     """One point of the chart: an ``engine`` of the registry with ``options``, stepped at ``rate`` [Hz]. ``quick``: part
-    of the quick run."""
+    of the quick run. ``for_sliding``: part of scenes only whose ground slides."""
 
     name: str
     family: Family
@@ -26,6 +26,7 @@ class Configuration:
     options: Any = None
     rate: float = RATE
     quick: bool = False
+    for_sliding: bool = False
 
 
 def _patch(name: str, family: Family, physics: float = RATE, quick: bool = False, **settings: Any) -> Configuration:
@@ -93,6 +94,13 @@ def rivals() -> list[Configuration]:
             )
             for rate in (120.0, 240.0, 480.0, 960.0, 1920.0, 7680.0)
         ]
+        found += [
+            Configuration(
+                name=f"MuJoCo tuned, surfacevel, {rate:.0f} Hz", family="MuJoCo", engine="mujoco", rate=rate,
+                options=MujocoOptions(surface_velocity=True), quick=rate == RATE, for_sliding=True,
+            )
+            for rate in (240.0, 480.0, 960.0)
+        ]  # fmt: skip
     if not missing("physx"):
         found += [
             Configuration(name=f"PhysX, {rate:.0f} Hz", family="PhysX", engine="physx", rate=rate, quick=rate == RATE)

@@ -99,7 +99,9 @@ class Runner:
         self.samples: list[Sample] = []
         shape: Any = scene.bodies.make_shape()
         bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in scene.starts()]
-        setup = Setup(heights=maps(0), resolution=scene.grid[1], bodies=bodies, dt=1.0 / configuration.rate)
+        setup = Setup(
+            heights=maps(0), resolution=scene.grid[1], bodies=bodies, dt=1.0 / configuration.rate, slide=scene.slide
+        )
         self.engine = build(configuration.engine, setup, configuration.options)
 
     @property
@@ -160,6 +162,7 @@ def run_scene(
     maps = Maps(scene)
     results: dict[str, Result] = {}
     runners: list[Runner] = []
+    chosen = [configuration for configuration in chosen if scene.slides or not configuration.for_sliding]
     for configuration in chosen:
         try:
             runners.append(Runner(scene, configuration, maps))
@@ -193,8 +196,8 @@ def _measure(scene: Scene, surfaces: dict[float, Any], runners: list[Runner]) ->
     shape = scene.bodies.make_shape()
     for runner in runners:
         fresh = [sample for sample in runner.samples if sample.clearance is None]
-        for sample, heights in zip(fresh, surfaces.values(), strict=False):
-            surface = scene.surface(heights)
+        for sample, (instant, heights) in zip(fresh, surfaces.items(), strict=False):
+            surface = scene.surface(heights, instant)
             ground = surface.below(sample.positions)
             sample.clearance = clearances(surface, shape, sample.positions, sample.orientations)
             sample.clearance[np.isnan(ground)] = np.nan

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.studies.engines.bullet import BulletTrimeshOptions
 from smartmesh_ros.studies.engines.engine import EngineBody, Setup
 from smartmesh_ros.studies.engines.registry import build
@@ -22,13 +24,14 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     """Where the bodies (N, 3) [m] are after `HORIZON`; None where the scene has no reference.
 
     On rigid ground a filtered trimesh of the whole map; on moving ground, where no whole collider can carry the
-    velocity, patches of our finest setting on maps that come with every step.
+    velocity, patches of our finest setting on maps that come with every step. Rigid ground that slides is at rest for
+    who slides along with it: bodies move the other way there.
     """
     if scene.reference == "none":
         return None
     ground = scene.make_ground()
     shape: Any = scene.bodies.make_shape()
-    bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in scene.starts()]
+    bodies = [EngineBody(shape=shape, state=state, friction=scene.bodies.friction) for state in _starts(scene)]
     heights: Any = ground.heights(0.0)
     setup = Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / FINE_RATE)
     if scene.reference == "whole":
@@ -42,4 +45,12 @@ def reference_positions(scene: Scene) -> FloatArray | None:
                 moved: Any = ground.heights(step / FINE_RATE)
                 engine.set_ground(moved)
             engine.step()
-        return engine.positions()
+        return engine.positions() + (*((HORIZON * slide) for slide in scene.slide), 0.0)
+
+
+def _starts(scene: Scene) -> list[BodyState]:
+    """Where bodies start and how fast, for who slides along with the ground."""
+    return [
+        replace(state, linear=(state.linear[0] - scene.slide[0], state.linear[1] - scene.slide[1], state.linear[2]))
+        for state in scene.starts()
+    ]

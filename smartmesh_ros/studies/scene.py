@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -51,8 +51,9 @@ class Scene:
 
     ``grid``: samples on a side and their distance [m]; sample (0, 0) lies at the origin. ``map_rate`` [Hz]: how often
     the engines are told about the ground; 0 = once. ``settle`` [s]: what is not measured at first. ``samples`` [Hz]:
-    how often is measured. ``reference``: the run that bodies are compared with, at an eighth of the step: a *whole*
-    filtered collider where the ground is rigid, or our *finest* setting on maps of that rate. ``quick``: part of the
+    how often is measured. ``slide`` [m/s]: the map moves along x and y as one piece, beside what its ground does.
+    ``reference``: the run that bodies are compared with, at an eighth of the step: a *whole* filtered collider where
+    the ground is rigid, also where it slides, or our *finest* setting on maps of that rate. ``quick``: part of the
     quick run.
     """
 
@@ -65,6 +66,7 @@ class Scene:
     duration: float = 3.0
     settle: float = 0.5
     samples: float = 60.0
+    slide: tuple[float, float] = (0.0, 0.0)
     reference: Literal["none", "whole", "finest"] = "finest"
     quick: bool = False
 
@@ -88,9 +90,15 @@ class Scene:
         """The ground, fresh: some remember what has been dug."""
         return make_ground(self.geometry, **self.ground)
 
-    def surface(self, heights: Any) -> Surface:
-        """The main mesh of a map of heights."""
-        return Surface(self.geometry, np.asarray(heights))
+    @property
+    def slides(self) -> bool:
+        """Whether the map moves along x and y."""
+        return self.slide != (0.0, 0.0)
+
+    def surface(self, heights: Any, time: float = 0.0) -> Surface:
+        """The main mesh of a map of heights, where it lies at ``time`` [s]."""
+        x, y = self.slide[0] * time, self.slide[1] * time
+        return Surface(replace(self.geometry, origin=(x, y, 0.0)), np.asarray(heights))
 
     def starts(self) -> list[BodyState]:
         """Where the bodies start: apart from one another by their own size."""

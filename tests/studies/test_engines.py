@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,6 +71,36 @@ def test_map_lies_where_it_should(engine: str) -> None:
             scene.step()
         expected = [(c * RESOLUTION, r * RESOLUTION) for r, c in pits]
         assert scene.positions()[:, :2] == pytest.approx(np.array(expected), abs=0.05)  # cells are 0.2 m
+
+
+def test_map_that_slides_takes_a_ball_in_a_pit_along(engine: str) -> None:
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    heights = 0.6 * np.hypot(row - 10, column - 10) * RESOLUTION
+    start = ball((2.0, 2.0, 0.3))
+    with build(engine, replace(setup(heights, start), slide=(0.5, -0.25))) as scene:
+        for _ in range(480):
+            scene.set_ground(heights)
+            scene.step()
+        x, y, z = scene.positions()[0]
+        # The walls hold it within a cell of the bottom; it may go round.
+        assert (x, y) == pytest.approx((3.0, 1.5), abs=RESOLUTION)
+        assert 0.25 < z < 0.45
+
+
+def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) -> None:
+    flat = np.zeros((ROWS, COLUMNS))
+    box = EngineBody(shape=Box(0.4, 0.4, 0.2), state=BodyState(position=(2.03, 2.01, 0.101)))
+    cases: list[tuple[Any, bool]] = [(None, engine == "smartmesh")]
+    if engine == "mujoco":
+        from smartmesh_ros.studies.engines.mujoco_hfield import MujocoOptions
+
+        cases.append((MujocoOptions(surface_velocity=True), True))
+    for options, dragged in cases:
+        with build(engine, replace(setup(flat, box), slide=(0.5, 0.0)), options) as scene:
+            for _ in range(240):
+                scene.set_ground(flat)
+                scene.step()
+            assert scene.velocities()[0, 0] == pytest.approx(0.5 if dragged else 0.0, abs=0.02)
 
 
 def test_cells_are_cut_along_the_main_diagonal(engine: str) -> None:

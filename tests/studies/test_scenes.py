@@ -1,5 +1,6 @@
 """Scenes are what their files say, and what a file says wrongly is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.studies.clearance import clearances
 from smartmesh_ros.studies.grounds import GROUNDS, make_ground
 from smartmesh_ros.studies.presets import NAMES, read_presets
+from smartmesh_ros.studies.reference import reference_positions
 from smartmesh_ros.studies.scene import read_scene, read_scenes
 
 SCENES = read_scenes()
@@ -71,3 +73,17 @@ def test_presets_are_points_of_the_chart() -> None:
     assert not found["fast"].patch.edge_filter
     assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
     assert found["rover"].physics.rate == 240.0
+
+
+def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:
+    [scene] = [scene for scene in SCENES if scene.slides]
+    at_rest = replace(scene, slide=(0.0, 0.0), bodies=replace(scene.bodies, count=1, velocity=(-1.0, 0.0, 0.0)))
+    sliding = replace(at_rest, slide=(1.0, 0.0), bodies=replace(at_rest.bodies, velocity=(0.0, 0.0, 0.0)))
+    found, expected = reference_positions(sliding), reference_positions(at_rest)
+    assert found is not None and expected is not None
+    assert found == pytest.approx(expected + (1.0, 0.0, 0.0), abs=1e-9)
+    heights = scene.make_ground().heights(0.0)
+    place = np.array([[10.3, 9.1, 1.0]])
+    assert scene.surface(heights, 2.0).below(place + (2.0, 0.0, 0.0)) == pytest.approx(
+        scene.surface(heights).below(place), abs=1e-6
+    )

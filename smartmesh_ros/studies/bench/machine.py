@@ -7,7 +7,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "coal")
+PACKAGES = ("numpy", "numba", "pybullet", "mujoco", "sapien", "coal")
 
 
 def describe() -> dict[str, object]:

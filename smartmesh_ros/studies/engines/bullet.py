@@ -43,6 +43,8 @@ class _Bullet(Engine):
     """What both have in common: the client and the bodies."""
 
     def __init__(self, setup: Setup, contact_erp: float) -> None:
+        self._setup = setup
+        self._steps = 0
         self._client: Any = BulletClient(pb.DIRECT)
         self._client.setGravity(*setup.gravity)
         self._client.setTimeStep(setup.dt)
@@ -51,6 +53,11 @@ class _Bullet(Engine):
 
     def step(self) -> None:
         self._client.stepSimulation()
+        self._steps += 1
+
+    def _slid(self) -> tuple[float, float]:
+        """How far the map has slid by now [m]."""
+        return self._setup.offset(self._steps * self._setup.dt)
 
     def positions(self) -> FloatArray:
         return body_arrays(self._client, self._uids)[0]
@@ -116,7 +123,7 @@ class BulletTrimesh(_Bullet):
         shape = self._client.createCollisionShape(
             pb.GEOM_MESH, vertices=self._vertices.tolist(), indices=self._indices, flags=self._flags
         )
-        self._uid = self._ground(shape, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        self._uid = self._ground(shape, (*self._slid(), 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 class BulletHeightfield(_Bullet):
@@ -154,6 +161,10 @@ class BulletHeightfield(_Bullet):
             replaceHeightfieldIndex=self._shape,
             **self._layout,
         )
+        if self._setup.slides:
+            x, y = self._slid()
+            (base_x, base_y, base_z), orientation = self._pose
+            self._client.resetBasePositionAndOrientation(self._uid, (base_x + x, base_y + y, base_z), orientation)
         if self._carry and velocities is not None:
             # What carries a velocity is moved on by the step: back to its place first, which stops it.
             self._client.resetBasePositionAndOrientation(self._uid, *self._pose)

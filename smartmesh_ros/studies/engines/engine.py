@@ -33,7 +33,8 @@ class Setup:
     """Bodies on a height map.
 
     ``heights``: (R, C) float64 [m], finite; sample (row r, column c) lies at (c, r) * ``resolution`` [m], and every
-    cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: length of a step [s].
+    cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: length of a step [s]. ``slide``: velocity with
+    which the map moves along x and y as one piece [m/s]; its samples lie further on by so much at every `set_ground`.
     """
 
     heights: FloatArray
@@ -41,6 +42,16 @@ class Setup:
     bodies: Sequence[EngineBody]
     dt: float
     gravity: Vector = (0.0, 0.0, -9.81)
+    slide: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def slides(self) -> bool:
+        """Whether the map moves along x and y."""
+        return self.slide != (0.0, 0.0)
+
+    def offset(self, time: float) -> tuple[float, float]:
+        """How far the map has slid by ``time`` [m]."""
+        return self.slide[0] * time, self.slide[1] * time
 
     @property
     def size(self) -> tuple[float, float]:

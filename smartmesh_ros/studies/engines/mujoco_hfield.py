@@ -23,17 +23,23 @@ _ARENA = 1 << 20
 class MujocoOptions:
     """``time_constant`` [s]: of the contact (MuJoCo's solref; it takes no less than two of its steps), None = tuned,
     two steps; MuJoCo's own default is 0.02. ``substeps``: MuJoCo's steps in one ``dt``. ``lowest``, ``highest`` [m]:
-    range of the ground, which is fixed when the model is built."""
+    range of the ground, which is fixed when the model is built. ``surface_velocity``: ground that slides has MuJoCo's
+    ``surfacevel``, else contacts see where it is and not how it moves."""
 
     time_constant: float | None = None
     substeps: int = 1
+    surface_velocity: bool = False
     lowest: float = -20.0
     highest: float = 20.0
 
 
 class MujocoHfield(Engine):
-    """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; what leaves it is refused. The ground has no
-    velocity: a contact sees where it is and not how it moves."""
+    """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; what leaves it is refused.
+
+    The ground has no velocity: a contact sees where it is and not how it moves. MuJoCo's ``surfacevel`` is one velocity
+    field for the whole map (a constant and a rotation), of which a contact takes what lies in its tangent plane: it
+    drags bodies along and cannot lift them, and has no place for waves, whose velocity is another at every sample.
+    """
 
     name: ClassVar[str] = "mujoco"
 
@@ -52,11 +58,17 @@ class MujocoHfield(Engine):
             size=[0.5 * width, 0.5 * length, chosen.highest - chosen.lowest, 1.0],
             userdata=np.zeros(rows * columns, np.float32),
         )
-        spec.worldbody.add_geom(
+        self._setup = setup
+        # Ground that slides hangs on a body that is placed anew with every map; other ground needs none.
+        holder = spec.worldbody.add_body(mocap=True) if setup.slides else spec.worldbody
+        # The model takes it only where it is not zero when compiled; `geom_surfacevel` may change from then on.
+        velocity = [*setup.slide, 0.0, 0.0, 0.0, 0.0] if chosen.surface_velocity else [0.0] * 6
+        holder.add_geom(
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
             hfieldname="ground",
             pos=[0.5 * width, 0.5 * length, chosen.lowest],
             condim=3,
+            surfacevel=velocity,
         )
         for body in setup.bodies:
             self._add(spec, body)
@@ -80,6 +92,8 @@ class MujocoHfield(Engine):
     def write(self, data: NDArray[np.float32]) -> None:
         """Takes heights that are `normalised` already: all that MuJoCo itself needs, and the least it can cost."""
         self._heights[...] = data
+        if self._setup.slides:
+            self.data.mocap_pos[0, :2] = self._setup.offset(self.data.time)
 
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data, self._options.substeps)

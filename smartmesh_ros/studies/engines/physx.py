@@ -37,6 +37,8 @@ class PhysxTrimesh(Engine):
 
     def __init__(self, setup: Setup, options: PhysxOptions | None = None) -> None:
         chosen = options or PhysxOptions()
+        self._setup = setup
+        self._steps = 0
         # These are global to SAPIEN and read when a scene, a shape or a body is made.
         physx.set_scene_config(
             gravity=np.array(setup.gravity, np.float32),
@@ -71,10 +73,13 @@ class PhysxTrimesh(Engine):
         collider.attach(shape)
         self._ground = sapien.Entity()
         self._ground.add_component(collider)
+        x, y = self._setup.offset(self._steps * self._setup.dt)
+        self._ground.pose = sapien.Pose((x, y, 0.0))
         self._scene.add_entity(self._ground)
 
     def step(self) -> None:
         self._scene.step()
+        self._steps += 1
 
     def positions(self) -> FloatArray:
         return np.array([body.entity_pose.p for body in self._bodies], np.float64).reshape(-1, 3)

@@ -41,11 +41,21 @@ class SmartMesh(Engine):
         self._uids = [body.uid for body in self.world.bodies.values()]
         for uid, body in zip(self._uids, setup.bodies, strict=True):
             self.world.client.changeDynamics(uid, -1, lateralFriction=body.friction, restitution=body.restitution)
-        self._dt = setup.dt
+        self._setup = setup
         self._fresh = False
 
     def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        self.heightmap.replace(heights, time=self.world.time, velocities=velocities)
+        time = self.world.time
+        if self._setup.slides:
+            # The map comes anew, elsewhere: that is how ground that slides is told.
+            x, y = self._setup.offset(time)
+            geometry = replace(self.heightmap.geometry, origin=(x, y, 0.0))
+            moved = HeightMap(
+                heights, geometry=geometry, time=time, velocities=velocities, motion=self.heightmap.motion
+            )
+            self.world.terrain.put("", moved)
+        else:
+            self.heightmap.replace(heights, time=time, velocities=velocities)
         self.world.prepare()
         self._fresh = True
 
@@ -54,7 +64,7 @@ class SmartMesh(Engine):
             self.world.prepare()
         self._fresh = False
         self.world.client.stepSimulation()
-        self.world.time += self._dt
+        self.world.time += self._setup.dt
 
     def positions(self) -> FloatArray:
         return body_arrays(self.world.client, self._uids)[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any
 
@@ -16,7 +16,7 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.studies.clearance import clearances
 from smartmesh_ros.studies.distance import Surface
-from smartmesh_ros.studies.grounds import make_ground
+from smartmesh_ros.studies.grounds import Rigid, make_ground
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 
@@ -65,6 +65,13 @@ class Arena:
         """Adds a body of 1 kg."""
         self.world.spawn(name, shape, 1.0, BodyState(position, **state))
         self.shapes[name] = shape
+
+    def form(self, height: Callable[[FloatArray, FloatArray], Any]) -> None:
+        """Gives rigid ground the surface height(x, y) [m], a function of positions (1, C) and (R, 1) [m], for good."""
+        truth = self.truth
+        assert isinstance(truth, Rigid)
+        truth.surface[...] = height(np.asarray(truth.x, np.float64)[None], np.asarray(truth.y, np.float64))
+        self.heightmap.replace(truth.surface, time=0.0)
 
     def scatter(self, count: int, shape: Shape, spread: float, drop: float, seed: int = 5, **state: Any) -> None:
         """Adds bodies at random places within ``spread`` [m] of the middle, ``drop`` [m] above the ground there."""

@@ -6,10 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.matrix import changes, moving_ground, rules, still_ground
+from smartmesh_ros.studies.matrix import changes, edges, moving_ground, rules, still_ground, touching
 from smartmesh_ros.studies.matrix.row import METHODS, Outcome, Row
 
-ROWS: tuple[Row, ...] = (*still_ground.ROWS, *moving_ground.ROWS, *changes.ROWS, *rules.ROWS)
+ROWS: tuple[Row, ...] = (
+    *still_ground.ROWS,
+    *moving_ground.ROWS,
+    *changes.ROWS,
+    *rules.ROWS,
+    *touching.ROWS,
+    *edges.ROWS,
+)
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 
 

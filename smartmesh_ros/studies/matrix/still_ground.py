@@ -205,7 +205,7 @@ def wide_box(method: PatchConfig) -> float:
 _PLACES = 5
 
 
-def _sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float) -> Any:
+def sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float) -> Any:
     def figure(method: PatchConfig) -> float:
         """Penetration [mm], 99 %, where it is deepest of several places; one body at a time, so that none is pushed."""
         found = []
@@ -283,14 +283,14 @@ ROWS = (
     ),
     Row(
         name="ball of a fifth of a cell",
-        figure=_sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0),
+        figure=sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0),
         limit=1.0,
         unit="mm",
         source="main mesh, 99 %",
     ),
     Row(
         name="ball of 50 cells",
-        figure=_sinks(Sphere(1.25), _RIPPLES, 161, 0.05, 1.3, 1.5),
+        figure=sinks(Sphere(1.25), _RIPPLES, 161, 0.05, 1.3, 1.5),
         limit=4.0,
         unit="mm",
         source="main mesh, 99 %; twice the tolerance",
@@ -298,7 +298,7 @@ ROWS = (
     ),
     Row(
         name="box of 40 cells on ripples",
-        figure=_sinks(Box(2.0, 1.6, 0.3), _RIPPLES, 121, 0.05, 0.2, 1.5),
+        figure=sinks(Box(2.0, 1.6, 0.3), _RIPPLES, 121, 0.05, 0.2, 1.5),
         limit=4.0,
         unit="mm",
         source="main mesh, 99 %; twice the tolerance",
@@ -306,7 +306,7 @@ ROWS = (
     ),
     Row(
         name="long thin box",
-        figure=_sinks(
+        figure=sinks(
             Box(2.0, 0.1, 0.05), {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}, 61, 0.1, 0.1, 1.5
         ),
         limit=4.0,
@@ -315,7 +315,7 @@ ROWS = (
     ),
     Row(
         name="boxes on noise",
-        figure=_sinks(Box(0.4, 0.3, 0.2), {"kind": "noise", "deviation": 0.02}, 61, 0.1, 0.2, 2.0),
+        figure=sinks(Box(0.4, 0.3, 0.2), {"kind": "noise", "deviation": 0.02}, 61, 0.1, 0.2, 2.0),
         limit=4.0,
         unit="mm",
         source="main mesh, 99 %",

@@ -1,0 +1,56 @@
+"""The comparison with another checkout: both sides run what they are told, and the figures are theirs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import smartmesh_ros
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.studies.before_after.case import CASES, cases
+from smartmesh_ros.studies.before_after.contest import Calls, Compared, Figures, compare
+from smartmesh_ros.studies.before_after.side import Side
+from smartmesh_ros.studies.before_after.tables import missed, speed_table
+
+HERE = Path(smartmesh_ros.__file__).parents[1]
+[BALLS] = [case for case in CASES if case.name == "waves_10"]
+
+
+@pytest.mark.parametrize("driver", ["ground", "world"])
+def test_the_same_code_is_equal_to_itself(tmp_path: Path, driver: str) -> None:
+    case = replace(BALLS, driver=driver, count=3, seconds=0.5, settle=0.25, calls=True)  # type: ignore[arg-type]
+    [found] = compare({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
+    assert found.before.p99 == found.now.p99 >= 0.0
+    assert (found.before.lost, found.now.lost, found.now.note) == (0, 0, "")
+    assert 0.2 < found.speed_up < 5.0
+    assert found.now.update > 0.0 and found.now.step > 0.0
+    # Position and velocity of each body are read at least.
+    assert found.now.calls is not None and found.now.calls.calls >= 2.0
+    assert 0.0 < found.now.calls.own < 10.0 * found.now.update
+
+
+def test_every_case_has_its_own_name_and_the_quick_run_has_some_of_them() -> None:
+    assert {case.name for case in cases(quick=True)} < {case.name for case in cases(quick=False)}
+    assert len({case.name for case in CASES}) == len(CASES)
+
+
+def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no smartmesh_ros"):
+        Side(tmp_path)
+
+
+def test_code_that_cannot_run_a_case_leaves_its_side_empty(tmp_path: Path) -> None:
+    case = replace(BALLS, count=1, seconds=0.5, kind="no such kind")
+    [found] = compare({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
+    assert "no such kind" in found.before.note
+    assert "did not run" in speed_table([found])
+    assert len(missed([found])) == 2
+
+
+def test_what_was_asked_for_and_is_not_there_is_said() -> None:
+    before = Figures(update=10.0, step=5.0, p99=1.0)
+    case = replace(BALLS, to_reach=4.0, deepest=0.002)
+    good = Figures(update=2.0, step=5.0, p99=1.04, calls=Calls(own=1.0, else_=0.4, calls=4.0))
+    assert missed([Compared(case=case, before=before, now=good)]) == []
+    bad = Figures(update=5.0, step=5.0, p99=2.5, lost=1, calls=Calls(own=1.0, else_=0.6, calls=4.0))
+    assert len(missed([Compared(case=case, before=before, now=bad)])) == 5
