@@ -37,7 +37,7 @@ from smartmesh_ros.studies.mapper.mapping import true_heights
 from smartmesh_ros.studies.mapper.picture import draw_frame
 from smartmesh_ros.studies.mapper.poses import on_ground
 from smartmesh_ros.studies.mapper.rays import cast_rays
-from smartmesh_ros.studies.mapper.sensors import RangeSensor, scan
+from smartmesh_ros.studies.mapper.sensors import RangeSensor, Scan, scan
 from smartmesh_ros.studies.mapper.truth import TruthConfig
 from smartmesh_ros.terrain.rasters import RasterConfig, from_grid_map
 
@@ -181,6 +181,24 @@ def test_variances_shrink_and_errors_are_as_large_as_they_say() -> None:
     assert (score < 1.0).mean() == pytest.approx(0.683, abs=0.05)
     assert (score < 2.0).mean() == pytest.approx(0.954, abs=0.03)
     assert rms(last.error[both]) < 0.6 * rms(first.error[both])
+
+
+def test_points_are_weighted_by_what_their_noise_is_worth_vertically() -> None:
+    mapper = ElevationMapper(MapperConfig(cells=21, unevenness=0.02))
+    pose = Pose(0.0, 0.0, 0.5, 0.0, 0.0, 1.0)
+    mapper.follow(pose)
+    slant = np.array([[0.0, 0.0, -1.0], [0.0, 0.6, -0.8], [0.0, -0.8, -0.6]])
+    ranges, deviations = np.array([1.0, 1.01, 1.02]), np.array([0.05, 0.04, 0.09])
+    for k in range(3):  # all of them into the middle cell
+        start = np.array([0.0, 0.0, 1.0]) - slant[k] * (0.0, 1.0, 0.0)
+        mapper.add(Scan(start, slant[k : k + 1], ranges[k : k + 1], deviations[k : k + 1]), pose)
+    heights = 1.5 + ranges * slant[:, 2]
+    weights = 1.0 / ((deviations * slant[:, 2]) ** 2 + 0.02**2)
+    assert mapper.heights[10, 10] == pytest.approx((weights * heights).sum() / weights.sum())
+    assert mapper.variances[10, 10] == pytest.approx(1.0 / weights.sum())
+    assert np.isfinite(mapper.heights).sum() == 1
+    mapper.wait(10.0)
+    assert mapper.variances[10, 10] == pytest.approx(1.0 / weights.sum() + 10.0 * mapper.config.growth)
 
 
 def test_the_usual_mapper_is_as_good_as_it_says_where_the_pose_is_known() -> None:
