@@ -4,7 +4,10 @@ The state of a sample is its height and the variance of that. Between measuremen
 counts for less and less; a measurement takes the height towards itself by the share of its own certainty. What lies
 further off than noise can say is no noise: the ground was changed, or the map was moved, and the sample starts anew.
 
-Compiled by Numba; a sample costs a few nanoseconds.
+Measurements are taken to be independent. Maps of a mapper that has fused them already are not: they repeat what it said
+before, so they average out little more, and ``growth`` bounds how far the variance falls short of the truth.
+
+Compiled by Numba; a sample costs about half a nanosecond.
 """
 
 from __future__ import annotations
