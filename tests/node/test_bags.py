@@ -6,14 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from grid_map_msgs.msg import GridMap
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros import bags
+from smartmesh_ros import HeightMap, bags
+from smartmesh_ros.node.adapters.grid_map import raster_from
+from smartmesh_ros.terrain.rasters import RasterConfig
 from smartmesh_ros.testing import Probe, assert_on_map
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "make_bag.py"
+MAPPER = Path(__file__).parents[1] / "data" / "mapper"
 PARAMETERS = {
     "terrain.motion": "hold",
     "patch.kind": "heightfield",
@@ -57,6 +61,23 @@ def test_a_played_bag_puts_patches_on_its_maps(probe: Probe, tmp_path: Path) -> 
         bags.play(bag, probe.node, probe.spin)
         probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > before + 10)
         probe.wait_for(on_last_map)
+
+
+def test_the_shipped_bag_of_an_elevation_mapper_is_taken(probe: Probe) -> None:
+    maps = [record for record in bags.read(MAPPER) if record.topic == "/elevation_map"]
+    last = raster_from(deserialize_message(maps[-1].data, GridMap), RasterConfig(), 10_000)
+    truth = HeightMap(last.heights, geometry=last.geometry)
+    with probe.running(parameters={**PARAMETERS, "terrain.input": "grid_map"}):
+        remap = {"/elevation_map": "/terrain_collider/grid_map"}
+        assert bags.play(MAPPER, probe.node, probe.spin, rate=2.0, remap=remap) == 50
+
+        def on_last_map() -> bool:
+            points = np.concatenate([np.empty((0, 3)), *probe.patches().values()])
+            below = truth.at(points[:, :2], 0.0).heights
+            return bool(len(points) and np.allclose(points[:, 2], below, atol=1e-5))
+
+        probe.wait_for(on_last_map)
+        assert not [name for name in probe.diagnostics("inputs") if name.startswith("refused")]
 
 
 def test_a_bag_gives_back_what_was_written(probe: Probe, tmp_path: Path) -> None:

@@ -1,0 +1,102 @@
+"""Writes a bag of a rover's elevation maps - grid maps with variances, a loop closed in the middle - and its odometry.
+
+scripts/workspace run dev -- python scripts/make_mapper_bag.py tests/data/mapper
+
+Needs grid_map_msgs, installed or as the tests build it.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from grid_map_msgs.msg import GridMap
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+
+from smartmesh_ros import bags
+from smartmesh_ros.studies.mapper import DriftConfig, MapFrame, MapperConfig, MappingConfig, mapped_terrain
+from smartmesh_ros.studies.mapper.grid_map import grid_map_arrays
+from smartmesh_ros.testing import floats, pose_message
+
+START = 1_700_000_000.0  # a day in the past, as bags are from
+CELLS, RATE = 40, 5.0  # a small map and a slow one [Hz], to keep the bag small
+
+
+def drive(seconds: float, seed: int) -> MappingConfig:
+    """A drive of so many seconds with a loop closed in the middle of it; it drifts in seconds as others in a minute."""
+    return MappingConfig(
+        duration=seconds,
+        rate=RATE,
+        seed=seed,
+        mapper=MapperConfig(cells=CELLS),
+        drift=DriftConfig(horizontal=0.02, vertical=0.03, yaw=0.002, closures=(0.5 * seconds,)),
+    )
+
+
+def stamp(time: float) -> Time:
+    nanoseconds = round((START + time) * 1e9)
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+
+
+def grid_map(frame: MapFrame) -> GridMap:
+    """The message that an elevation mapper publishes."""
+    arrays = grid_map_arrays(frame)
+    message = GridMap(layers=list(arrays.layers), basic_layers=["elevation"])
+    message.header.stamp, message.header.frame_id = stamp(frame.stamp), "map"
+    message.info.resolution = arrays.resolution
+    message.info.length_x, message.info.length_y = arrays.lengths
+    message.info.pose = pose_message((*arrays.centre, 0.0))
+    message.data = [layer(cells) for cells in arrays.layers.values()]
+    message.outer_start_index, message.inner_start_index = arrays.start
+    return message
+
+
+def layer(cells: NDArray[np.float32]) -> Float32MultiArray:
+    """Cells (along -x, along -y), stored column by column."""
+    rows, columns = cells.shape
+    message = Float32MultiArray(data=floats(cells.T))
+    message.layout.dim = [
+        MultiArrayDimension(label="column_index", size=columns, stride=rows * columns),
+        MultiArrayDimension(label="row_index", size=rows, stride=rows),
+    ]
+    return message
+
+
+def odometry(frame: MapFrame) -> Odometry:
+    """Where the rover takes itself to be; it says nothing of its speed."""
+    message = Odometry(child_frame_id="base_link")
+    message.header.stamp, message.header.frame_id = stamp(frame.stamp), "map"
+    message.pose.pose = pose_message(frame.estimate[:3])
+    roll, pitch, yaw = (0.5 * angle for angle in frame.estimate[3:])
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in (roll, pitch, yaw))
+    turned = message.pose.pose.orientation
+    turned.w, turned.x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    turned.y, turned.z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    return message
+
+
+def messages(config: MappingConfig) -> Iterator[tuple[str, float, Any]]:
+    """(topic, time [s], message) in the order of time."""
+    for frame in mapped_terrain(config):
+        yield "/elevation_map", START + frame.stamp, grid_map(frame)
+        yield "/odom", START + frame.stamp, odometry(frame)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("path", type=Path, help="folder of the new bag")
+    parser.add_argument("--storage", choices=get_args(bags.Storage), default="mcap")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    bags.write(options.path, messages(drive(options.seconds, options.seed)), options.storage)
+    print(f"wrote {options.path}")
+
+
+if __name__ == "__main__":
+    main()
