@@ -171,6 +171,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     window = Window(heights, rises, spacing)
     leave = rules.leave if before != Support.NONE else 0.0
     travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)
+    support.margin = math.sqrt(travel.x * travel.x + travel.y * travel.y + travel.z * travel.z) + travel.more
     touch = touched_facets(window, own, travel, touched)
     if touch.count == 0:
         touch = below(window, own, touch)
@@ -195,7 +196,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
         support.deviation = deviation
     else:
         support.deviation = rectangle.deviation if place.stride == 1 else math.nan
-    support.gap, support.margin = touch.gap.distance, touch.margin
+    support.gap, support.margin = touch.gap.distance, max(support.margin, touch.margin)
     describe(grid, place, own, touch, plane, rise, duration, support)
 
 

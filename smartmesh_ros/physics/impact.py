@@ -32,9 +32,11 @@ ADVANCES = 32
 
 
 class Impact(NamedTuple):
-    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; and the direction from there to the solid."""
+    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; how far apart they are there [m]; and the
+    direction from there to the solid."""
 
     share: float
+    gap: float
     normal: Point
 
 
@@ -76,21 +78,21 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arri
     for _ in range(ADVANCES):
         gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
         if gap.distance <= arrival:
-            return Impact(share, gap.normal)
+            return Impact(share, gap.distance, gap.normal)
         share += gap.distance / length
         if share >= 1.0:
             break
-    return Impact(2.0, UP)
+    return Impact(2.0, math.inf, UP)
 
 
 @compiled
 def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
     """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
-    unchanged where it meets nothing, or is at the ground from the start."""
+    unchanged where it meets nothing, or is in contact from the start."""
     first = time_of_impact(window, solid, path, least, arrival)
-    if first.share >= 1.0 or first.share == 0.0:
+    if first.share >= 1.0 or first.gap < -0.5 * arrival:
         return path
-    closing = -(1.0 - first.share) * dot(first.normal, path)
+    closing = -(1.0 - first.share) * dot(first.normal, path) - first.gap
     if closing <= least:
         return path
     slides = along(path, closing - arrival, first.normal)

@@ -36,6 +36,7 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid
 
 # Where colliders wait that no body needs: far below, and apart from one another [m].
 PARK_DEPTH, PARK_STEP = -1.0e5, 1.0e3
+MESH_KINDS = ("trimesh", "hull", "prisms")
 LARGEST_FIELD = 4096  # samples of the largest field, more than any has
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STILL = (0.0, 0.0, 0.0)
@@ -125,7 +126,7 @@ class Colliders:
         self._changes[:] = NOTHING
         limits = Limits(
             SELECTION.carried * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
-            COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.bound,
+            COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
         )  # fmt: skip
         if config.grid_kind == "heightfield":
             for name, mesh in selector.terrain.tiles.items():
@@ -142,16 +143,19 @@ class Colliders:
         self._tell(config.edge_filter)
 
     def apply_meshes(self, batches: list[PatchBatch], supports: Any, config: PatchConfig) -> None:
-        """Gives followers the mesh colliders of their patches, and takes those of others away."""
-        served = set()
+        """Gives followers the mesh colliders of their patches."""
         for batch in batches:
-            if batch.kind in ("trimesh", "hull", "prisms"):
+            if batch.kind in MESH_KINDS:
                 rows = [row for row, body in enumerate(batch.bodies.tolist()) if self._followers[body].solid]
-                served.update(int(batch.bodies[row]) for row in rows)
                 self.meshes.apply_batch(batch, rows, supports, self._followers, config)
-        for index, follower in enumerate(self._followers):
-            if index not in served:
-                self.meshes.release(follower)
+
+    def release_meshes(self, batches: list[PatchBatch]) -> None:
+        """Takes mesh colliders away from followers that have no such patch among ``batches``."""
+        if self.meshes.count:
+            served = {body for batch in batches if batch.kind in MESH_KINDS for body in batch.bodies.tolist()}
+            for index, follower in enumerate(self._followers):
+                if index not in served:
+                    self.meshes.release(follower)
 
     def release(self, index: int) -> None:
         """Takes a follower's colliders away."""
@@ -166,7 +170,7 @@ class Colliders:
     ) -> None:  # fmt: skip
         """Plans for followers, after giving them colliders that fit."""
         todo = chosen
-        for attempt in range(3):
+        for _ in range(2):
             plan(
                 grid, todo, supports, shapes, self.table, self._planes, self._fields, samples, time, limits,
                 self._heights, self._at_contact, self._work, self._poses, self._velocities, self._changes,
@@ -178,7 +182,7 @@ class Colliders:
                 if supports["state"][index] == Support.PLANE:
                     self._fit_box(index, float(plane_need(supports[index], shapes[index])), time)
                 else:
-                    self._fit_field(index, supports[index], grid.resolution, time, tall=attempt > 0)
+                    self._fit_field(index, supports[index], grid.resolution, time)
 
     def _fit_box(self, index: int, need: float, time: float) -> None:
         """Gives a follower a box with room for it."""
@@ -192,11 +196,11 @@ class Colliders:
             self.table["extent"][-1] = size
         self._hand_out(index, free.pop(), self._planes, time)
 
-    def _fit_field(self, index: int, support: Any, resolution: float, time: float, *, tall: bool) -> None:
+    def _fit_field(self, index: int, support: Any, resolution: float, time: float) -> None:
         """Gives a follower a field of another size."""
         self._give_back(index, self._fields)
         rows, columns, spacing = int(support.rows), int(support.columns), resolution * int(support.stride)
-        bound = field_bound(rows, columns, spacing, tall=tall)
+        bound = field_bound(rows, columns, spacing)
         free = self._free[rows, columns, spacing, bound]
         if not free:
             if self._visual is None:
