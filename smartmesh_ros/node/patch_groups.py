@@ -26,7 +26,7 @@ class PatchGroup(NamedTuple):
 def by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
     """Patches grouped by the triangles they show: those that touch a hole are left out."""
     for batch in batches:
-        vertices = batch.vertices_w()
+        vertices = batch.vertices_w
         if not batch.may_have_holes:
             yield PatchGroup(batch, np.arange(len(vertices)), batch.bodies, vertices, batch.triangles, True)
             continue

@@ -79,7 +79,8 @@ def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], No
 
     def run() -> None:
         heights.reverse()
-        calls.replace_heightfields([shape] * BATCH, size, [heights[0]] * BATCH, [edge_filter] * BATCH)
+        for _ in range(BATCH):
+            calls.replace_heightfield(shape, size, size, heights[0], edge_filter)
 
     return run
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from smartmesh_ros.patches.batch import GridBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.studies.bench.measure import Bench, Case
 from smartmesh_ros.studies.bench.moving import (
@@ -70,9 +69,7 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            batch = ground.batches[0]
-            assert isinstance(batch, GridBatch)
-            engine.set_ground(batch.heights_w[0].reshape(3, 3))
+            engine.set_ground(ground.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 

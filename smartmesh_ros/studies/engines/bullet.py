@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.heightfield import BOUND, collider_yaw
+from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.physics.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.studies.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.terrain.grid import FloatArray
@@ -19,6 +20,8 @@ from smartmesh_ros.terrain.trimesh import grid_triangles
 # Share of a penetration that the solver takes back in one step: the package's default, so that engines differ in their
 # colliders alone.
 CONTACT_ERP = 0.2
+# Orientation of a heightfield's body that brings the diagonals of PyBullet's cells to ours.
+QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +144,7 @@ class BulletHeightfield(_Bullet):
         self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if chosen.edge_filter else 0
         self._carry = chosen.carry_velocity
         bounds = np.zeros(rows * columns)
-        bounds[0], bounds[-1] = -BOUND, BOUND  # for good: PyBullet keeps the bounds a heightfield is created with
+        bounds[0], bounds[-1] = -COLLIDERS.bound, COLLIDERS.bound  # for good: PyBullet keeps the bounds a heightfield is created with
         self._shape: int = self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             meshScale=[setup.resolution, setup.resolution, 1.0],
@@ -149,7 +152,7 @@ class BulletHeightfield(_Bullet):
             **self._layout,
         )
         width, length = setup.size
-        self._pose = ((0.5 * width, 0.5 * length, 0.0), collider_yaw(0.0))
+        self._pose = ((0.5 * width, 0.5 * length, 0.0), QUARTER_TURN)
         self._uid = self._ground(self._shape, *self._pose)
         self.set_ground(setup.heights)
 

@@ -84,7 +84,7 @@ class Naive(Node):
         with self._world.stopwatch.stage("publish"):
             message = MarkerArray()
             for batch in self._world.ground.batches:
-                for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w(), strict=True):
+                for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
                     marker = Marker(ns="patches", id=body, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
                     marker.header.frame_id = "map"
                     marker.header.stamp = self.get_clock().now().to_msg()
