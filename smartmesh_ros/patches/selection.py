@@ -106,8 +106,8 @@ def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) 
 
 
 @compiled
-def select(grid, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
-    """Chooses supports of the bodies in ``chosen`` (n,), until ``duration`` [s] after ``time`` [s].
+def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
+    """Chooses supports of the bodies in ``chosen`` (n,) on a tile, until ``duration`` [s] after ``time`` [s].
 
     ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, in and out.
     ``heights``, ``rises``, ``touched``: memory for windows (S, S).
@@ -115,6 +115,10 @@ def select(grid, shapes, bodies, chosen, duration, time, rules, supports, height
     local = np.empty(13)
     for k in range(len(chosen)):
         i = chosen[k]
+        supports[i].tile, supports[i].first = tile, -1
+        if not there(bodies[i]):
+            supports[i].state = Support.NONE
+            continue
         local_body(grid, bodies[i], local)
         solid = solid_of(shapes[i], local)
         travel = travel_of(local, solid, shapes[i].radius, duration, rules)
@@ -125,6 +129,15 @@ def select(grid, shapes, bodies, chosen, duration, time, rules, supports, height
         h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]
         read_window(grid, place.row, place.column, place.stride, time, duration, h, r)
         choose(grid, place, h, r, solid, travel, duration, rules, supports[i], touched)
+
+
+@compiled
+def there(body: FloatArray) -> bool:
+    """Whether a body (13,) is anywhere: none of its numbers is not finite."""
+    total = 0.0
+    for k in range(13):
+        total += body[k]
+    return math.isfinite(total)
 
 
 @compiled
