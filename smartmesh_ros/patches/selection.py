@@ -66,9 +66,8 @@ def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
     """A body (13,) in the frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
     row, column = to_grid(grid, body[0], body[1])
     out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
-    half = math.sqrt(0.5 * (1.0 + grid.cos))  # cosine of half the yaw
-    sine = 0.5 * grid.sin / half if half > 1e-9 else 1.0
-    turn = product((0.0, 0.0, -sine, half), (body[3], body[4], body[5], body[6]))
+    half = 0.5 * math.atan2(grid.sin, grid.cos)
+    turn = product((0.0, 0.0, -math.sin(half), math.cos(half)), (body[3], body[4], body[5], body[6]))
     out[3], out[4], out[5], out[6] = turn
     for first in (7, 10):
         x, y = body[first], body[first + 1]

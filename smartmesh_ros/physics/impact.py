@@ -21,6 +21,7 @@ from smartmesh_ros.patches.touchable import (
     Window,
     extents,
     facet_of,
+    heights_of_cell,
     is_ground,
     out_of_reach,
     surface_at,
@@ -56,8 +57,7 @@ def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: 
     best = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
-            low = min(min(z[a, b], z[a, b + 1]), min(z[a + 1, b], z[a + 1, b + 1]))
-            top = max(max(z[a, b], z[a, b + 1]), max(z[a + 1, b], z[a + 1, b + 1]))
+            low, top = heights_of_cell(z, a, b)
             margin = min(best.distance, reach)
             if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
                 continue
