@@ -31,6 +31,7 @@ from smartmesh_ros.node.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.urdf import with_package_paths
 from smartmesh_ros.physics.urdf import checked_urdf
 from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.warm_up import warm_up
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -42,6 +43,7 @@ class TerrainCollider(Node):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
+        self.get_logger().info(f"compiled functions are ready after {warm_up():.1f} s")
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)

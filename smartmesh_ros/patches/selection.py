@@ -155,7 +155,8 @@ def select_across(grid, place, heights, rises, shape, body, duration, rules, sup
     local_body(grid, body, local)
     solid = solid_of(shape[0], local)
     travel = travel_of(local, solid, shape[0].radius, duration, rules)
-    choose(grid, place, heights, rises, solid, travel, duration, rules, support[0], touched)
+    h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]  # of one type with those of `select`
+    choose(grid, place, h, r, solid, travel, duration, rules, support[0], touched)
 
 
 @compiled

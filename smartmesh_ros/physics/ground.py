@@ -230,7 +230,7 @@ class Ground:
             follower = self.followers[index]
             state = self._client.getLinkState(follower.body, follower.link, computeLinkVelocity=1)
             self.states[index] = (*state[0], *state[1], *state[6], *state[7])
-        self.positions_w = self.states[:, :3]
+        self.positions_w = np.ascontiguousarray(self.states[:, :3])  # for compiled functions of one type
         self.moved_w = self.states[:, 7:10] * dt
         self._told.clear()
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from smartmesh_ros.compiled import compiled
 
 FloatGrid = NDArray[np.float32]
 
@@ -100,7 +101,7 @@ def _require_inside(known: FusedMap, shape: tuple[int, ...], first: tuple[int, i
         raise ValueError(f"heights of shape {shape} at {first} leave a map of {size}")
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _fused(
     height: np.float32,
     variance: np.float32,
@@ -124,7 +125,7 @@ def _fused(
     return height + gain * innovation, gain * noise
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _fuse_all(
     heights: FloatGrid,
     variances: FloatGrid,
@@ -144,7 +145,7 @@ def _fuse_all(
             height[j], variance[j] = _fused(height[j], variance[j], seen[j], noise, grown, gate_squared)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _fuse_each(
     heights: FloatGrid,
     variances: FloatGrid,

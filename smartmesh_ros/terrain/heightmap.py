@@ -17,6 +17,7 @@ from smartmesh_ros.terrain.revisions import next_revision
 EDGE = 1e-6
 
 _NO_VELOCITIES = np.empty((0, 0), np.float32)
+_NO_VELOCITIES.setflags(write=False)
 
 
 class Samples(NamedTuple):
@@ -199,10 +200,10 @@ class HeightMap:
         """Takes checked heights and notes when they came."""
         self.version += 1
         self.revision = next_revision()
-        given = _NO_VELOCITIES if speeds is None else speeds
+        given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
         take_heights(
-            self._heights, self._velocities, self._clocks, row, column, np.ascontiguousarray(new),
-            np.ascontiguousarray(given), time, self.motion.max_interval,
+            self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),
+            self.motion.max_interval,
         )  # fmt: skip
 
 
@@ -220,6 +221,13 @@ def _checked(
     if _has_infinity(speeds):
         raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
     return new, speeds, has_holes
+
+
+def _read_only(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values without gaps that cannot be written to, so that compiled functions see one type, whoever made them."""
+    view = np.ascontiguousarray(values).view()
+    view.setflags(write=False)
+    return view
 
 
 def _has_infinity(values: NDArray[np.float32]) -> bool:

@@ -65,7 +65,7 @@ class Oracle:
         if batch.tile not in self.tiles:
             return  # of a general mesh
         tile = self.tiles[batch.tile]
-        vertices = batch.vertices_w().reshape(-1, 3)
+        vertices = batch.vertices_w.reshape(-1, 3)
         x, y = (vertices[:, :2] - tile.origin[:2]).T
         cos, sin = math.cos(tile.yaw), math.sin(tile.yaw)
         grid = np.stack([-sin * x + cos * y, cos * x + sin * y], axis=1) / tile.resolution

@@ -23,11 +23,14 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node import body_outputs, patch_outputs
-from smartmesh_ros.patches.batch import PatchBatch, SurfaceTwist
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.tracker import PatchTracker
+from smartmesh_ros.patches.selector import Selector
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
+from smartmesh_ros.physics.body_shapes import ball
 from smartmesh_ros.physics.contacts import GroundContact
 from smartmesh_ros.physics.states import StateTable
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -38,17 +41,27 @@ names = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF, exclude_cha
 numbers = st.floats(-1e6, 1e6, width=32)
 
 
+def batches_of(terrain: Terrain, config: PatchConfig, positions: FloatArray, radii: FloatArray) -> list[PatchBatch]:
+    """Patches of balls at rest at ``positions`` (N, 3)."""
+    selector = Selector(terrain, config)
+    shapes = np.array([ball(radius) for radius in radii], SHAPE).view(np.recarray)
+    selector.adopt(shapes, np.ones(len(radii), bool), np.full(len(radii), -1))
+    bodies = np.zeros((len(radii), BODY_COLUMNS))
+    bodies[:, :3], bodies[:, 6] = positions, 1.0
+    selector.update(bodies, 0.01, 1.0 / 60.0)
+    return selector.batches()
+
+
 def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]:
-    """Patches of bodies in a row over random moving ground."""
+    """Patches of bodies that lie on random moving ground."""
     rng = np.random.default_rng(count)
     heights = rng.normal(size=(60, 80)).astype(np.float32)
     if holes:
         heights[rng.random(heights.shape) < 0.05] = np.nan
     terrain = Terrain(HeightMap(heights, resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4, velocities=heights * 0.1))
-    tracker = PatchTracker(terrain, PatchConfig())
-    tracker.set_bodies(np.resize(radii, count), np.full(count, -1))
     inner = terrain.tiles[""].geometry.to_world(rng.uniform(10, 50, count), rng.uniform(10, 70, count))
-    return tracker.update(np.column_stack([inner, np.zeros(count)]), np.zeros((count, 3)), 0.01, 1.0 / 240.0)
+    heights = np.nan_to_num(terrain.at(inner, 0.0).heights)
+    return batches_of(terrain, PatchConfig(), np.column_stack([inner, heights]), np.resize(radii, count))
 
 
 def xyz(values: Sequence[float]) -> dict[str, float]:
@@ -81,7 +94,7 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
     # ... and the geometry against the patches.
     corners = {}
     for batch in batches:
-        vertices = batch.vertices_w()
+        vertices = batch.vertices_w
         for row, body in enumerate(batch.bodies.tolist()):
             triangles = vertices[row][batch.triangles]
             corners[body] = triangles[~np.isnan(triangles).any(axis=(1, 2))].reshape(-1, 3)
@@ -99,16 +112,14 @@ def test_planes_and_patches_of_their_size_keep_their_own_vertices() -> None:
     for config in (PatchConfig(kind="plane"), PatchConfig(kind="heightfield", rings=1)):
         places = heightmap.geometry.to_world(rng.uniform(10, 50, 9), rng.uniform(10, 70, 9))
         positions = np.column_stack([places, heightmap.at(places, 0.0).heights + 0.1])
-        tracker = PatchTracker(Terrain(heightmap), config)
-        tracker.set_bodies(np.full(9, 0.1), np.full(9, -1))
-        made = tracker.update(positions, np.zeros((9, 3)), 0.0, 1.0 / 240.0)
+        made = batches_of(Terrain(heightmap), config, positions, np.full(9, 0.1))
         batches += [replace(batch, bodies=batch.bodies + 9 * (config.kind == "heightfield")) for batch in made]
     assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("plane", 8), ("heightfield", 8)}
     written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)])
     shown = {m.id: [(p.x, p.y, p.z) for p in m.points] for m in deserialize_message(written, MarkerArray).markers}
     assert len(shown) == 18
     for batch in batches:
-        for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w(), strict=True):
+        for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
             np.testing.assert_array_equal(shown[body], vertices[batch.triangles].reshape(-1, 3))
 
 
@@ -133,7 +144,7 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
     expected = {}
     for batch in batches:
         triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in batch.triangles]
-        for row, (body, vertices) in enumerate(zip(batch.bodies.tolist(), batch.vertices_w().tolist(), strict=True)):
+        for row, (body, vertices) in enumerate(zip(batch.bodies.tolist(), batch.vertices_w.tolist(), strict=True)):
             twist = Twist()
             if carry:
                 twist.linear = Vector3(**xyz(batch.linear_w[row].tolist()))
@@ -201,10 +212,7 @@ def changing_batches(turn: int, holes: bool, rng: np.random.Generator) -> list[P
     """Patches of twenty bodies that change their sizes now and then, or move and lose some of them."""
     batches = batches_for(20, [0.2, 0.4, 0.9] if turn % 4 else [0.9, 0.2], holes)
     if turn % 3 == 0:
-        batches = [
-            replace(batch, ground=batch.read()._replace(heights=batch.heights_w + rng.normal()))
-            for batch in batches[:-1]
-        ]
+        batches = [replace(batch, vertices_w=batch.vertices_w + [0.0, 0.0, rng.normal()]) for batch in batches[:-1]]
     return batches
 
 
@@ -242,10 +250,7 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
     for turn in range(16):
         batches = changing_batches(turn, holes, rng)
         if turn % 5 == 1:  # alike in shape, and of another speed or precision
-            batches = [
-                replace(batch, surface=SurfaceTwist(batch.linear_w + rng.normal(), batch.angular_w))
-                for batch in batches
-            ]
+            batches = [replace(batch, linear_w=batch.linear_w + rng.normal()) for batch in batches]
         if turn % 5 == 2:
             batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
         carry = turn < 12

@@ -145,7 +145,8 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         local_body(grid, bodies[chosen[k]], local)
         solid = solid_of(shapes[chosen[k]], local)
         own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
-        window = Window(heights[k], rises[k], grid.resolution * place.stride)
+        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # of one type with `select`
+        window = Window(h, r, grid.resolution * place.stride)
         touch = touched_facets(window, own, Travel(0.0, 0.0, 0.0, EVERYWHERE), touched)
         if touch.count == 0:
             support.state, support.gap = Support.NONE, math.inf

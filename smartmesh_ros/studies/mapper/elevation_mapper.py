@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from smartmesh_ros.compiled import compiled
 from smartmesh_ros.studies.mapper.poses import Pose
 from smartmesh_ros.studies.mapper.sensors import Scan
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
@@ -111,7 +111,7 @@ def _overlap(moved: int, size: int) -> tuple[slice, slice]:
     return slice(new, new + shared), slice(old, old + shared)
 
 
-@njit(cache=True)
+@compiled
 def _fuse(
     heights: FloatArray,
     variances: FloatArray,
@@ -136,7 +136,7 @@ def _fuse(
         variances[row, column] = max(gain * noise, least)
 
 
-@njit(cache=True)
+@compiled
 def _resampled(values: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
     """Values at fractional places, (n, n) each; NaN where the nearest cell is not known."""
     result = np.empty_like(rows)
@@ -146,7 +146,7 @@ def _resampled(values: FloatArray, rows: FloatArray, columns: FloatArray) -> Flo
     return result
 
 
-@njit(cache=True)
+@compiled
 def _among_known(values: FloatArray, row: float, column: float) -> float:
     """The bilinear mean of the four cells around a place, as far as they are known; NaN if the nearest is not."""
     if math.isnan(_value(values, math.floor(row + 0.5), math.floor(column + 0.5))):
@@ -163,7 +163,7 @@ def _among_known(values: FloatArray, row: float, column: float) -> float:
     return total / weights
 
 
-@njit(cache=True)
+@compiled
 def _value(values: FloatArray, row: int, column: int) -> float:
     """A cell's value; NaN outside."""
     rows, columns = values.shape

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from smartmesh_ros.compiled import compiled
 from smartmesh_ros.studies.distance import Surface
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -30,7 +30,7 @@ def cast_rays(surface: Surface, start_w: FloatArray, directions_w: FloatArray, r
     return ranges
 
 
-@njit(cache=True)
+@compiled
 def _cast_all(
     heights: FloatArray, highest: float, start: FloatArray, directions: FloatArray, reach: float, ranges: FloatArray
 ) -> None:
@@ -39,7 +39,7 @@ def _cast_all(
         ranges[k] = _cast(heights, highest, start[0], start[1], start[2], dx, dy, dz, reach)
 
 
-@njit(cache=True)
+@compiled
 def _cast(
     heights: FloatArray, highest: float, x: float, y: float, z: float, dx: float, dy: float, dz: float, reach: float
 ) -> float:
@@ -71,7 +71,7 @@ def _cast(
     return math.nan
 
 
-@njit(cache=True)
+@compiled
 def _leaves(start: float, rate: float, cell: int) -> float:
     """Where along the ray one coordinate leaves its cell."""
     if rate > 0.0:
@@ -81,7 +81,7 @@ def _leaves(start: float, rate: float, cell: int) -> float:
     return math.inf
 
 
-@njit(cache=True)
+@compiled
 def _crossing(
     heights: FloatArray,
     row: int,
@@ -107,7 +107,7 @@ def _crossing(
     return begin + (end - begin) * first / (first - last)
 
 
-@njit(cache=True)
+@compiled
 def _height(heights: FloatArray, row: int, column: int, x: float, y: float, lower: bool) -> float:
     """Height at (x, y) [samples] of a cell's lower triangle, of higher columns, or of its upper one."""
     u, v = x - column, y - row

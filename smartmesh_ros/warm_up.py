@@ -1,0 +1,91 @@
+"""Has every compiled function ready before it is needed: loaded from Numba's cache, or compiled the first time."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from smartmesh_ros.physics.shapes import Box, Cylinder, Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World
+from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+# Samples on a side of the maps, and how far they are apart [m].
+SIDE, SPACING = 8, 0.25
+LENGTH = (SIDE - 1) * SPACING
+
+
+def warm_up() -> float:
+    """Passes through all compiled functions on maps of a few samples; returns the time it took [s].
+
+    Whoever steps a `World` or updates a `Ground` by a clock calls it before; else the first steps take so long.
+    """
+    start = perf_counter()
+    with World() as world:
+        _spawn_bodies(world)
+        for scene in (_on_hills, _on_a_plane, _across_tiles, _on_a_general_mesh):
+            scene(world)
+            world.step(2)
+            world.ground.batches  # noqa: B018  # patches of bodies with dictated poses are worked out for those who ask
+            world.reset_bodies()
+    _fuse_maps()
+    return perf_counter() - start
+
+
+def _spawn_bodies(world: World) -> None:
+    """Shapes of each kind: one about to hit the ground, one on two tiles, one below the ground, one with a dictated
+    pose."""
+    middle = 0.5 * LENGTH
+    world.spawn("falling", Sphere(0.1), 1.0, BodyState((middle, middle, 0.25), linear=(0.0, 0.0, -20.0)))
+    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.3 * LENGTH, middle, 0.15)))
+    world.spawn("cylinder", Cylinder(0.1, 0.2), 1.0, BodyState((0.7 * LENGTH, middle, 0.15)))
+    world.spawn("on two tiles", Sphere(0.1), 1.0, BodyState((LENGTH, middle, 0.1)))
+    world.spawn("below", Sphere(0.1), 1.0, BodyState((middle, 0.3 * LENGTH, -0.5)))
+    world.track("dictated", 0.1, BodyState((middle, 0.7 * LENGTH, 0.1)))
+
+
+def _on_hills(world: World) -> None:
+    """Fields, on a map that was told whole and in part, with velocities and without, and that slides."""
+    hills = _hills(0.0)
+    hills.replace(hills.heights, time=-0.3)
+    hills.update_region(1, 1, hills.heights[1:3, 1:3], time=-0.2)
+    hills.replace(hills.heights, time=-0.1, velocities=np.ones((SIDE, SIDE), np.float32))
+    hills.slide((1.0, 0.0), 0.1)
+    hills.sample(np.arange(SIDE), 0.0)
+    world.terrain.put("", hills)
+
+
+def _on_a_plane(world: World) -> None:
+    """Boxes as colliders."""
+    world.terrain.put("", HeightMap(np.zeros((SIDE, SIDE), np.float32), resolution=SPACING, time=world.time))
+
+
+def _across_tiles(world: World) -> None:
+    """Fields across the edge of a tile."""
+    world.terrain.put("", _hills(0.0))
+    world.terrain.put("beside", _hills(LENGTH))
+
+
+def _on_a_general_mesh(world: World) -> None:
+    """Triangle meshes as colliders."""
+    world.terrain.remove("beside")
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    vertices = SPACING * np.stack([columns, rows, 0.1 * rows], axis=-1).reshape(-1, 3)
+    world.terrain.put("", TriangleMesh(vertices, grid_triangles(SIDE, SIDE)))
+
+
+def _hills(x: float) -> HeightMap:
+    """A height map that is nowhere flat, from ``x`` [m] on."""
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    heights = 0.1 * np.sin(rows) * np.cos(columns)
+    return HeightMap(heights.astype(np.float32), resolution=SPACING, origin=(x, 0.0), time=-1.0)
+
+
+def _fuse_maps() -> None:
+    """Maps fused with one variance for all samples, and with one for each."""
+    heights = np.zeros((SIDE, SIDE), np.float32)
+    for variance in (1e-4, np.full((SIDE, SIDE), 1e-4, np.float32)):
+        fuse(nothing_known(SIDE, SIDE), heights, variance, 0.1, FusionConfig())
