@@ -30,6 +30,8 @@ from smartmesh_ros.terrain.moving_grid import read_window
 
 # Advances after which a solid that grazes the ground is taken to miss it.
 ADVANCES = 32
+# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this [m].
+REFINEMENTS, NEARBY = 2, 0.02
 
 
 class Impact(NamedTuple):
@@ -104,6 +106,18 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
 
 
 @compiled
+def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
+    """By how much a solid near the ground is moved to be ``arrival`` [m] deep in it."""
+    moved = Point(0.0, 0.0, 0.0)
+    for _ in range(REFINEMENTS):
+        gap = nearest_gap(window, moved_by(solid, moved, 1.0), Point(0.0, 0.0, -1.0), 0.0, NEARBY)
+        if gap.distance > NEARBY:
+            break
+        moved = along(moved, -arrival - gap.distance, gap.normal)
+    return moved
+
+
+@compiled
 def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
@@ -120,9 +134,12 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules
     own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
     relative = Point(path.x, path.y, path.z - rise)
-    cut = minus(clamped_path(window, own, relative, least, arrival), relative)
+    clamped = clamped_path(window, own, relative, least, arrival)
+    cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
+    heights += rises
+    cut = along(cut, 1.0, to_arrival(window, moved_by(moved_by(own, path, 1.0), cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
     return True

@@ -32,14 +32,15 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 class LandingConfig:
     """When bodies are clamped before impact.
 
-    ``arrival`` [m]: bodies arrive this deep in the ground, so that the next step finds them in contact. ``shallow`` [m],
+    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in contact
+    with a collider that lies within this share of where it should be. ``shallow`` [m],
     ``falling``: what would come no deeper is left to the solver, nor what would come no deeper than so many times a
     fall from rest for a step: all that lies on the ground would. ``near``: bodies within this share of their radius of
     coming as near to the ground as they move in a step are looked at closely. ``deep`` [m], ``escape`` [m/s]: a body
     deeper than this leaves the ground no faster than that.
     """
 
-    arrival: float = 1e-4
+    arrival: float = 0.5
     shallow: float = 5e-4
     falling: float = 1.25
     near: float = 0.5
@@ -122,7 +123,8 @@ class Landing:
                 continue
             body = self._calls.states([ground.followers[index].body])[0]
             if clamp_one(
-                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, LANDING.arrival,
+                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow,
+                LANDING.arrival * ground.config.tolerance,
                 rules, *self._memory[:2], change,
             ):  # fmt: skip
                 found.append(index)
