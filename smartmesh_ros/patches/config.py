@@ -28,7 +28,7 @@ class SelectionConfig:
     most_cells: int = 32
     most_samples: int = 128
     fastest: float = 50.0
-    carried: float = 0.1
+    carried: float = 0.5
     slack: float = 0.2
 
 

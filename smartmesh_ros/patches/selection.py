@@ -66,9 +66,8 @@ def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
     """A body (13,) in the frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
     row, column = to_grid(grid, body[0], body[1])
     out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
-    half = math.sqrt(0.5 * (1.0 + grid.cos))  # cosine of half the yaw
-    sine = 0.5 * grid.sin / half if half > 1e-9 else 1.0
-    turn = product((0.0, 0.0, -sine, half), (body[3], body[4], body[5], body[6]))
+    half = 0.5 * math.atan2(grid.sin, grid.cos)
+    turn = product((0.0, 0.0, -math.sin(half), math.cos(half)), (body[3], body[4], body[5], body[6]))
     out[3], out[4], out[5], out[6] = turn
     for first in (7, 10):
         x, y = body[first], body[first + 1]
@@ -106,8 +105,8 @@ def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) 
 
 
 @compiled
-def select(grid, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
-    """Chooses supports of the bodies in ``chosen`` (n,), until ``duration`` [s] after ``time`` [s].
+def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
+    """Chooses supports of the bodies in ``chosen`` (n,) on a tile, until ``duration`` [s] after ``time`` [s].
 
     ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, in and out.
     ``heights``, ``rises``, ``touched``: memory for windows (S, S).
@@ -115,6 +114,10 @@ def select(grid, shapes, bodies, chosen, duration, time, rules, supports, height
     local = np.empty(13)
     for k in range(len(chosen)):
         i = chosen[k]
+        supports[i].tile, supports[i].first = tile, -1
+        if not there(bodies[i]):
+            supports[i].state = Support.NONE
+            continue
         local_body(grid, bodies[i], local)
         solid = solid_of(shapes[i], local)
         travel = travel_of(local, solid, shapes[i].radius, duration, rules)
@@ -125,6 +128,15 @@ def select(grid, shapes, bodies, chosen, duration, time, rules, supports, height
         h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]
         read_window(grid, place.row, place.column, place.stride, time, duration, h, r)
         choose(grid, place, h, r, solid, travel, duration, rules, supports[i], touched)
+
+
+@compiled
+def there(body: FloatArray) -> bool:
+    """Whether a body (13,) is anywhere: none of its numbers is not finite."""
+    total = 0.0
+    for k in range(13):
+        total += body[k]
+    return math.isfinite(total)
 
 
 @compiled
@@ -172,6 +184,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     window = Window(heights, rises, spacing)
     leave = rules.leave if before != Support.NONE else 0.0
     travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)
+    support.margin = math.sqrt(travel.x * travel.x + travel.y * travel.y + travel.z * travel.z) + travel.more
     touch = touched_facets(window, own, travel, touched)
     if touch.count == 0:
         touch = below(window, own, touch)
@@ -196,7 +209,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
         support.deviation = deviation
     else:
         support.deviation = rectangle.deviation if place.stride == 1 else math.nan
-    support.gap, support.margin = touch.gap.distance, touch.margin
+    support.gap, support.margin = touch.gap.distance, max(support.margin, touch.margin)
     describe(grid, place, own, touch, plane, rise, duration, support)
 
 

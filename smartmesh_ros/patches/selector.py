@@ -28,6 +28,9 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
 
+NO_SAMPLES = np.empty(0)
+
+
 def rules_for(config: PatchConfig, more: SelectionConfig, gravity: float, *, across: bool) -> Rules:
     """The settings as compiled functions take them."""
     return Rules(
@@ -48,11 +51,14 @@ class Selector:
         self.config = config
         self.stopwatch = stopwatch or Stopwatch()
         self.supports = no_supports(0)
-        self.samples = np.empty(0)
+        self._plain = self.supports.view(np.ndarray)  # the same table, whose columns are read faster
+        self.samples = NO_SAMPLES
         self.mesh_patches: dict[int, MeshPatch] = {}
         self.gravity = 9.81  # [m/s^2]
         self._shapes = np.zeros(0, SHAPE).view(np.recarray)
         self._solid = np.empty(0, bool)
+        self._everybody = np.empty(0, np.int64)  # solid bodies
+        self._only_grid: HeightMap | None = None  # the one tile, if it is a height map
         self._bodies, self._time, self._duration = np.empty((0, BODY_COLUMNS)), 0.0, 1.0
         self._layout = -1
         self._names: list[str] = []
@@ -67,7 +73,9 @@ class Selector:
         """Says which bodies there are: their ``shapes`` (N,), which are ``solid`` (N,), and each one's index before, -1 =
         new (N,)."""
         self._shapes, self._solid = shapes, solid
+        self._everybody = np.flatnonzero(solid)
         self.supports = carried_over(self.supports, kept, no_supports(len(kept)))
+        self._plain = self.supports.view(np.ndarray)
         places = {int(old): new for new, old in enumerate(kept.tolist()) if old >= 0}
         self.mesh_patches = {places[old]: patch for old, patch in self.mesh_patches.items() if old in places}
         self._bodies = carried_over(self._bodies, kept, np.full((len(kept), BODY_COLUMNS), np.nan))
@@ -81,6 +89,11 @@ class Selector:
         self.config = config
         self.forget(slice(None))
 
+    @property
+    def names(self) -> list[str]:
+        """The tiles, by the index that supports know them by."""
+        return self._names
+
     def forget(self, bodies: IntArray | slice) -> None:
         """Has bodies chosen for as if they were new."""
         self.supports["state"][bodies] = Support.NONE
@@ -92,35 +105,28 @@ class Selector:
             self._take_tiles()
         before = [] if self.config.chooses else self.batches()
         self._bodies, self._time, self._duration, self._batches = bodies, time, duration, None
-        there = np.isfinite(bodies).all(axis=1)
-        self.supports["state"][~there] = Support.NONE
-        self.supports["first"] = -1
-        self._tracked_due = not self._solid.all()
+        self._tracked_due = len(self._everybody) < len(bodies)
         self._parts = []
-        self._choose(np.flatnonzero(there & self._solid), before)
-        self.samples = np.concatenate(self._parts) if self._parts else np.empty(0)
+        if self._only_grid is not None and self.config.chooses:  # off the map nothing is touchable
+            self._choose_on_grid(self._only_grid, 0, self._everybody)
+        else:
+            self._choose(self._everybody, before)
+        self.samples = np.concatenate(self._parts) if self._parts else NO_SAMPLES
 
     def batches(self) -> list[PatchBatch]:
         """Patches of all bodies as of the last update."""
         if self._batches is None:
             if self._tracked_due:
                 self._tracked_due = False
-                there = np.isfinite(self._bodies).all(axis=1)
-                self._choose_fixed(np.flatnonzero(there & ~self._solid), [])
+                self._choose_fixed(np.flatnonzero(~self._solid), [])
             self._batches = list(self._all_batches())
         return self._batches
-
-    def of_tile(self, name: str) -> IntArray:
-        """Solid bodies that have a support on a tile (n,)."""
-        index = self._names.index(name)
-        supports = self.supports
-        return np.flatnonzero((supports["tile"] == index) & (supports["state"] != Support.NONE) & self._solid)
 
     def _all_batches(self) -> Iterator[PatchBatch]:
         for index, name in enumerate(self._names):
             if name not in self.terrain.tiles:
                 continue
-            chosen = np.flatnonzero((self.supports["tile"] == index) & (self.supports["state"] != Support.NONE))
+            chosen = np.flatnonzero((self._plain["tile"] == index) & (self._plain["state"] != Support.NONE))
             if not chosen.size:
                 continue
             if name in self._meshes:
@@ -138,20 +144,24 @@ class Selector:
             return
         for name, bodies in self._on_tiles(chosen):
             mesh = self.terrain.tiles[name]
-            if not isinstance(mesh, HeightMap):
+            if isinstance(mesh, HeightMap):
+                self._choose_on_grid(mesh, self._names.index(name), bodies)
+            else:
                 self._choose_on_mesh(name, bodies)
-                continue
-            across = len(self.terrain.tiles) > 1
-            rules = rules_for(self.config, SELECTION, self.gravity, across=across)
-            grid = mesh.moved_to(self._time)
-            with self.stopwatch.stage("search"):
-                select(
-                    grid, self._shapes, self._bodies, bodies, self._duration, self._time, rules, self.supports,
-                    *self._memory,
-                )  # fmt: skip
-                if across:
-                    for body in bodies[self.supports["state"][bodies] == Support.ACROSS].tolist():
-                        self._choose_across(mesh, grid, body, rules)
+
+    def _choose_on_grid(self, heightmap: HeightMap, tile: int, bodies: IntArray) -> None:
+        """Gives bodies what they can touch of a height map."""
+        across = len(self._names) > 1
+        rules = rules_for(self.config, SELECTION, self.gravity, across=across)
+        grid = heightmap.moved_to(self._time)
+        with self.stopwatch.stage("search"):
+            select(
+                grid, tile, self._shapes, self._bodies, bodies, self._duration, self._time, rules, self.supports,
+                *self._memory,
+            )  # fmt: skip
+            if across:
+                for body in bodies[self._plain["state"][bodies] == Support.ACROSS].tolist():
+                    self._choose_across(heightmap, grid, body, rules)
 
     def _choose_across(self, heightmap: HeightMap, grid: Any, body: int, rules: Rules) -> None:
         """Chooses for a body whose window reaches over the edge of its tile."""
@@ -218,19 +228,22 @@ class Selector:
                 if meshes[name] is not old:
                     meshes[name].adopt(np.full(len(self._shapes), -1))
         self._meshes, self._names = meshes, names
+        tiles = list(self.terrain.tiles.values())
+        self._only_grid = tiles[0] if len(tiles) == 1 and isinstance(tiles[0], HeightMap) else None
         self._fixed.forget(slice(None))
         self._layout = self.terrain.layout_revision
 
     def _on_tiles(self, chosen: IntArray) -> list[tuple[str, IntArray]]:
         """Bodies by the tile they are on: they stay on theirs as long as they are over it, else they go to the first
         that they are over, or the one that they reach most nearly."""
-        tiles, supports = self.supports["tile"], self.supports
+        tiles, supports = self._plain["tile"], self._plain
+        there = np.isfinite(self._bodies[chosen]).all(axis=1)
+        supports["state"][chosen[~there]] = Support.NONE
+        chosen = chosen[there]
+        supports["first"][chosen] = -1
         if not (self._names and chosen.size):
             supports["state"][chosen] = Support.NONE
             return []
-        if len(self._names) == 1 and self.config.chooses and not self._meshes:  # off the map nothing is touchable
-            tiles[chosen] = 0
-            return [(self._names[0], chosen)]
         positions = self._bodies[chosen]
         beyond = np.array([self.terrain.tiles[name].beyond(positions) for name in self._names])
         stray = tiles[chosen] < 0

@@ -89,6 +89,18 @@ def is_ground(facet: Facet) -> bool:
 
 
 @compiled
+def heights_of_cell(heights: FloatArray, a: int, b: int) -> tuple[float, float]:
+    """The lowest and the highest corner of cell (a, b), holes left out; infinite where there is none."""
+    low, high = math.inf, -math.inf
+    for z in (heights[a, b], heights[a, b + 1], heights[a + 1, b], heights[a + 1, b + 1]):
+        if z < low:
+            low = z
+        if z > high:
+            high = z
+    return low, high
+
+
+@compiled
 def margin_of(rises: Facet, travel: Travel) -> float:
     """How far a solid may move relative to a facet whose corners rise by the heights of ``rises`` [m]."""
     vertical = max(abs(travel.z - rises.a.z), abs(travel.z - rises.b.z), abs(travel.z - rises.c.z))
@@ -133,7 +145,7 @@ def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArra
     """Finds the facets that a solid can touch, and marks them in ``touched`` (h - 1, w - 1): 1 below a cell's diagonal,
     2 above it. Facets may be too many, never too few."""
     high, wide = window.heights.shape
-    extent, most, z = extents(solid), largest_margin(window, travel), window.heights
+    extent, most = extents(solid), largest_margin(window, travel)
     count, top, bottom, left, right = 0, high, -1, wide, -1
     best, best_a, best_b, best_upper, widest = math.inf, 0, 0, 0, 0.0
     nearest = Gap(math.inf, UP, solid.centre)
@@ -141,8 +153,7 @@ def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArra
         for b in range(wide - 1):
             touched[a, b] = 0
             x, y = b * window.spacing, a * window.spacing
-            low = min(min(z[a, b], z[a, b + 1]), min(z[a + 1, b], z[a + 1, b + 1]))
-            top_z = max(max(z[a, b], z[a, b + 1]), max(z[a + 1, b], z[a + 1, b + 1]))
+            low, top_z = heights_of_cell(window.heights, a, b)
             if out_of_reach(solid, extent, x, y, window.spacing, low, top_z, most):
                 continue
             for upper in range(2):

@@ -51,15 +51,3 @@ class BulletCalls:
             reset(body, linear, angular, client)
             found.append(linear)
         return found
-
-    def replace_heightfield(self, shape: int, rows: int, columns: int, heights: list[float], filtered: bool) -> None:
-        """Gives a heightfield its new heights, in PyBullet's order, with or without a filter of its inner edges."""
-        pb.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD,
-            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
-            heightfieldData=heights,
-            numHeightfieldRows=rows,
-            numHeightfieldColumns=columns,
-            replaceHeightfieldIndex=shape,
-            physicsClientId=self._client,
-        )

@@ -193,9 +193,11 @@ class Ground:
             self._whole.update(config.kind, time)
         else:
             self._whole.release()
+        meshes = config.grid_kind in ("trimesh", "hull", "prisms") or bool(self._selector.mesh_patches)
+        batches = self.batches if meshes else []
+        self.colliders.release_meshes(batches)
         self.colliders.apply(self._selector, self.shapes, time, config)
-        if config.grid_kind in ("trimesh", "hull", "prisms") or self._selector.mesh_patches:
-            self.colliders.apply_meshes(self.batches, self.supports, config)
+        self.colliders.apply_meshes(batches, self.supports, config)
 
     def _adopt(self, followers: list[Follower]) -> None:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""

@@ -21,6 +21,7 @@ from smartmesh_ros.patches.touchable import (
     Window,
     extents,
     facet_of,
+    heights_of_cell,
     is_ground,
     out_of_reach,
     surface_at,
@@ -29,12 +30,16 @@ from smartmesh_ros.terrain.moving_grid import read_window
 
 # Advances after which a solid that grazes the ground is taken to miss it.
 ADVANCES = 32
+# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this [m].
+REFINEMENTS, NEARBY = 2, 0.02
 
 
 class Impact(NamedTuple):
-    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; and the direction from there to the solid."""
+    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; how far apart they are there [m]; and the
+    direction from there to the solid."""
 
     share: float
+    gap: float
     normal: Point
 
 
@@ -54,8 +59,7 @@ def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: 
     best = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
-            low = min(min(z[a, b], z[a, b + 1]), min(z[a + 1, b], z[a + 1, b + 1]))
-            top = max(max(z[a, b], z[a, b + 1]), max(z[a + 1, b], z[a + 1, b + 1]))
+            low, top = heights_of_cell(z, a, b)
             margin = min(best.distance, reach)
             if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
                 continue
@@ -76,21 +80,21 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arri
     for _ in range(ADVANCES):
         gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
         if gap.distance <= arrival:
-            return Impact(share, gap.normal)
+            return Impact(share, gap.distance, gap.normal)
         share += gap.distance / length
         if share >= 1.0:
             break
-    return Impact(2.0, UP)
+    return Impact(2.0, math.inf, UP)
 
 
 @compiled
 def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
     """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
-    unchanged where it meets nothing, or is at the ground from the start."""
+    unchanged where it meets nothing, or is in contact from the start."""
     first = time_of_impact(window, solid, path, least, arrival)
-    if first.share >= 1.0 or first.share == 0.0:
+    if first.share >= 1.0 or first.gap < -0.5 * arrival:
         return path
-    closing = -(1.0 - first.share) * dot(first.normal, path)
+    closing = -(1.0 - first.share) * dot(first.normal, path) - first.gap
     if closing <= least:
         return path
     slides = along(path, closing - arrival, first.normal)
@@ -99,6 +103,18 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
     if 0.0 < second.share < 1.0:
         return along(scaled(path, first.share), second.share, rest)
     return slides
+
+
+@compiled
+def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
+    """By how much a solid near the ground is moved to be ``arrival`` [m] deep in it."""
+    moved = Point(0.0, 0.0, 0.0)
+    for _ in range(REFINEMENTS):
+        gap = nearest_gap(window, moved_by(solid, moved, 1.0), Point(0.0, 0.0, -1.0), 0.0, NEARBY)
+        if gap.distance > NEARBY:
+            break
+        moved = along(moved, -arrival - gap.distance, gap.normal)
+    return moved
 
 
 @compiled
@@ -118,9 +134,12 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules
     own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
     relative = Point(path.x, path.y, path.z - rise)
-    cut = minus(clamped_path(window, own, relative, least, arrival), relative)
+    clamped = clamped_path(window, own, relative, least, arrival)
+    cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
+    heights += rises
+    cut = along(cut, 1.0, to_arrival(window, moved_by(moved_by(own, path, 1.0), cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
     return True

@@ -32,19 +32,18 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 class LandingConfig:
     """When bodies are clamped before impact.
 
-    ``arrival`` [m]: bodies arrive this deep in the ground, so that the next step finds them in contact. ``shallow`` [m],
+    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in contact
+    with a collider that lies within this share of where it should be. ``shallow`` [m],
     ``falling``: what would come no deeper is left to the solver, nor what would come no deeper than so many times a
     fall from rest for a step: all that lies on the ground would. ``near``: bodies within this share of their radius of
-    coming as near to the ground as they move in a step are looked at closely. ``met`` [m/s]: a clamped body whose speed
-    is another than gravity made has met the ground already. ``deep`` [m], ``escape`` [m/s]: a body deeper than this
-    leaves the ground no faster than that.
+    coming as near to the ground as they move in a step are looked at closely. ``deep`` [m], ``escape`` [m/s]: a body
+    deeper than this leaves the ground no faster than that.
     """
 
-    arrival: float = 1e-4
+    arrival: float = 0.5
     shallow: float = 5e-4
     falling: float = 1.25
     near: float = 0.5
-    met: float = 1e-3
     deep: float = 0.01
     escape: float = 1.0
 
@@ -64,12 +63,11 @@ class Escape(NamedTuple):
 
 class Clamped(NamedTuple):
     """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the velocities
-    taken from them and left to them (n, 3) [m/s]; and bodies deep in the ground."""
+    taken from them (n, 3) [m/s]; and bodies deep in the ground."""
 
     followers: list[int]
     uids: list[int]
     taken: FloatArray
-    left: FloatArray
     escapes: list[Escape]
 
 
@@ -81,7 +79,6 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
-        self._met: list[int] = []  # followers that met the ground in the last step
 
     def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
         """Has bodies arrive at the ground's surface in the coming step; ``free`` (N,): which followers may be slowed.
@@ -94,31 +91,23 @@ class Landing:
             ground.positions_w, ground.moved_w, ground.states, ground.supports, ground.shapes, free, time - ground.time,
             dt, fall, shallow, LANDING.near, LANDING.deep, codes,
         )  # fmt: skip
-        met, self._met = self._met, []
         if not found:
             return None
         escapes = [self._escape(index) for index in np.flatnonzero(codes == DEEP).tolist()]
-        near = [index for index in np.flatnonzero(codes == NEAR).tolist() if index not in met]
+        near = np.flatnonzero(codes == NEAR).tolist()
         followers, changes = self._changes(near, time, dt, fall, shallow)
         uids = [ground.followers[index].body for index in followers]
-        left = np.array(self._calls.add_velocities(uids, changes.tolist())).reshape(-1, 3)
-        return Clamped(followers, uids, -changes, left, escapes)
+        self._calls.add_velocities(uids, changes.tolist())
+        return Clamped(followers, uids, -changes, escapes)
 
     def restore(self, clamped: Clamped, physics: PhysicsConfig) -> None:
-        """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly. Those that
-        have met the ground are left to the solver in the next step: slowed again, they would gain speed for ever."""
-        followers, uids, taken, left, escapes = clamped
+        """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly."""
+        followers, uids, taken, escapes = clamped
         if uids:
             given_back = np.array(self._calls.add_velocities(uids, taken.tolist()))
             self._ground.will_move(followers, given_back * physics.dt)
-            pushed = np.abs(given_back - taken - left - np.multiply(physics.gravity, physics.dt)).max(axis=1)
-            self._met = [followers[row] for row in np.flatnonzero(pushed > LANDING.met).tolist()]
         for escape in escapes:
             self._hold_back(escape)
-
-    def forget(self) -> None:
-        """Forgets who met the ground: there are other followers now."""
-        self._met = []
 
     def _changes(
         self, near: list[int], time: float, dt: float, fall: FloatArray, shallow: float
@@ -134,7 +123,8 @@ class Landing:
                 continue
             body = self._calls.states([ground.followers[index].body])[0]
             if clamp_one(
-                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, LANDING.arrival,
+                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow,
+                LANDING.arrival * ground.config.tolerance,
                 rules, *self._memory[:2], change,
             ):  # fmt: skip
                 found.append(index)
@@ -182,7 +172,7 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
         z = moved[i, 2] + (fall[2] - support.rise) * dt
         closing = -(nx * x + ny * y + nz * z)
         length = math.sqrt(x * x + y * y + z * z)
-        if gap < -deep:
+        if gap < -deep and support.gap < -deep:
             codes[i] = DEEP
             count += 1
         elif (closing > shallow or length > near * shapes[i].radius) and gap - length < near * shapes[i].radius:

@@ -97,12 +97,12 @@ class WholeMesh:
     def _replace(self, name: str, mesh: MainMesh, time: float) -> None:
         assert isinstance(mesh, HeightMap)
         geometry = mesh.geometry
-        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.bound)
+        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.hole)
         turned = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
         rows, columns = geometry.columns, geometry.rows  # of the collider, a quarter turn from the map
         if name not in self._colliders:
             bounds = np.zeros(geometry.size)
-            bounds[0], bounds[-1] = -COLLIDERS.bound, COLLIDERS.bound
+            bounds[0], bounds[-1] = -COLLIDERS.hole, COLLIDERS.hole
             # PyBullet counts along its x first, whatever it calls that.
             shape = self._client.createCollisionShape(
                 pb.GEOM_HEIGHTFIELD,

@@ -345,4 +345,3 @@ class World:
 
     def _index_followers(self) -> None:
         self._index = index_followers(self.bodies.values(), self.ground.followers)
-        self._landing.forget()

@@ -128,17 +128,18 @@ class TriangleMesh:
         clock = self._clock[0]
         since = time - clock.time
         recent = 0.0 < since <= self.motion.max_interval
-        if since != 0.0 or speeds is not None:
+        again = since == 0.0 and clock.known > 0  # corrects what was said, or says it of other vertices
+        if since != 0.0 or (speeds is not None and not again):
             clock.newest = (clock.newest + 1) % KEPT
             self._velocities[clock.newest] = 0.0
         if speeds is not None:
             self._velocities[clock.newest][:, target] = speeds
         elif recent:
             self._velocities[clock.newest][:, target] = (new - self._now[:, target]) / since
-        elif since == 0.0 and clock.known and clock.middle < clock.time:
+        elif again and clock.middle < clock.time:
             interval = 2.0 * (clock.time - clock.middle)
             self._velocities[clock.newest][:, target] += (new - self._now[:, target]) / interval
-        if since == 0.0 and speeds is None:
+        if again or (since == 0.0 and speeds is None):
             return
         clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
         clock.middle = time if speeds is not None else time - 0.5 * since

@@ -8,8 +8,6 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics.shapes import Capsule, Cylinder, Shape, support
-from smartmesh_ros.terrain.heightmap import Samples
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 DT = 1.0 / 240.0
@@ -249,20 +247,10 @@ def test_what_rides_on_waves_moves_as_fast_as_they_do(rate: float) -> None:
         assert fastest < 0.05 * 4.0 + 9.81 / rate + 0.15
 
 
-def test_the_guard_looks_now_and_then_at_who_roams_a_patch_and_at_once_at_who_is_below_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_guard_leaves_who_crosses_a_ridge_and_finds_at_once_who_is_below_it() -> None:
     ridge = HeightMap(
         -2.0 * np.abs(np.arange(-10.0, 11.0))[:, None] * np.ones(21), resolution=2.0, origin=(-20.0, -20.0)
     )
-    looked: list[int] = []
-    at = Terrain.at
-
-    def counted(terrain: Terrain, xy_w: np.ndarray, time: float) -> Samples:
-        looked.append(len(xy_w))
-        return at(terrain, xy_w, time)
-
-    monkeypatch.setattr(Terrain, "at", counted)
     with World(ridge, WorldConfig(physics=PhysicsConfig(landing=False))) as world:
         world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, -0.5, 0.6)))
         uid = world.bodies["ball"].uid
@@ -270,7 +258,6 @@ def test_the_guard_looks_now_and_then_at_who_roams_a_patch_and_at_once_at_who_is
             world.client.resetBasePositionAndOrientation(uid, (0.0, y, 0.55 - abs(y)), (0, 0, 0, 1))
             world.refresh()
         assert world.rescues == 0
-        assert 0 < len(looked) <= 20
         world.client.resetBasePositionAndOrientation(uid, (0.0, 0.8, -0.9), (0, 0, 0, 1))
         world.refresh()
         assert world.rescues == 1

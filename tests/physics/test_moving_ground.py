@@ -9,7 +9,6 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import SELECTION, PatchKind
-from smartmesh_ros.physics.colliders import driver, field
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import InwardWaves, Wave
 
@@ -58,9 +57,16 @@ def test_ground_above_everything_seen_before_carries() -> None:
     assert depth_in_pit() < 0.02
 
 
-def test_without_preallocated_bounds_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driver, "make_field", lambda *arguments: field.make_field(*arguments[:-1], 1e-3))
-    assert depth_in_pit() > 0.5
+def test_a_plank_leans_on_a_step_far_above_its_foot() -> None:
+    heights = np.zeros((61, 61))
+    heights[:, 34:] = 0.3
+    tilt = 0.5 * math.radians(30.0)
+    config = WorldConfig(physics=PhysicsConfig(guard=False))
+    with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0)), config) as world:
+        orientation = (0.0, -math.sin(tilt), 0.0, math.cos(tilt))
+        world.spawn("plank", Box(1.0, 0.2, 0.1), 1.0, BodyState((0.05, 0.0, 0.36), orientation))
+        world.step(240)
+        assert world.state("plank").position[2] > 0.2
 
 
 @pytest.mark.parametrize("rise", [1.0, 5.0, 20.0])
@@ -270,7 +276,8 @@ def farthest_off(world: World) -> float:
     client, ground, off = world.client, world.ground, 0.0
     for index in np.flatnonzero(ground.supports["state"]).tolist():
         follower, position = ground.followers[index], ground.positions_w[index]
-        feet = position[:2] + np.array([[0.0, 0.0], [0.1, 0.03], [-0.05, 0.1], [-0.1, -0.08]])
+        foot = np.array([ground.supports["foot_x"][index], ground.supports["foot_y"][index]])
+        feet = foot + np.array([[0.0, 0.0], [0.02, 0.01], [-0.01, 0.02], [-0.02, -0.015]])
         client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise
         client.performCollisionDetection()
         hits = client.rayTestBatch([(x, y, position[2]) for x, y in feet], [(x, y, -2.0) for x, y in feet])

@@ -62,11 +62,12 @@ def test_a_restored_world_goes_on_as_the_saved_one() -> None:
         populate(world)
         run(world, 100)
         saved = world.save()
-        times = [saved.time - 2.0 * world.config.physics.dt, saved.time - world.config.physics.dt]
+        times = [world.time - back * world.config.physics.dt for back in range(5, 0, -1)]
         run(world, 60)
-        # A new world that has seen the last two maps, as the saved one had.
+        # A new world that has seen the last maps, as the saved one had: as many as tell accelerations.
         heightmap = HeightMap(SCENE.heights(times[0]), geometry=GEOMETRY, time=times[0])
-        heightmap.replace(SCENE.heights(times[1]), time=times[1])
+        for time in times[1:]:
+            heightmap.replace(SCENE.heights(time), time=time)
         with World(heightmap) as other:
             other.restore(Snapshot.from_json(saved.to_json()))
             run(other, 60)

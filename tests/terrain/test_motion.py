@@ -1,45 +1,160 @@
-"""What the ground does between two maps."""
+"""What the ground does between two maps, sample by sample."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.motion import PATIENCE, REST, MotionConfig, MotionMode, progress
+from smartmesh_ros.terrain.motion import (
+    AGREEMENT,
+    AT_REST,
+    PATIENCE,
+    REST,
+    Mode,
+    MotionConfig,
+    Phase,
+    agreed,
+    displacement,
+    motion_of,
+    phase_of,
+    rise_of,
+)
 
 AGES = np.linspace(0.0, 1.0, 2001)
 INTERVAL = 0.1
 
+velocities = st.floats(-10.0, 10.0)
+accelerations = st.floats(-100.0, 100.0)
 
-@pytest.mark.parametrize("mode", ["extrapolate", "interpolate"])
-def test_rate_is_the_derivative_of_offset(mode: MotionMode) -> None:
-    offset, rate = progress(mode, AGES, np.full_like(AGES, INTERVAL))
-    numeric = np.diff(offset) / np.diff(AGES)
-    np.testing.assert_allclose(numeric, 0.5 * (rate[1:] + rate[:-1]), atol=0.8)
-    assert np.count_nonzero(np.abs(numeric - rate[:-1]) > 1e-9) <= 3  # at the corners only
+
+def phase_at(age: float, mode: Mode = Mode.EXTRAPOLATE, lag: float = 0.5 * INTERVAL) -> Phase:
+    """Of ground whose last map came at time 0 and is due again after an INTERVAL."""
+    return Phase(*phase_of(age, 0.0, INTERVAL, lag, int(mode)), 0.0, 0.0)
+
+
+def height_at(age: float, velocity: float, acceleration: float, mode: Mode = Mode.EXTRAPOLATE) -> float:
+    return displacement(velocity, acceleration, phase_at(age, mode))
+
+
+@given(velocities, accelerations, st.floats(0.0, 0.6), st.floats(1e-4, 0.1))
+def test_ground_rises_by_the_difference_of_its_heights(v: float, a: float, age: float, ahead: float) -> None:
+    """Within one part of its motion: until maps are late, or from then on until it rests."""
+    patience = PATIENCE * INTERVAL
+    if age <= patience < age + ahead:
+        ahead = patience - age
+    rise = rise_of(v, a, phase_at(age), ahead)
+    assert rise == pytest.approx(height_at(age + ahead, v, a) - height_at(age, v, a), abs=1e-9 * (1 + abs(v) + abs(a)))
+
+
+@given(velocities, accelerations, st.floats(0.0, 0.6))
+def test_what_is_carried_is_the_derivative_of_height(v: float, a: float, age: float) -> None:
+    step = 1e-6
+    corners = (PATIENCE * INTERVAL, REST * INTERVAL)
+    if any(corner - 2 * step <= age <= corner + 2 * step for corner in corners):
+        return
+    slope = (height_at(age + step, v, a) - height_at(age - step, v, a)) / (2.0 * step)
+    carried = rise_of(v, a, phase_at(age), step) / step
+    assert carried == pytest.approx(slope, abs=1e-4 * (1.0 + abs(v) + abs(a)))
+
+
+@given(velocities, accelerations)
+@pytest.mark.parametrize("corner", [0.0, INTERVAL, PATIENCE * INTERVAL, REST * INTERVAL])
+def test_ground_jumps_nowhere(corner: float, v: float, a: float) -> None:
+    """Not when the map comes, is due, is late or is gone."""
+    assert height_at(corner + 1e-9, v, a) == pytest.approx(height_at(corner - 1e-9, v, a), abs=1e-6)
+
+
+@given(velocities, accelerations)
+def test_at_its_map_the_ground_is_that_map(v: float, a: float) -> None:
+    assert height_at(0.0, v, a) == 0.0
+    assert height_at(REST * INTERVAL + 1e-9, v, a) == 0.0
+    assert rise_of(v, a, phase_at(REST * INTERVAL + 1e-9), 1.0) == 0.0
+
+
+@given(velocities, accelerations, st.floats(PATIENCE * INTERVAL + 1e-6, REST * INTERVAL), st.floats(0.0, 10.0))
+def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age: float, ahead: float) -> None:
+    here = height_at(age, v, a)
+    there = here + rise_of(v, a, phase_at(age), ahead)
+    assert abs(there) <= abs(here) + 1e-9
+    assert there * here >= -1e-9
+
+
+def test_a_fast_second_order_motion_is_that_of_a_falling_stone() -> None:
+    """Ground that accelerates evenly is where it will be, with velocities as differences of its maps."""
+    heights = [0.5 * 3.0 * (k * INTERVAL) ** 2 for k in range(4)]
+    speeds = [(b - a) / INTERVAL for a, b in pairwise(heights)]
+    phase = Phase(*phase_of(3.5 * INTERVAL, 3 * INTERVAL, INTERVAL, 0.5 * INTERVAL, 1), 1 / INTERVAL, 1 / INTERVAL)
+    v, a = motion_of(speeds[2], speeds[1], speeds[0], phase, 25.0)
+    assert a == pytest.approx(3.0)
+    assert heights[3] + displacement(v, a, phase) == pytest.approx(0.5 * 3.0 * (3.5 * INTERVAL) ** 2)
+    assert rise_of(v, a, phase, 1e-9) / 1e-9 == pytest.approx(3.0 * 3.5 * INTERVAL)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_a_change_counts_as_far_as_the_one_before_agrees(change: float, before: float) -> None:
+    found = agreed(change, before)
+    assert abs(found) <= min(abs(change), AGREEMENT * abs(before)) * (1.0 + 1e-12)
+    assert found * change >= 0.0
+    if change * before <= 0.0:
+        assert found == 0.0
+    elif abs(change) <= AGREEMENT * abs(before):
+        assert found == change
+
+
+@pytest.mark.parametrize(
+    ("speeds", "expected"),
+    [
+        ((0.0, 2.0, 2.0), (0.0, 0.0)),  # it has stopped
+        ((2.0, 0.0, 0.0), (2.0, 0.0)),  # it starts with a jolt
+        ((1.0, 2.0, 1.0), (1.0, 0.0)),  # it trembles
+        ((30.0, 1.0, 1.0), (0.0, 0.0)),  # it has jumped
+        ((math.nan, 1.0, 1.0), (0.0, 0.0)),  # it is a hole
+        ((1.0, 30.0, 1.0), (1.0, 0.0)),  # it jumped before
+        ((1.0, math.nan, 1.0), (1.0, 0.0)),  # it was a hole
+        ((3.0, 2.0, 1.0), (3.0, 10.0)),
+        ((7.0, 2.0, 1.0), (7.0, 20.0)),  # no more than the change before makes likely
+    ],
+)
+def test_ground_is_not_carried_past_its_velocity(
+    speeds: tuple[float, float, float], expected: tuple[float, float]
+) -> None:
+    phase = phase_at(0.0)._replace(inverse=1 / INTERVAL, inverse_1=1 / INTERVAL)
+    assert motion_of(*speeds, phase, 25.0) == pytest.approx(expected)
 
 
 def test_extrapolation_runs_on_waits_and_returns() -> None:
-    offset, rate = progress("extrapolate", AGES, np.full_like(AGES, INTERVAL))
+    offset = np.array([height_at(age, 1.0, 0.0) for age in AGES])
     fresh = AGES <= PATIENCE * INTERVAL
     np.testing.assert_allclose(offset[fresh], AGES[fresh])
     gone = AGES > REST * INTERVAL
     assert np.abs(offset[gone]).max() == 0.0
-    assert np.abs(rate[gone]).max() == 0.0
     assert np.abs(np.diff(offset)).max() < 1e-3
 
 
 def test_interpolation_starts_at_the_map_before_and_ends_at_the_last() -> None:
-    offset, rate = progress("interpolate", AGES, np.full_like(AGES, INTERVAL))
+    offset = np.array([height_at(age, 1.0, 0.0, Mode.INTERPOLATE) for age in AGES])
     assert offset[0] == -INTERVAL
     assert np.abs(offset[AGES >= INTERVAL]).max() == 0.0
-    assert rate[0] == 1.0
+    assert (np.diff(offset) >= 0.0).all()
+    assert phase_at(0.0, Mode.INTERPOLATE).rate == 1.0
+    assert phase_at(INTERVAL, Mode.INTERPOLATE).rate == 0.0
 
 
 def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> None:
-    offset, rate = progress("hold", AGES, np.full_like(AGES, INTERVAL))
-    assert np.abs(offset).max() == 0.0
-    assert rate[0] == 1.0
-    assert rate[-1] == 0.0
+    assert all(height_at(age, 1.0, 5.0, Mode.HOLD) == 0.0 for age in AGES)
+    assert phase_at(0.0, Mode.HOLD).rate == 1.0
+    assert phase_at(1.0, Mode.HOLD).rate == 0.0
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
+    assert Phase(*phase_of(0.3, 0.0, 0.0, 0.05, int(mode)), 0.0, 0.0) == AT_REST
 
 
 @pytest.mark.parametrize("bad", [{"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": float("nan")}])

@@ -79,6 +79,19 @@ def test_vertices_move_with_the_velocity_of_their_positions() -> None:
     np.testing.assert_allclose(samples.velocities, [[-1.0, 0.0, -2.0], [0.0, 0.0, 0.0]], atol=1e-9)
 
 
+def test_vertices_moved_in_parts_at_one_instant_all_move() -> None:
+    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
+    for vertex in (3, 20):
+        mesh.move(grid()[[vertex]], time=0.1, indices=[vertex], velocities=[[0.0, 0.0, 2.0]])
+    samples = mesh.sample(np.array([3, 20, 21]), 0.15)
+    np.testing.assert_allclose(samples.velocities, [[0.0, 0.0, 2.0]] * 2 + [[0.0, 0.0, 0.0]], atol=1e-9)
+    mesh = TriangleMesh(grid(), grid_triangles(6, 8))
+    for vertex in (3, 20):
+        mesh.move(grid()[[vertex]] + (0.0, 0.0, 0.2), time=0.1, indices=[vertex])
+    samples = mesh.sample(np.array([3, 20, 21]), 0.15)
+    np.testing.assert_allclose(samples.velocities, [[0.0, 0.0, 2.0]] * 2 + [[0.0, 0.0, 0.0]], atol=1e-9)
+
+
 def test_a_mesh_of_a_grid_samples_as_the_height_map_does() -> None:
     heights = np.random.default_rng(0).normal(size=(6, 8))
     vertices = grid()

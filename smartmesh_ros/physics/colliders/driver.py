@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -14,7 +14,6 @@ from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.colliders.field import field_bound, make_field, plan_field
 from smartmesh_ros.physics.colliders.mesh import MeshColliders
 from smartmesh_ros.physics.colliders.pairs import Pairs
@@ -30,12 +29,13 @@ from smartmesh_ros.physics.colliders.table import (
     Limits,
 )
 from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 
 # Where colliders wait that no body needs: far below, and apart from one another [m].
 PARK_DEPTH, PARK_STEP = -1.0e5, 1.0e3
+MESH_KINDS = ("trimesh", "hull", "prisms")
 LARGEST_FIELD = 4096  # samples of the largest field, more than any has
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STILL = (0.0, 0.0, 0.0)
@@ -43,26 +43,44 @@ STILL = (0.0, 0.0, 0.0)
 
 @compiled
 def plan(  # type: ignore[no-untyped-def]
-    grid, chosen, supports, shapes, table, planes, fields, samples, time, limits, heights, at_contact, work, poses,
-    velocities, changes,
+    grid, tile, solid, supports, shapes, table, planes, fields, samples, time, limits, heights, at_contact, work, poses,
+    velocities, changes, wanted,
 ):  # fmt: skip
-    """Works out what PyBullet has to be told for the followers in ``chosen`` (n,): the bits of ``changes`` (N,), with
-    ``poses`` (N, 7) and ``velocities`` (N, 6). ``planes``, ``fields`` (N,): their colliders in ``table``, -1 = none."""
-    for k in range(len(chosen)):
-        i = chosen[k]
+    """Works out what PyBullet has to be told for the ``solid`` followers (N,) on a tile: the bits of ``changes`` (N,), with
+    ``poses`` (N, 7) and ``velocities`` (N, 6). ``planes``, ``fields`` (N,): their colliders in ``table``, -1 = none;
+    ``wanted`` (N,): which of them they are to have. Returns how many have none that fits."""
+    misfits = 0
+    for i in range(len(solid)):
+        if not solid[i] or supports[i].tile != tile or (wanted[i] >= 0 and changes[i] != MISFIT):
+            continue
         if supports[i].state == Support.PLANE:
-            changes[i] = MISFIT
+            wanted[i], changes[i] = planes[i], MISFIT
             if planes[i] >= 0:
                 changes[i] = plan_plane(
                     table[planes[i]], supports[i], shapes[i], time, limits, poses[i], velocities[i]
                 )
         elif supports[i].state == Support.FIELD:
-            changes[i] = MISFIT
+            wanted[i], changes[i] = fields[i], MISFIT
             if fields[i] >= 0:
                 changes[i] = plan_field(
                     grid, table[fields[i]], supports[i], samples, time, limits, heights, at_contact, work, poses[i],
                     velocities[i],
                 )  # fmt: skip
+        if changes[i] == MISFIT:
+            misfits += 1
+    return misfits
+
+
+class Made(NamedTuple):
+    """What of a collider never changes: PyBullet's body and shape; samples of a field, and where its heights are; and
+    what it is handed on as."""
+
+    uid: int
+    form: int
+    rows: int
+    columns: int
+    first: int
+    key: tuple[float, ...]
 
 
 class Colliders:
@@ -77,18 +95,20 @@ class Colliders:
         self.replacements = 0
         self._client = client
         self._client_id: int = getattr(client, "_client", 0)
-        self._calls = BulletCalls(client)
         self._pairs = Pairs(client)
         self.meshes = MeshColliders(client, self._pairs)
         self._visual: int | None = None
         self._boxes: dict[float, int] = {}  # PyBullet's shapes, by half of their edges
         self._free: dict[tuple[float, ...], list[int]] = defaultdict(list)
+        self._made: list[Made] = []  # what never changes of the colliders in the table
         self.table = np.zeros(0, COLLIDER).view(np.recarray)
+        self._plain = self.table.view(np.ndarray)  # the same table, whose columns are read faster
         self._heights, self._at_contact = np.empty(0), np.empty(0)
         self._work = np.empty(LARGEST_FIELD)
         self._followers: list[Follower] = []
         self._planes, self._fields = np.empty(0, np.int64), np.empty(0, np.int64)
-        self._active = np.empty(0, np.int64)  # in the table, -1 = none
+        self._active, self._wanted = np.empty(0, np.int64), np.empty(0, np.int64)  # in the table, -1 = none
+        self._solid = np.empty(0, bool)
         self._poses, self._velocities = np.empty((0, 7)), np.empty((0, 6))
         self._changes = np.empty(0, np.int64)
 
@@ -100,58 +120,56 @@ class Colliders:
         self._fields = carried_over(self._fields, kept, np.full(count, -1))
         self._active = carried_over(self._active, kept, np.full(count, -1))
         self._poses, self._velocities = np.empty((count, 7)), np.empty((count, 6))
-        self._changes = np.zeros(count, np.int64)
+        self._changes, self._wanted = np.zeros(count, np.int64), np.full(count, -1)
+        self._solid = np.array([follower.solid for follower in followers], bool)
 
     def renew(self, followers: list[int]) -> None:
         """Has the colliders of followers placed anew, without contacts of before."""
         for index in followers:
             for mine in (self._planes[index], self._fields[index]):
                 if mine >= 0:
-                    self.table["there"][mine] = self.table["turned"][mine] = 0
-                    first, count = self._samples_of(int(mine))
-                    self._at_contact[first : first + count] = np.inf
+                    self._plain["there"][mine] = self._plain["turned"][mine] = 0
 
     def replace_all(self) -> None:
         """Has every collider placed anew at the next update."""
-        self.table["there"] = 0
+        self._plain["there"] = 0
 
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on and colliders did not."""
-        self.table["time"] += duration
+        self._plain["time"] += duration
 
     def apply(self, selector: Selector, shapes: Any, time: float, config: PatchConfig) -> None:
         """Makes the colliders those of the supports at ``time`` [s]."""
-        supports = selector.supports
-        self._changes[:] = NOTHING
+        self._changes[:], self._wanted[:] = NOTHING, -1
         limits = Limits(
             SELECTION.carried * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
-            COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.bound,
+            COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
         )  # fmt: skip
         if config.grid_kind == "heightfield":
-            for name, mesh in selector.terrain.tiles.items():
+            for tile, name in enumerate(selector.names):
+                mesh = selector.terrain.tiles[name]
                 if isinstance(mesh, HeightMap):
-                    chosen = selector.of_tile(name)
-                    grid = mesh.moved_to(time)
-                    self._plan(grid, chosen, supports, shapes, selector.samples, time, limits)
-        state = supports["state"]
-        fixed = state == (Support.FIELD if config.grid_kind == "heightfield" else -1)
-        wanted = np.where(state == Support.PLANE, self._planes, np.where(fixed, self._fields, -1))
-        wanted[~np.array([follower.solid for follower in self._followers], bool)] = -1
-        self._put_away(np.flatnonzero((self._active >= 0) & (self._active != wanted)))
-        self._activate(wanted)
+                    self._plan(mesh.moved_to(time), tile, selector, shapes, time, limits)
+        differs = self._active != self._wanted
+        if differs.any():
+            self._put_away(np.flatnonzero(differs & (self._active >= 0)))
+            self._activate()
         self._tell(config.edge_filter)
 
     def apply_meshes(self, batches: list[PatchBatch], supports: Any, config: PatchConfig) -> None:
-        """Gives followers the mesh colliders of their patches, and takes those of others away."""
-        served = set()
+        """Gives followers the mesh colliders of their patches."""
         for batch in batches:
-            if batch.kind in ("trimesh", "hull", "prisms"):
+            if batch.kind in MESH_KINDS:
                 rows = [row for row, body in enumerate(batch.bodies.tolist()) if self._followers[body].solid]
-                served.update(int(batch.bodies[row]) for row in rows)
                 self.meshes.apply_batch(batch, rows, supports, self._followers, config)
-        for index, follower in enumerate(self._followers):
-            if index not in served:
-                self.meshes.release(follower)
+
+    def release_meshes(self, batches: list[PatchBatch]) -> None:
+        """Takes mesh colliders away from followers that have no such patch among ``batches``."""
+        if self.meshes.count:
+            served = {body for batch in batches if batch.kind in MESH_KINDS for body in batch.bodies.tolist()}
+            for index, follower in enumerate(self._followers):
+                if index not in served:
+                    self.meshes.release(follower)
 
     def release(self, index: int) -> None:
         """Takes a follower's colliders away."""
@@ -161,76 +179,73 @@ class Colliders:
         self._followers[index].collider = None
 
     def _plan(
-        self, grid: MovingGrid, chosen: IntArray, supports: Any, shapes: Any, samples: FloatArray, time: float,
-        limits: Limits,
-    ) -> None:  # fmt: skip
-        """Plans for followers, after giving them colliders that fit."""
-        todo = chosen
-        for attempt in range(3):
-            plan(
-                grid, todo, supports, shapes, self.table, self._planes, self._fields, samples, time, limits,
-                self._heights, self._at_contact, self._work, self._poses, self._velocities, self._changes,
+        self, grid: MovingGrid, tile: int, selector: Selector, shapes: Any, time: float, limits: Limits
+    ) -> None:
+        """Plans for the followers on a tile, after giving them colliders that fit."""
+        for _ in range(2):
+            misfits = plan(
+                grid, tile, self._solid, selector.supports, shapes, self.table, self._planes, self._fields,
+                selector.samples, time, limits, self._heights, self._at_contact, self._work, self._poses,
+                self._velocities, self._changes, self._wanted,
             )  # fmt: skip
-            todo = todo[self._changes[todo] == MISFIT]
-            if not todo.size:
+            if not misfits:
                 return
-            for index in todo.tolist():
-                if supports["state"][index] == Support.PLANE:
-                    self._fit_box(index, float(plane_need(supports[index], shapes[index])), time)
+            for index in np.flatnonzero(self._changes == MISFIT).tolist():
+                support = selector.supports[index]
+                if support.state == Support.PLANE:
+                    self._fit_box(index, float(plane_need(support, shapes[index])), time)
                 else:
-                    self._fit_field(index, supports[index], grid.resolution, time, tall=attempt > 0)
+                    self._fit_field(index, support, grid.resolution, time)
 
     def _fit_box(self, index: int, need: float, time: float) -> None:
         """Gives a follower a box with room for it."""
-        self._give_back(index, self._planes)
         size = box_size(need)
-        free = self._free[(size,)]
-        if not free:
+        self._give_back(index, self._planes)
+        if not self._free[(size,)]:
             if size not in self._boxes:
                 self._boxes[size] = make_box(self._client, size)
-            free.append(self._new(self._boxes[size], -1))
-            self.table["extent"][-1] = size
-        self._hand_out(index, free.pop(), self._planes, time)
+            record = self._new(self._boxes[size], -1, 0, 0, (size,))
+            record.extent, record.nz = size, 1.0
+        self._hand_out(index, self._free[(size,)].pop(), self._planes, time)
 
-    def _fit_field(self, index: int, support: Any, resolution: float, time: float, *, tall: bool) -> None:
+    def _fit_field(self, index: int, support: Any, resolution: float, time: float) -> None:
         """Gives a follower a field of another size."""
-        self._give_back(index, self._fields)
         rows, columns, spacing = int(support.rows), int(support.columns), resolution * int(support.stride)
-        bound = field_bound(rows, columns, spacing, tall=tall)
-        free = self._free[rows, columns, spacing, bound]
-        if not free:
+        key = (rows, columns, spacing)
+        self._give_back(index, self._fields)
+        if not self._free[key]:
             if self._visual is None:
                 # With none given PyBullet makes a picture of the whole field, of some MiB each.
                 self._visual = self._client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
-            free.append(self._new(make_field(self._client, rows, columns, spacing, bound), self._visual))
-            record = self.table[-1]
-            record.rows, record.columns, record.spacing, record.extent = rows, columns, spacing, bound
-            record.first = len(self._heights)
-            self._heights = np.concatenate([self._heights, np.full(rows * columns, np.nan)])
-            self._at_contact = np.concatenate([self._at_contact, np.full(rows * columns, np.inf)])
-        self._hand_out(index, free.pop(), self._fields, time)
+            form = make_field(self._client, rows, columns, spacing, field_bound(rows, columns, spacing))
+            record = self._new(form, self._visual, rows, columns, key)
+            record.spacing = spacing
+        self._hand_out(index, self._free[key].pop(), self._fields, time)
 
-    def _new(self, shape: int, visual: int) -> int:
-        """Makes a collider; its place in the table. It is a multibody, because the contacts of a fixed rigid body do not
-        see its velocity."""
-        place = len(self.table)
-        uid = self._client.createMultiBody(0.0, shape, visual, basePosition=self._park(place))
+    def _new(self, form: int, visual: int, rows: int, columns: int, key: tuple[float, ...]) -> Any:
+        """Makes a collider that nobody has; its record. It is a multibody, because the contacts of a fixed rigid body do
+        not see its velocity."""
+        place, first = len(self._made), len(self._heights)
+        uid = int(self._client.createMultiBody(0.0, form, visual, basePosition=park(place)))
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
         self._client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         self._pairs.claim(uid)
-        table = np.zeros(place + 1, COLLIDER).view(np.recarray)
-        table[:place] = self.table
-        self.table = table
-        record = table[place]
-        record.uid, record.form, record.nz = uid, shape, 1.0
-        return place
+        self._made.append(Made(uid, form, rows, columns, first, key))
+        self._heights = np.concatenate([self._heights, np.full(rows * columns, np.nan)])
+        self._at_contact = np.concatenate([self._at_contact, np.full(rows * columns, np.nan)])
+        if place == len(self.table):
+            table = np.zeros(2 * place + 8, COLLIDER).view(np.recarray)
+            table[:place] = self.table
+            self.table, self._plain = table, table.view(np.ndarray)
+        record = self.table[place]
+        record.rows, record.columns, record.first = rows, columns, first
+        self._free[key].append(place)
+        return record
 
     def _hand_out(self, index: int, place: int, holders: IntArray, time: float) -> None:
         follower, record = self._followers[index], self.table[place]
-        record.there, record.time = 0, time
-        first, count = self._samples_of(place)
-        self._at_contact[first : first + count] = np.inf
-        self._pairs.join(int(record.uid), follower.body, follower.link)
+        record.there, record.turned, record.time = 0, 0, time
+        self._pairs.join(self._made[place].uid, follower.body, follower.link)
         holders[index] = place
 
     def _give_back(self, index: int, holders: IntArray) -> None:
@@ -239,70 +254,70 @@ class Colliders:
         if place < 0:
             return
         holders[index] = -1
-        follower, record = self._followers[index], self.table[place]
+        follower = self._followers[index]
         if self._active[index] == place:
             self._put_away(np.array([index]))
-        self._pairs.part(int(record.uid), follower.body, follower.link)
-        key = (
-            (float(record.extent),)
-            if not record.rows
-            else (int(record.rows), int(record.columns), float(record.spacing), float(record.extent))
-        )
-        self._free[key].append(place)
+        self._pairs.part(self._made[place].uid, follower.body, follower.link)
+        self._free[self._made[place].key].append(place)
 
     def _put_away(self, followers: IntArray) -> None:
         """Has the colliders of followers wait far away."""
         for index in followers.tolist():
             place = int(self._active[index])
-            record = self.table[place]
-            pb.resetBasePositionAndOrientation(int(record.uid), self._park(place), UPRIGHT, self._client_id)
-            pb.resetBaseVelocity(int(record.uid), STILL, STILL, self._client_id)
+            uid = self._made[place].uid
+            pb.resetBasePositionAndOrientation(uid, park(place), UPRIGHT, self._client_id)
+            pb.resetBaseVelocity(uid, STILL, STILL, self._client_id)
             for name in ("there", "vx", "vy", "vz", "wx", "wy", "wz"):
-                record[name] = 0
+                self._plain[name][place] = 0
             self._active[index] = -1
             self._followers[index].collider = None
 
-    def _activate(self, wanted: IntArray) -> None:
+    def _activate(self) -> None:
         """Notes which colliders followers have now."""
-        for index in np.flatnonzero(self._active != wanted).tolist():
-            self._active[index] = wanted[index]
-            self._followers[index].collider = int(self.table["uid"][wanted[index]])
+        for index in np.flatnonzero(self._active != self._wanted).tolist():
+            place = int(self._wanted[index])
+            self._active[index] = place
+            self._followers[index].collider = self._made[place].uid
 
     def _tell(self, edge_filter: bool) -> None:
         """Tells PyBullet what has changed, samples before poses before velocities."""
         changed = np.flatnonzero(self._changes)
         if not changed.size:
             return
-        changes, places = self._changes[changed].tolist(), self._active[changed]
-        uids = self.table["uid"][places].tolist()
+        places = self._active[changed]
+        turned, client = self._plain["turned"][places].tolist(), self._client_id
         poses, velocities = self._poses[changed].tolist(), self._velocities[changed].tolist()
-        place_of, client = places.tolist(), self._client_id
         set_pose, set_velocity = pb.resetBasePositionAndOrientation, pb.resetBaseVelocity
-        for row, (index, change) in enumerate(zip(changed.tolist(), changes, strict=True)):
+        for row, (index, change, place) in enumerate(
+            zip(changed.tolist(), self._changes[changed].tolist(), places.tolist(), strict=True)
+        ):
+            made = self._made[place]
             if change & SAMPLES:
-                self._replace(place_of[row], edge_filter and not self._followers[index].ball)
+                self._replace(made, turned[row], edge_filter and not self._followers[index].ball)
             if change & POSE:
                 pose = poses[row]
-                set_pose(uids[row], pose[:3], pose[3:], client)
+                set_pose(made.uid, pose[:3], pose[3:], client)
             if change & VELOCITY:
                 velocity = velocities[row]
-                set_velocity(uids[row], velocity[:3], velocity[3:], client)
+                set_velocity(made.uid, velocity[:3], velocity[3:], client)
 
-    def _replace(self, place: int, filtered: bool) -> None:
+    def _replace(self, made: Made, turned: int, filtered: bool) -> None:
         """Gives a field its heights. The filter's flag is passed each time; without it PyBullet drops the edges' data."""
         self.replacements += 1
-        record = self.table[place]
-        first, count = self._samples_of(place)
-        heights = self._heights[first : first + count].tolist()
-        if record.turned:
+        heights = self._heights[made.first : made.first + made.rows * made.columns].tolist()
+        if turned:
             heights.reverse()
-        self._calls.replace_heightfield(int(record.form), int(record.rows), int(record.columns), heights, filtered)
+        pb.createCollisionShape(
+            pb.GEOM_HEIGHTFIELD,
+            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
+            heightfieldData=heights,
+            numHeightfieldRows=made.rows,
+            numHeightfieldColumns=made.columns,
+            replaceHeightfieldIndex=made.form,
+            physicsClientId=self._client_id,
+        )
 
-    def _samples_of(self, place: int) -> tuple[int, int]:
-        """Where the heights of a field are, and how many."""
-        record = self.table[place]
-        return int(record.first), int(record.rows * record.columns)
 
-    @staticmethod
-    def _park(place: int) -> tuple[float, float, float]:
-        return place * PARK_STEP, 0.0, PARK_DEPTH
+def park(place: int) -> tuple[float, float, float]:
+    """Where a collider waits [m]."""
+    return place * PARK_STEP, 0.0, PARK_DEPTH

@@ -86,6 +86,11 @@ class MeshColliders:
             self.built += 1
         return old.uid
 
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._colliders)
+
     def release(self, follower: Follower) -> None:
         """Takes a follower's mesh collider away, if it has one."""
         collider = self._colliders.pop(follower, None)

@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 
 # ``uid``, ``form``: PyBullet's body and collision shape. ``extent``: half of a box's edges [m], or how far a field's
-# samples may be above or below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
+# bounds reach above and below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
 # heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
 # ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at ``time``
 # [s]; ``yaw`` [rad]: of its grid when it was placed; ``tilt_*`` [rad]: how much it turned since; ``v*`` [m/s], ``w*``
@@ -37,10 +37,8 @@ class ColliderConfig:
     velocity while the ground's differs by less; in an update at 60 Hz that is 30 um. ``elsewhere``: a field whose base
     is further aside than this share of its spacing lies on other samples. ``sunk`` [m]: PyBullet keeps the contacts of
     a field that is replaced, and a body stays up where the ground sank away under it; they are dropped when any sample
-    sank by more than this, seen from the field's base. ``bound`` [m]: half the height of a field's bounds, at most;
-    PyBullet never updates the bounds of a replaced heightfield (bullet3 issues 4200 and 4236), samples are clamped to
-    them, and holes are this deep. ``slope``: most fields keep within this slope from their middle and get lower bounds;
-    those of a field that is 200 m high and leans a little meet those of many bodies beside it. ``room``: half of a box's
+    sank by more than this, seen from the field's base. ``hole`` [m]: how far below
+    a field's base its holes are. ``slope``: of a field's bounds, from its middle to its edges. ``room``: half of a box's
     edges over what its body needs, at least.
     """
 
@@ -48,7 +46,7 @@ class ColliderConfig:
     same_velocity: float = 2e-3
     elsewhere: float = 0.01
     sunk: float = 5e-4
-    bound: float = 100.0
+    hole: float = 100.0
     slope: float = 2.0
     room: float = 2.0
 
@@ -66,7 +64,7 @@ class Limits(NamedTuple):
     same_velocity: float
     elsewhere: float
     sunk: float
-    bound: float
+    hole: float
 
 
 @compiled

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics.landing import approaches
-from smartmesh_ros.physics.refreshing import FIRST, LEAST, SOON, Refreshing
+from smartmesh_ros.physics.update_schedule import FIRST, LEAST, SOON, UpdateSchedule
 
 RATE, SIDE = 240.0, 41
 DT = 1.0 / RATE
@@ -55,7 +54,7 @@ class Rising:
 )
 def test_patches_are_due_with_maps_and_no_later_than_the_rate_says(rate: float, maps: list[bool], dt: float) -> None:
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
-    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    terrain, schedule = Terrain.of(heightmap), UpdateSchedule()
     steps = max(round(1.0 / (rate * dt)), 1) if rate else 1
     age, lasts, waiting = 0, 0, False
     for step, comes in enumerate(maps):
@@ -63,8 +62,8 @@ def test_patches_are_due_with_maps_and_no_later_than_the_rate_says(rate: float, 
             heightmap.replace(np.full((5, 5), 0.001 * step), time=step * dt)
         waiting |= comes
         age += 1
-        if refreshing.due(terrain):
-            lasts = refreshing.begin(terrain, step * dt, dt, rate)
+        if schedule.due(terrain):
+            lasts = schedule.begin(terrain, step * dt, dt, rate)
             assert 1 <= lasts <= (SOON * steps if steps > 1 else 1)
             age, waiting = 0, False
         assert not waiting or age < LEAST * steps, "a map is left for later only if patches are new"
@@ -73,12 +72,12 @@ def test_patches_are_due_with_maps_and_no_later_than_the_rate_says(rate: float, 
 
 def test_of_many_maps_patches_follow_the_first_at_once_and_then_some() -> None:
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
-    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    terrain, schedule = Terrain.of(heightmap), UpdateSchedule()
     followed = []
     for step in range(60):
         heightmap.replace(np.full((5, 5), 0.001 * step), time=step * DT)
-        if refreshing.due(terrain):
-            refreshing.begin(terrain, step * DT, DT, 60.0)
+        if schedule.due(terrain):
+            schedule.begin(terrain, step * DT, DT, 60.0)
             followed.append(step)
     assert followed[:FIRST] == list(range(FIRST))
     assert set(np.diff(followed[FIRST:]).tolist()) == {2}
@@ -90,36 +89,36 @@ def test_of_many_maps_patches_follow_the_first_at_once_and_then_some() -> None:
 def test_patches_last_until_the_next_map_if_that_is_soon(maps: int, rate: float, lasts: int) -> None:
     """Maps every so many steps. One that comes a little late is waited for."""
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
-    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    terrain, schedule = Terrain.of(heightmap), UpdateSchedule()
     for number in range(3):
         heightmap.replace(np.full((5, 5), 0.001 * number), time=number * maps * DT)
-    assert refreshing.begin(terrain, 2 * maps * DT, DT, rate) == lasts
+    assert schedule.begin(terrain, 2 * maps * DT, DT, rate) == lasts
 
 
 @given(st.integers(1, 12))
 def test_in_a_hurry_patches_last_as_long_as_the_rate_says_however_often_maps_come(maps: int) -> None:
     """A map every so many steps: a late loop would update the more often, in simulated time, the later it is."""
     heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0)
-    terrain, refreshing = Terrain.of(heightmap), Refreshing()
+    terrain, schedule = Terrain.of(heightmap), UpdateSchedule()
     followed = []
     for step in range(120):
         if step % maps == 0:
             heightmap.replace(np.full((5, 5), 0.001 * step), time=step * DT)
-        if refreshing.due(terrain, hurried=True):
-            lasts = refreshing.begin(terrain, step * DT, DT, 60.0, hurried=True)
+        if schedule.due(terrain, behind=True):
+            lasts = schedule.begin(terrain, step * DT, DT, 60.0, behind=True)
             assert lasts <= SOON * 4
             followed.append(step)
     # Maps that come as seldom as patches are due are waited for as ever.
     assert set(np.diff(followed[2:]).tolist()) <= ({4, 5, 6} if maps in (4, 5) else {4})
 
 
-@pytest.mark.parametrize("hurried", [False, True])
-def test_new_tiles_are_followed_at_once(hurried: bool) -> None:
-    terrain, refreshing = Terrain.of(HeightMap(np.zeros((5, 5)), resolution=1.0)), Refreshing()
-    refreshing.begin(terrain, 0.0, DT, 10.0)
-    assert not refreshing.due(terrain, hurried=hurried)
+@pytest.mark.parametrize("behind", [False, True])
+def test_new_tiles_are_followed_at_once(behind: bool) -> None:
+    terrain, schedule = Terrain.of(HeightMap(np.zeros((5, 5)), resolution=1.0)), UpdateSchedule()
+    schedule.begin(terrain, 0.0, DT, 10.0)
+    assert not schedule.due(terrain, behind=behind)
     terrain.put("", HeightMap(np.ones((5, 5)), resolution=1.0))
-    assert refreshing.due(terrain, hurried=hurried)
+    assert schedule.due(terrain, behind=behind)
 
 
 @pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])
@@ -174,8 +173,7 @@ def test_patches_are_ready_before_each_step_and_bodies_have_not_moved_yet() -> N
     with ground.world as world:
 
         def prepared() -> None:
-            [batch] = world.ground.batches
-            seen.append((world.time, world.refreshes, batch.time, world.state("ball").position[2]))
+            seen.append((world.time, world.refreshes, world.ground.time, world.state("ball").position[2]))
 
         z, refreshes = world.state("ball").position[2], world.refreshes
         world.step(13, prepared)
@@ -187,22 +185,6 @@ def test_patches_are_ready_before_each_step_and_bodies_have_not_moved_yet() -> N
         assert counts[-1] == refreshes + 3
         assert (made <= times).all()
         np.testing.assert_allclose(made[1:][np.diff(counts) > 0], times[1:][np.diff(counts) > 0])
-
-
-@pytest.mark.parametrize("kind", ["plane", "heightfield"])
-def test_between_updates_the_ground_under_a_body_is_known_where_it_is(kind: PatchKind) -> None:
-    """What lands is slowed by how far the ground is away in that step, not in the last update."""
-    ground = Rising(kind, rate=40.0, slope=0.1)
-    with ground.world as world:
-        steepness = math.hypot(1.0, ground.slope)
-        for _ in range(60):
-            ground.step()
-            world.prepare()
-            positions = world.ground.positions_w
-            found = approaches(world.ground.carrying, positions, positions, world.time, DT)
-            assert found is not None
-            _, y, z = positions[0]
-            assert found.distance[0] == pytest.approx((z - ground.height(y)) / steepness, abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])

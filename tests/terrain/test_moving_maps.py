@@ -1,0 +1,246 @@
+"""How maps, and meshes, are moved on in time from what their updates told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import REST, MotionConfig, MotionMode
+from smartmesh_ros.terrain.moving_grid import BLOCK, read_window
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.examples import examples
+
+SIDE = 2 * BLOCK + 10
+EVERYTHING = np.arange(SIDE * SIDE)
+
+corners = st.integers(0, SIDE - 1)
+regions = st.tuples(corners, corners, st.integers(1, SIDE), st.integers(1, SIDE))
+parts = st.lists(st.integers(1, SIDE - 1), max_size=3, unique=True).map(sorted)
+
+
+def raise_region(heightmap: HeightMap, region: tuple[int, int, int, int], by: float, time: float) -> None:
+    row, column, height, width = region
+    part = heightmap.heights[row : row + height, column : column + width]
+    heightmap.update_region(row, column, part + by, time=time)
+
+
+def ground(time: float, w: float = 4.0) -> FloatArray:
+    r, c = np.indices((20, 30)) * 0.25
+    return np.asarray(0.3 * np.sin(0.8 * r + 0.6 * c + w * time))
+
+
+def fed(when: Callable[[float], FloatArray], times: FloatArray, *, mode: MotionMode = "extrapolate") -> HeightMap:
+    """A map that has seen the ground at so many times."""
+    heightmap = HeightMap(when(times[0]), time=float(times[0]), motion=MotionConfig(mode=mode))
+    for time in times[1:]:
+        heightmap.replace(when(time), time=float(time))
+    return heightmap
+
+
+@examples(25)
+@given(parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3))
+@example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02)  # in a block that both parts share
+def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
+    borders: list[int], intervals: list[float], seed: int, age: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
+    whole, pieces, time = HeightMap(shape, time=0.0), HeightMap(shape, time=0.0), 0.0
+    for interval in intervals:
+        time += interval
+        shape = shape + rng.normal(scale=0.02, size=shape.shape).astype(np.float32)
+        whole.replace(shape, time=time)
+        for first, last in zip([0, *borders], [*borders, SIDE], strict=True):
+            pieces.update_region(0, first, shape[:, first:last], time=time)
+    expected, found = (mesh.sample(EVERYTHING, time + age, 0.01) for mesh in (whole, pieces))
+    np.testing.assert_allclose(found.heights, expected.heights, atol=1e-4)
+    np.testing.assert_allclose(found.velocities, expected.velocities, atol=1e-2)
+
+
+@examples(25)
+@given(st.lists(st.tuples(regions, st.floats(0.005, 0.3), st.floats(-1.0, 1.0)), min_size=1, max_size=5))
+def test_ground_that_no_region_covers_does_not_move(
+    updates: list[tuple[tuple[int, int, int, int], float, float]],
+) -> None:
+    heightmap, time = HeightMap(np.zeros((SIDE, SIDE)), time=0.0), 0.0
+    covered = np.zeros((SIDE, SIDE), bool)
+    for region, interval, by in updates:
+        time += interval
+        raise_region(heightmap, region, by, time)
+        covered[region[0] : region[0] + region[2], region[1] : region[1] + region[3]] = True
+    for age in (0.0, 0.02, 0.3):
+        samples = heightmap.sample(EVERYTHING, time + age, 0.01)
+        assert not samples.heights.reshape(SIDE, SIDE)[~covered].any()
+        assert not samples.velocities.reshape(SIDE, SIDE)[~covered].any()
+
+
+@examples(25)
+@given(regions, regions, st.floats(-1.0, 1.0))
+def test_blocks_that_an_update_does_not_meet_go_on(
+    first: tuple[int, int, int, int], second: tuple[int, int, int, int], by: float
+) -> None:
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    raise_region(heightmap, first, 0.05, 0.05)
+    before = heightmap.sample(EVERYTHING, 0.07, 0.01)
+    raise_region(heightmap, second, by, 0.06)
+    after = heightmap.sample(EVERYTHING, 0.07, 0.01)
+    r, c = np.divmod(EVERYTHING, SIDE)
+    block_r, block_c = r // BLOCK, c // BLOCK
+    last_r, last_c = min(second[0] + second[2], SIDE) - 1, min(second[1] + second[3], SIDE) - 1
+    met = (block_r >= second[0] // BLOCK) & (block_r <= last_r // BLOCK)
+    met &= (block_c >= second[1] // BLOCK) & (block_c <= last_c // BLOCK)
+    np.testing.assert_array_equal(after.heights[~met], before.heights[~met])
+    np.testing.assert_array_equal(after.velocities[~met], before.velocities[~met])
+
+
+@given(st.integers(-5, SIDE), st.integers(-5, SIDE), st.integers(1, 9), st.integers(1, 9), st.integers(1, 8))
+@examples(40)
+def test_a_window_is_read_as_its_samples_are(row: int, column: int, high: int, wide: int, stride: int) -> None:
+    """Across blocks whose clocks differ and beyond the edge."""
+    rng = np.random.default_rng(1)
+    heightmap = HeightMap(rng.normal(size=(SIDE, SIDE)), origin=(0.0, 0.0, 2.0), time=0.0)
+    raise_region(heightmap, (0, 0, 40, SIDE), 0.1, 0.05)
+    raise_region(heightmap, (BLOCK, 7, BLOCK, BLOCK), 0.1, 0.08)
+    heights, rises = np.empty((high, wide)), np.empty((high, wide))
+    read_window(heightmap.moved_to(0.1), row, column, stride, 0.1, 0.02, heights, rises)
+    r, c = row + stride * np.arange(high)[:, None], column + stride * np.arange(wide)
+    inside = (r >= 0) & (c >= 0) & (r < SIDE) & (c < SIDE)
+    expected = heightmap.sample(np.where(inside, r * SIDE + c, 0), 0.1, 0.02)
+    np.testing.assert_array_equal(heights, np.where(inside, expected.heights, np.nan))
+    np.testing.assert_allclose(rises, np.where(inside, expected.velocities * 0.02, 0.0), atol=1e-15)
+
+
+@pytest.mark.parametrize(("rate", "gain"), [(20.0, 2.5), (60.0, 4.0)])
+def test_four_maps_predict_waves_better_than_two(rate: float, gain: float) -> None:
+    """On the whole by far; nowhere worse than the straight line through two is at its worst."""
+    interval = 1.0 / rate
+    mean, worst = {}, {}
+    for maps in (2, 4):
+        errors = []
+        for time in 1.0 + interval * np.arange(40):
+            heightmap = fed(ground, time - interval * np.arange(maps - 1, -1, -1))
+            for share in (0.25, 0.5, 0.75, 1.0):
+                then = time + share * interval
+                errors.append(heightmap.sample(np.arange(600), then).heights - ground(then).ravel())
+        mean[maps], worst[maps] = math.sqrt(np.square(errors).mean()), np.abs(errors).max()
+    assert gain * mean[4] <= mean[2]
+    assert worst[4] <= worst[2] * 1.001
+
+
+@pytest.mark.parametrize("jolt", ["stops", "starts", "jumps", "turns"])
+def test_ground_is_never_carried_past_its_velocity(jolt: str) -> None:
+    """At most as far in an interval as it went in the one before, and the way it went."""
+    paths = {
+        "stops": [0.0, 0.1, 0.2, 0.3, 0.3],
+        "starts": [0.0, 0.0, 0.0, 0.0, 0.1],
+        "jumps": [0.0, 0.0, 0.0, 0.0, 5.0],
+        "turns": [0.0, 0.1, 0.2, 0.3, 0.2],
+    }
+    path = paths[jolt]
+    heightmap = HeightMap(np.full((5, 5), path[0]), time=0.0)
+    for k, height in enumerate(path[1:], start=1):
+        heightmap.replace(np.full((5, 5), height), time=0.05 * k)
+    went = path[-1] - path[-2]
+    went = 0.0 if abs(went) > 1.0 else went  # 100 m/s is no motion
+    for age in np.linspace(0.0, 0.05, 11):
+        height = float(heightmap.sample(np.array([12]), 0.2 + age).heights[0])
+        assert height == pytest.approx(path[-1] + went * age / 0.05, abs=1e-6)
+
+
+def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() -> None:
+    """Ground that falls freely is where it falls to."""
+
+    def height(time: float) -> FloatArray:
+        return np.full((5, 5), -0.5 * 9.81 * time**2)
+
+    heightmap = HeightMap(height(0.0), time=0.0, velocities=np.zeros((5, 5)))
+    for time in (0.05, 0.1):
+        heightmap.replace(height(time), time=time, velocities=np.full((5, 5), -9.81 * time))
+    found = heightmap.sample(np.array([12]), 0.14, 1e-6)
+    assert found.heights[0] == pytest.approx(-0.5 * 9.81 * 0.14**2, abs=1e-6)
+    assert found.velocities[0] == pytest.approx(-9.81 * 0.14, rel=1e-4)
+
+
+@pytest.mark.parametrize("mode", ["hold", "extrapolate", "interpolate"])
+def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
+    times = np.arange(4) * 0.05
+    heightmap = fed(ground, times, mode=mode)
+    end = times[-1] + REST * 0.05
+    assert heightmap.moving(float(end - 1e-6))
+    assert not heightmap.moving(end + 1e-6)
+    found = heightmap.sample(np.arange(600), end + 1e-6)
+    np.testing.assert_allclose(found.heights, ground(times[-1]).ravel(), atol=1e-6)
+    assert not found.velocities.any()
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.02, 0.1))
+def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interval: float) -> None:
+    shape = np.random.default_rng(0).normal(size=(8, 9))
+    terrain = Terrain(HeightMap(shape, resolution=0.5, time=0.0))
+    moved = HeightMap(shape, resolution=0.5, origin=(x * interval, y * interval), time=interval)
+    terrain.put("", moved)
+    sliding = moved.slide_w != (0.0, 0.0)
+    for age in (0.0, 0.3 * interval, interval):
+        grid = moved.moved_to(interval + age)
+        went = interval + age if sliding else interval  # else it came by whole cells, or not at all
+        assert (grid.x, grid.y) == pytest.approx((x * went, y * went), abs=1e-9)
+        assert (grid.slide_x, grid.slide_y) == pytest.approx((x, y) if sliding else (0.0, 0.0), abs=1e-6)
+    gone = moved.moved_to(interval + REST * interval + 1e-9)
+    assert (gone.x, gone.y) == pytest.approx((x * interval, y * interval))
+    assert (gone.slide_x, gone.slide_y) == (0.0, 0.0)
+
+
+@examples(25)
+@given(
+    st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans()), min_size=1, max_size=5),
+    st.integers(0, 10**6),
+    st.floats(0.0, 0.5),
+)
+def test_a_mesh_of_a_grid_moves_as_the_height_map_does(
+    updates: list[tuple[float, bool]], seed: int, age: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    r, c = np.divmod(np.arange(12), 4)
+    z = rng.normal(size=12).astype(np.float32)
+    mesh = TriangleMesh(np.stack([c, r, z], axis=1), grid_triangles(3, 4), time=0.0)
+    heightmap, time = HeightMap(z.reshape(3, 4), time=0.0), 0.0
+    for interval, says in updates:
+        time += interval
+        z = (z + rng.normal(scale=0.01, size=12)).astype(np.float32)
+        speed = rng.normal(size=12).astype(np.float32) if says else None
+        given_speed = None if speed is None else speed.reshape(3, 4)
+        heightmap.replace(z.reshape(3, 4), time=time, velocities=given_speed)
+        vertex_speed = None if speed is None else np.stack([0 * speed, 0 * speed, speed], axis=1)
+        mesh.move(np.stack([c, r, z], axis=1), time=time, velocities=vertex_speed)
+    expected, found = heightmap.sample(np.arange(12), time + age, 0.01), mesh.sample(np.arange(12), time + age, 0.01)
+    np.testing.assert_allclose(found.positions[:, 2], expected.heights, atol=1e-5)
+    np.testing.assert_allclose(found.velocities[:, 2], expected.velocities, atol=1e-3)
+    np.testing.assert_array_equal(found.positions[:, :2], np.stack([c, r], axis=1))
+
+
+def test_resting_regions_do_not_say_that_others_last_longer() -> None:
+    """One region stream has ended long ago, another goes on."""
+    heightmap = HeightMap(np.zeros((SIDE, SIDE)), time=0.0)
+    for index in range(1, 4):
+        raise_region(heightmap, (0, 0, 8, 8), 0.1, 0.2 * index)
+    for index in range(200):
+        raise_region(heightmap, (2 * BLOCK, 2 * BLOCK, 8, 8), 0.001, 0.6 + 0.01 * (index + 1))
+    assert math.isclose(heightmap.lifetime, 0.01)
+
+
+def test_a_clock_set_back_takes_the_maps_with_it() -> None:
+    times = 10.0 + np.arange(4) * 0.05
+    heightmap = fed(ground, times)
+    before = heightmap.sample(np.arange(600), 10.17, 0.01)
+    heightmap.shift_time(-10.0)
+    after = heightmap.sample(np.arange(600), 0.17, 0.01)
+    np.testing.assert_allclose(after.heights, before.heights, atol=1e-9)
+    np.testing.assert_allclose(after.velocities, before.velocities, atol=1e-6)
