@@ -147,7 +147,7 @@ class Selector:
             if isinstance(mesh, HeightMap):
                 self._choose_on_grid(mesh, self._names.index(name), bodies)
             else:
-                self._choose_on_mesh(name, bodies)
+                self._choose_on_mesh(name, bodies, fixed=False)
 
     def _choose_on_grid(self, heightmap: HeightMap, tile: int, bodies: IntArray) -> None:
         """Gives bodies what they can touch of a height map."""
@@ -203,15 +203,15 @@ class Selector:
                 for body, values in zip(bodies.tolist(), heights, strict=True):
                     self._add_samples(body, values)
             else:
-                self._choose_on_mesh(name, bodies)
+                self._choose_on_mesh(name, bodies, fixed=True)
 
-    def _choose_on_mesh(self, name: str, chosen: IntArray) -> None:
-        """Gives bodies patches of a general mesh."""
+    def _choose_on_mesh(self, name: str, chosen: IntArray, *, fixed: bool) -> None:
+        """Gives bodies patches of a general mesh; ``fixed``: also those that cannot touch it."""
         speeds = np.linalg.norm(self._bodies[chosen, 7:10], axis=1)
         reach = self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration
         self.mesh_patches |= self._meshes[name].select(
             chosen, self._shapes, self._bodies, reach, self._time, self._duration, self.config, self.supports,
-            self.mesh_patches, self.gravity,
+            self.mesh_patches, self.gravity, fixed=fixed,
         )  # fmt: skip
 
     def _take_tiles(self) -> None:

@@ -45,10 +45,10 @@ class MeshPatches:
 
     def select(
         self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any, before: dict[int, MeshPatch], gravity: float,
+        config: PatchConfig, supports: Any, before: dict[int, MeshPatch], gravity: float, *, fixed: bool,
     ) -> dict[int, MeshPatch]:  # fmt: skip
         """Fills in the supports of the bodies in ``chosen`` (n,); their patches by the body. Arguments as in
-        `FixedPatches.select`."""
+        `FixedPatches.select`; ``fixed``: whether bodies that cannot touch the mesh have patches all the same."""
         require_search(config.search, self.mesh)
         positions_w = bodies[chosen, :3]
         with self._stopwatch.stage("search"):
@@ -58,7 +58,7 @@ class MeshPatches:
         with self._stopwatch.stage("collect"):
             for body, vertex, distance in zip(chosen.tolist(), found.tolist(), reach.tolist(), strict=True):
                 patches[body] = self._patch(body, vertex, distance, shapes, bodies, time, duration, config, supports,
-                                            gravity)  # fmt: skip
+                                            gravity, fixed=fixed)  # fmt: skip
         return patches
 
     def _search(
@@ -93,7 +93,7 @@ class MeshPatches:
 
     def _patch(
         self, body: int, vertex: int, reach: float, shapes: Any, bodies: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any, gravity: float,
+        config: PatchConfig, supports: Any, gravity: float, *, fixed: bool,
     ) -> MeshPatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_RINGS)
@@ -111,7 +111,7 @@ class MeshPatches:
         swing = float(np.linalg.norm(bodies[body, 10:])) * duration * float(shapes[body].radius)
         moved = (float(np.linalg.norm(bodies[body, 7:10] - linear)) + 0.5 * gravity * duration) * duration
         support.margin = moved + swing
-        if config.kind == "auto" and support.gap > support.margin + self.mesh.edge_length:
+        if config.kind == "auto" and not fixed and support.gap > support.margin + self.mesh.edge_length:
             support.state = Support.NONE
         centre = int(np.searchsorted(topology.vertices, vertex))
         return MeshPatch(
