@@ -20,6 +20,7 @@ from smartmesh_ros.studies.matrix.row import METHODS, Outcome
 from smartmesh_ros.studies.matrix.run import run_matrix
 from smartmesh_ros.studies.scene import read_scenes
 from smartmesh_ros.studies.tables import fill, scene_table, summary_table
+from smartmesh_ros.warm_up import warm_up
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out: Path = options.out or Path("out/studies" if options.quick else "docs")
     images = out / "images" / "accuracy"
     images.mkdir(parents=True, exist_ok=True)
+    warm_up()
     began = perf_counter()
 
     def say(line: str) -> None:

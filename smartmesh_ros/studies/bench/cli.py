@@ -22,6 +22,7 @@ from smartmesh_ros.studies.bench import (
 from smartmesh_ros.studies.bench.measure import FULL, QUICK, Bench, Results
 from smartmesh_ros.studies.bench.report import BATCHES
 from smartmesh_ros.studies.bench.targets import TARGETS
+from smartmesh_ros.warm_up import warm_up
 
 _BAR = 24
 
@@ -72,6 +73,7 @@ def jobs(*, quick: bool) -> list[Job]:
 
 def measure(*, quick: bool) -> Results:
     """Runs every part; a bar on stderr shows how far it is."""
+    warm_up()
     bench = Bench(QUICK if quick else FULL)
     todo = jobs(quick=quick)
     total, done, start = sum(job.share for job in todo), 0.0, perf_counter()

@@ -27,6 +27,7 @@ from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.studies.load.cases import MAX_VELOCITY
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.warm_up import warm_up
 
 
 class Naive(Node):
@@ -124,6 +125,7 @@ class Naive(Node):
 
 def main() -> None:
     """Runs the node until it is told to stop."""
+    warm_up()
     rclpy.init()
     try:
         rclpy.spin(Naive())
