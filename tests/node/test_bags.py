@@ -10,8 +10,7 @@ from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros import bags
-from smartmesh_ros.testing import Probe, assert_on_map
+from smartmesh_ros.testing import Probe, assert_on_map, bags
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "make_bag.py"
 PARAMETERS = {
