@@ -23,7 +23,7 @@ setup(
         (f"share/{NAME}/config", files("config", "*")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
     ],
-    install_requires=["numpy", "pybullet"],
+    install_requires=["numba", "numpy", "pybullet"],
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
