@@ -37,7 +37,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            f"terrain_collider = {NAME}.node.terrain_collider:main",
+            f"terrain_collider = {NAME}.node.starting:terrain_collider",
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"demo = {NAME}.node.demo:main",
             f"bench = {NAME}.studies.bench:main",

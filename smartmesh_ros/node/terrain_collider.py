@@ -10,17 +10,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import bounds, conversions, parameters
+from smartmesh_ros.node import bounds, conversions, declaring, parameters
+from smartmesh_ros.node.announcing import announce, announce_changes
 from smartmesh_ros.node.body_inputs import BodyInputs
 from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
+from smartmesh_ros.node.namesakes import Namesakes
 from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
@@ -61,6 +64,14 @@ class TerrainCollider(Node):
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
+        self._namesakes = Namesakes(self)
+        self._values = declaring.current_values(self, parameters.SPECS)
+        announce(self, self.settings)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy's, but a refusal says what would be right."""
+        refusal = declaring.objection(self, parameter_list, parameters.SPECS)
+        return refusal or super().set_parameters_atomically(parameter_list)
 
     @property
     def handled(self) -> int:
@@ -84,12 +95,14 @@ class TerrainCollider(Node):
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
+            self._namesakes.look()
 
     def idle(self) -> None:
         """Publishes what is due, and no step, while ``/clock`` stands still."""
         with self.session.lock:
             self.session.world.refresh()
             self._outputs.publish()
+            self._namesakes.look()
 
     def destroy_node(self) -> None:
         """Ends the world with the node."""
@@ -99,7 +112,7 @@ class TerrainCollider(Node):
     def pause(self, paused: bool) -> None:
         """Stops the physics, or lets it go on."""
         self.session.paused = paused
-        self.pacer.restart()
+        self._restart()
 
     def step(self, count: int) -> None:
         """Runs steps while the physics is paused; raises `InputError` if it is not."""
@@ -165,7 +178,12 @@ class TerrainCollider(Node):
         """Accepts whatever stamps come next, and starts the loop's beat anew."""
         self._terrain.forget_stamps()
         self._bodies.forget_stamps()
+        self._restart()
+
+    def _restart(self) -> None:
+        """Starts the loop's beat anew, and what is measured of it."""
         self.pacer.restart()
+        self._outputs.restart_measuring()
 
     def _check_settings(self, settings: Settings) -> None:
         """Objects to settings that the terrain there is does not allow."""
@@ -185,6 +203,9 @@ class TerrainCollider(Node):
             session.tracking.timeout = self.settings.body_timeout
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.take_pace()
+                self._outputs.restart_measuring()
+        before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
+        announce_changes(self, before, self._values)
 
 
 def main(args: list[str] | None = None) -> None:
