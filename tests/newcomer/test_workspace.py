@@ -74,3 +74,11 @@ def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Works
     """He starts the node, gives it ground, spawns bodies and sees them; see ``my_robot/first_steps.py``."""
     start = "ros2 run my_robot first_steps" if shutil.which("ros2") else "install/my_robot/lib/my_robot/first_steps"
     assert "bodies: ['ball']" in workspace.run(start).stdout
+
+
+@pytest.mark.skipif(shutil.which("ros2") is None, reason="the ros2 command is not installed; tests/test_launch.py runs")
+def test_launch_files_run_under_the_real_launch(workspace: Workspace) -> None:
+    for file in ("collider", "terrain", "elevation_mapping"):
+        assert "'preset'" in workspace.run(f"ros2 launch smartmesh_ros {file}.launch.py --show-args").stdout
+    missing = workspace.run("ros2 launch smartmesh_ros collider.launch.py config:=/nowhere/mine.yaml", check=False)
+    assert "there is no parameter file /nowhere/mine.yaml" in missing.stdout + missing.stderr
