@@ -44,27 +44,27 @@ RELIABLE = QoSProfile(depth=10)
 class _Window:
     """Time and misses since the last reading.
 
-    A window shorter than `SHORTEST` tells the real-time factor of the one before, and goes on: a few steps say nothing.
-    Before the first one there is, the loop counts as being in time.
+    The real-time factor of less than `SHORTEST` is that of the reading before: a few steps say nothing. Before the
+    first one there is, the loop counts as being in time.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._misses = 0
+        self._read, self._misses = monotonic(), 0
         self.restart()
 
     def restart(self) -> None:
-        """Starts a window where the time of the loop or of the world does: at the start, or after a pause or reset."""
+        """Measures the factor anew where the time of the loop or of the world starts: after a pause or a reset."""
         self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
 
     def read(self) -> tuple[float, float, int]:
-        """Length of the window [s], its real-time factor and its missed deadlines since the last reading."""
-        now, world = monotonic(), self._session.world
-        length = max(now - self._start, 1e-9)
-        misses, self._misses = self._session.pacer.misses - self._misses, self._session.pacer.misses
-        if length >= SHORTEST:
-            self._factor = max(world.time - self._time, 0.0) / length
+        """Time since the last reading [s], the real-time factor, and the deadlines missed since the last reading."""
+        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
+        if now - self._start >= SHORTEST:
+            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
             self._start, self._time = now, world.time
+        self._read, self._misses = now, pacer.misses
         return length, self._factor, misses
 
 
