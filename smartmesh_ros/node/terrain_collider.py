@@ -13,13 +13,14 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import bounds, conversions, declaring, parameters
+from smartmesh_ros.node import declaring, parameters
 from smartmesh_ros.node.announcing import announce, announce_changes
 from smartmesh_ros.node.body_inputs import BodyInputs
+from smartmesh_ros.node.body_services import BodyServices
 from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
@@ -31,8 +32,6 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
-from smartmesh_ros.node.urdf import with_package_paths
-from smartmesh_ros.physics.urdf import checked_urdf
 from smartmesh_ros.physics.usable import require_usable
 
 NAME = "terrain_collider"
@@ -52,8 +51,7 @@ class TerrainCollider(Node):
         self._outputs = Publishing(session)
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
         self._bodies = BodyInputs(session)
-        session.answer(SpawnBody, "spawn_body", self._on_spawn)
-        session.answer(RemoveBody, "remove_body", self._on_remove)
+        self._body_services = BodyServices(session)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(SetBool, "pause", self._on_pause)
@@ -141,26 +139,7 @@ class TerrainCollider(Node):
 
     def remove(self, name: str) -> None:
         """Takes a body out of the world, simulated or tracked."""
-        if name in self.session.tracking.names:
-            self.session.tracking.forget(name)
-        else:
-            self.session.world.remove(name)
-
-    def _on_spawn(self, request: SpawnBody.Request) -> str:
-        state = conversions.state_from(request.pose, request.twist)
-        world = self.session.world
-        bounds.require_name(request.id, self.settings)
-        bounds.require_room([request.id], world.bodies, self.settings)
-        if request.urdf:
-            urdf = checked_urdf(with_package_paths(request.urdf), bounds.urdf_rules(self.settings))
-            world.spawn_robot(request.id, urdf, state)
-        else:
-            world.spawn(request.id, conversions.shape_from(request.shape), request.mass, state)
-        return ""
-
-    def _on_remove(self, request: RemoveBody.Request) -> str:
-        self.remove(request.id)
-        return ""
+        self._body_services.remove(name)
 
     def _on_step(self, request: StepPhysics.Request) -> str:
         self.step(request.steps)

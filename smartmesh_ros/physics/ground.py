@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -64,6 +66,7 @@ class Ground:
         self._farthest = np.empty(0)
         self._steps = 1
         self.stale = True  # whether the next step needs an update, whatever the last one was made for
+        self._together: list[Follower] | None = None  # what is attached within `together`
 
     @property
     def batches(self) -> list[PatchBatch]:
@@ -119,21 +122,38 @@ class Ground:
         Without a radius it is read off the body's bounds. ``solid=False`` computes the patch without a collider.
         ``ball``: whether it is a sphere, None = PyBullet is asked. Spheres roll over inner edges without a filter.
         """
-        if any(follower.body == body and follower.link == link for follower in self.followers):
+        attached = self.followers if self._together is None else self._together
+        if any(follower.body == body and follower.link == link for follower in attached):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
         size = bounding_radius(self._client, body, link) if radius is None else radius
         if not (np.isfinite(size) and size > 0.0):
             raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
         follower = Follower(body, link, size, solid, is_ball(self._client, body, link) if ball is None else ball)
-        self._adopt([*self.followers, follower])
+        if self._together is None:
+            self._adopt([*self.followers, follower])
+        else:
+            self._together.append(follower)
         return follower
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Takes on at its end, in one pass, the patches that are attached and detached in the block."""
+        self._together = [*self.followers]
+        try:
+            yield
+        finally:
+            followers, self._together = self._together, None
+            self._adopt(followers)
 
     def detach(self, body: int) -> None:
         """Takes the patches of ``body`` and its links away. Call it before the body is removed from PyBullet."""
         for index, follower in enumerate(self.followers):
             if follower.body == body:
                 self._colliders.release(index)
-        self._adopt([follower for follower in self.followers if follower.body != body])
+        if self._together is None:
+            self._adopt([follower for follower in self.followers if follower.body != body])
+        else:
+            self._together = [follower for follower in self._together if follower.body != body]
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings for patches, from the next update on; bodies may rest on them meanwhile. Raises

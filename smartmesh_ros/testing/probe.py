@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
     ColliderPatchArray,
@@ -55,6 +56,8 @@ _INPUTS = {
     "tracked_bodies": TrackedBodyArray,
     "body_poses": PoseArray,
 }
+# Answers that may wait while the probe takes something else: by default ROS loses all but ten.
+_CALLS = QoSProfile(depth=1000)
 # How the diagnostics name the number of publishers of a topic.
 _PUBLISHERS = "publishers of "
 
@@ -198,7 +201,7 @@ class Probe:
         """A client of a service of the collider (or a whole name), which is there."""
         name = self.topic(service)
         if name not in self._services:
-            self._services[name] = self.node.create_client(kind, name)
+            self._services[name] = self.node.create_client(kind, name, qos_profile=_CALLS)
         self.wait_for(self._services[name].service_is_ready)
         return self._services[name]
 
