@@ -115,7 +115,7 @@ def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch
 def test_rviz_shows_topics_of_the_node() -> None:
     view = yaml.safe_load((ROOT / "config" / "smartmesh.rviz").read_text())
     topics = [item["Topic"]["Value"] for item in view["Visualization Manager"]["Displays"] if "Topic" in item]
-    readme = (ROOT / "README.md").read_text()
+    readme = (ROOT / "docs" / "interface.md").read_text()
     assert topics
     assert all(topic.replace("/terrain_collider", "`~") + "`" in readme for topic in topics)
 

@@ -3,7 +3,7 @@
 It takes a terrain as it deforms (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
 poses of bodies (arrays, poses, odometry, TF frames), keeps a small collider patch under each body, steps the physics of
 simulated bodies on those patches, and publishes patches, contacts, body states and timing. Topics and services are
-private (~/heightmap, ~/patches, ...) and listed in the README; `ros2 node info /terrain_collider` shows them.
+private (~/heightmap, ~/patches, ...) and listed in docs/interface.md; `ros2 node info /terrain_collider` shows them.
 """
 
 from __future__ import annotations
