@@ -71,9 +71,24 @@ def test_all_packages_are_built_and_the_scripts_run_under_the_python_that_built_
 
 
 def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Workspace) -> None:
-    """He starts the node, gives it ground, spawns bodies and sees them; see ``my_robot/first_steps.py``."""
+    """See ``my_robot/first_steps.py``."""
     start = "ros2 run my_robot first_steps" if shutil.which("ros2") else "install/my_robot/lib/my_robot/first_steps"
-    assert "bodies: ['ball']" in workspace.run(start).stdout
+    said = dict(line.split(": ", 1) for line in workspace.run(start).stdout.splitlines() if ": " in line)
+    assert "terrain from ~/heightmap; physics 240 Hz" in said["start"]
+    assert said["start"].count("[") == 3, "one line: level, time and name"
+    assert said["bodies"] == "['ball', 'more_0', 'more_1']"
+    assert said["not removed"] == "['nobody']"
+    assert said["left"] == "['more_1']"
+    assert "did you mean 'patch.kind'?" in said["unknown"]
+    assert "restart the node" in said["fixed"]
+    assert said["ended"] == "True"
+
+
+def test_the_demo_runs_in_a_domain_of_its_own(workspace: Workspace) -> None:
+    demo = "install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo --seconds 2"
+    said = workspace.run(f"env -u ROS_DOMAIN_ID {demo}").stdout
+    assert re.search(r"DDS domain [1-9]\d*, a free one", said)
+    assert "no body lost" in said
 
 
 @pytest.mark.skipif(shutil.which("ros2") is None, reason="the ros2 command is not installed; tests/test_launch.py runs")
