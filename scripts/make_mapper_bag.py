@@ -18,7 +18,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros import bags
+from smartmesh_ros.testing import bags
 from smartmesh_ros.studies.mapper import DriftConfig, MapFrame, MapperConfig, MappingConfig, mapped_terrain
 from smartmesh_ros.studies.mapper.grid_map import grid_map_arrays
 from smartmesh_ros.testing import floats, pose_message

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from smartmesh_ros import GridGeometry, InputError, bags
+from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.node.adapters.grid_map import raster_from
 from smartmesh_ros.studies.distance import Surface
 from smartmesh_ros.studies.mapper import (
@@ -39,6 +39,7 @@ from smartmesh_ros.studies.mapper.poses import on_ground
 from smartmesh_ros.studies.mapper.rays import cast_rays
 from smartmesh_ros.studies.mapper.sensors import RangeSensor, Scan, scan
 from smartmesh_ros.studies.mapper.truth import TruthConfig
+from smartmesh_ros.testing import bags
 from smartmesh_ros.terrain.rasters import RasterConfig, from_grid_map
 
 TESTS = Path(__file__).parents[1]
