@@ -261,10 +261,10 @@ class Ground:
 
 
 @compiled
-def leaves_support(positions, moved, states, supports, shapes, slack, fastest):  # type: ignore[no-untyped-def]
-    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N, 13)
-    on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further than
-    ``fastest`` [m] are no reason."""
+def leaves_support(positions, moved, states, supports, shapes, slack, fastest):
+    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N,
+    13) on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further
+    than ``fastest`` [m] are no reason."""
     for i in range(len(positions)):
         went = step = 0.0
         for axis in range(3):

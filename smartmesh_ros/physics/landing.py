@@ -32,9 +32,9 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 class LandingConfig:
     """When bodies are clamped before impact.
 
-    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in contact
-    with a collider that lies within this share of where it should be; twice as deep each time that it does not meet it.
-    ``shallow`` [m],
+    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in
+    contact with a collider that lies within this share of where it should be; twice as deep each time that it does not
+    meet it. ``shallow`` [m],
     ``falling``: what would come no deeper is left to the solver, nor what would come no deeper than so many times a
     fall from rest for a step: all that lies on the ground would. ``near``: bodies within this share of their radius of
     coming as near to the ground as they move in a step are looked at closely. ``deep`` [m], ``escape`` [m/s]: a body
@@ -65,8 +65,8 @@ class Escape(NamedTuple):
 
 
 class Clamped(NamedTuple):
-    """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the velocities
-    taken from them (n, 3) [m/s]; and bodies deep in the ground."""
+    """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the
+    velocities taken from them (n, 3) [m/s]; and bodies deep in the ground."""
 
     followers: list[int]
     uids: list[int]
@@ -159,9 +159,9 @@ NEAR, DEEP = 1, 2
 
 
 @compiled
-def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):  # type: ignore[no-untyped-def]
-    """Which bodies may meet the ground in the coming step, or are deep in it, by the plane of the ground nearest to them
-    at the last update, ``age`` [s] ago; how many. ``positions``, ``moved`` (N, 3) [m], ``states`` (N, 13)."""
+def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):
+    """Which bodies may meet the ground in the coming step, or are deep in it, by the plane of the ground nearest to
+    them at the last update, ``age`` [s] ago; how many. ``positions``, ``moved`` (N, 3) [m], ``states`` (N, 13)."""
     count = 0
     for i in range(len(positions)):
         support = supports[i]
@@ -189,7 +189,7 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
 
 
 @compiled
-def clamp_one(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
+def clamp_one(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
     """`clamp_before_impact` for a record in an array of one."""
     return clamp_before_impact(
         grid, shape[0], body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change

@@ -18,8 +18,8 @@ from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
-from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.follower_index import index_followers
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.landing import Landing

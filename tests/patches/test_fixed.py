@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from smartmesh_ros.patches.tracker import PatchTracker
 
 from smartmesh_ros.patches.batch import GridBatch, PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.tracker import PatchTracker
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain

@@ -39,8 +39,8 @@ from smartmesh_ros.studies.mapper.poses import on_ground
 from smartmesh_ros.studies.mapper.rays import cast_rays
 from smartmesh_ros.studies.mapper.sensors import RangeSensor, Scan, scan
 from smartmesh_ros.studies.mapper.truth import TruthConfig
-from smartmesh_ros.testing import bags
 from smartmesh_ros.terrain.rasters import RasterConfig, from_grid_map
+from smartmesh_ros.testing import bags
 
 TESTS = Path(__file__).parents[1]
 BAG = TESTS / "data" / "mapper"
