@@ -1,8 +1,7 @@
 """When a moving solid meets the ground, and how high it lies on it: conservative advancement on the nearest facet.
 
-A solid can move until it has closed its gap to a facet, along that gap's direction, without meeting it; moved on by the
-least of these ways, again and again, it arrives at the surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body
-Systems*, 1996, 2.3).
+A solid can move by its distance from the ground without meeting it; moved on by that, again and again, it arrives at
+its surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
 """
 
 from __future__ import annotations
@@ -48,25 +47,25 @@ def moved_by(solid: Solid, path: Point, share: float) -> Solid:
 
 
 @compiled
-def next_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> tuple[float, Gap]:
-    """The share of its path by which a solid can move without meeting a facet within ``reach`` [m], and the gap to the
-    facet that says so; infinite where it closes on none by more than ``least`` [m] along the path."""
+def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
+    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
+    ``reach`` [m]; infinite where there is none."""
     high, wide = window.heights.shape
-    extent = extents(solid)
-    share, best = math.inf, Gap(math.inf, UP, solid.centre)
+    extent, z = extents(solid), window.heights
+    best = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
-            low, top = heights_of_cell(window.heights, a, b)
-            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, reach):
+            low, top = heights_of_cell(z, a, b)
+            margin = min(best.distance, reach)
+            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
                 continue
             for upper in range(2):
-                facet = facet_of(window.heights, window.spacing, a, b, upper)
+                facet = facet_of(z, window.spacing, a, b, upper)
                 if is_ground(facet):
                     gap = gap_to(facet, solid)
-                    closing = -dot(gap.normal, path)
-                    if closing > least and gap.distance < share * closing:
-                        share, best = gap.distance / closing, gap
-    return share, best
+                    if gap.distance < best.distance and -dot(gap.normal, path) > least:
+                        best = gap
+    return best
 
 
 @compiled
@@ -75,10 +74,10 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arri
     length = math.sqrt(dot(path, path))
     share = 0.0
     for _ in range(ADVANCES):
-        further, gap = next_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
+        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
         if gap.distance <= arrival:
             return Impact(share, gap.normal)
-        share += further
+        share += gap.distance / length
         if share >= 1.0:
             break
     return Impact(2.0, UP)
@@ -150,10 +149,10 @@ def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):  # type:
     raised = moved_by(own, Point(0.0, 0.0, start - own.centre.z), 1.0)
     down = Point(0.0, 0.0, -1.0)
     for _ in range(4 * ADVANCES):
-        way, gap = next_gap(window, raised, down, 0.0, math.inf)
+        gap = nearest_gap(window, raised, down, 0.0, math.inf)
         if gap.distance <= 1e-5:
             break
         if gap.distance == math.inf:
             return math.nan
-        raised = moved_by(raised, down, way)
+        raised = moved_by(raised, Point(0.0, 0.0, -gap.distance), 1.0)
     return raised.centre.z - own.centre.z
