@@ -115,6 +115,8 @@ class Selector:
     def batches(self) -> list[PatchBatch]:
         """Patches of all bodies as of the last update."""
         if self._batches is None:
+            if self._layout != self.terrain.layout_revision:
+                self._take_tiles()
             if self._tracked_due:
                 self._tracked_due = False
                 self._choose_fixed(np.flatnonzero(~self._solid), [])

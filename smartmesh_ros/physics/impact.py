@@ -1,8 +1,7 @@
 """When a moving solid meets the ground, and how high it lies on it: conservative advancement on the nearest facet.
 
-A solid can move until it has closed its gap to a facet, along that gap's direction, without meeting it; moved on by the
-least of these ways, again and again, it arrives at the surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid
-Body Systems*, 1996, 2.3).
+A solid can move by its distance from the ground without meeting it; moved on by that, again and again, it arrives at
+its surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
 """
 
 from __future__ import annotations
@@ -30,11 +29,10 @@ from smartmesh_ros.patches.touchable import (
 from smartmesh_ros.terrain.moving_grid import read_window
 
 # Advances after which a solid that grazes the ground is taken to miss it.
-ADVANCES = 32
+ADVANCES = 64
 # Solids so near to the ground touch it [m].
 TOUCH = 1e-5
-# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this
-# [m].
+# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this [m].
 REFINEMENTS, NEARBY = 2, 0.02
 
 
@@ -55,44 +53,23 @@ def moved_by(solid: Solid, path: Point, share: float) -> Solid:
 
 
 @compiled
-def next_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> tuple[float, Gap]:
-    """The share of its path by which a solid can move without meeting a facet within ``reach`` [m], and the gap to the
-    facet that says so; infinite where it closes on none by more than ``least`` [m] along the path."""
+def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
+    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
+    ``reach`` [m]; infinite where there is none."""
     high, wide = window.heights.shape
-    extent = extents(solid)
-    share, best = math.inf, Gap(math.inf, UP, solid.centre)
-    for a in range(high - 1):
-        for b in range(wide - 1):
-            low, top = heights_of_cell(window.heights, a, b)
-            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, reach):
-                continue
-            for upper in range(2):
-                facet = facet_of(window.heights, window.spacing, a, b, upper)
-                if is_ground(facet):
-                    gap = gap_to(facet, solid)
-                    closing = -dot(gap.normal, path)
-                    if closing > least and gap.distance < share * closing:
-                        share, best = gap.distance / closing, gap
-    return share, best
-
-
-@compiled
-def nearest_gap(window: Window, solid: Solid, reach: float) -> Gap:
-    """The gap to the nearest facet within ``reach`` [m]; infinite where there is none."""
-    high, wide = window.heights.shape
-    extent = extents(solid)
+    extent, z = extents(solid), window.heights
     best = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
-            low, top = heights_of_cell(window.heights, a, b)
+            low, top = heights_of_cell(z, a, b)
             margin = min(best.distance, reach)
             if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
                 continue
             for upper in range(2):
-                facet = facet_of(window.heights, window.spacing, a, b, upper)
+                facet = facet_of(z, window.spacing, a, b, upper)
                 if is_ground(facet):
                     gap = gap_to(facet, solid)
-                    if gap.distance < best.distance:
+                    if gap.distance < best.distance and -dot(gap.normal, path) > least:
                         best = gap
     return best
 
@@ -103,10 +80,10 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
     length = math.sqrt(dot(path, path))
     share = 0.0
     for _ in range(ADVANCES):
-        further, gap = next_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + TOUCH)
+        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + TOUCH)
         if gap.distance <= TOUCH:
             return Impact(share, gap.distance, gap.normal)
-        share += further
+        share += gap.distance / length
         if share >= 1.0:
             break
     return Impact(2.0, math.inf, UP)
@@ -114,9 +91,9 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
 
 @compiled
 def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float, contact: float) -> Point:
-    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the
-    way; unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
-    if nearest_gap(window, solid, NEARBY).distance < -contact:
+    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
+    unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
+    if nearest_gap(window, solid, path, -math.inf, NEARBY).distance < -contact:
         return path
     first = time_of_impact(window, solid, path, least)
     if first.share >= 1.0:
@@ -137,7 +114,7 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
     """By how much a solid near the ground is moved to be ``arrival`` [m] deep in it."""
     moved = Point(0.0, 0.0, 0.0)
     for _ in range(REFINEMENTS):
-        gap = nearest_gap(window, moved_by(solid, moved, 1.0), NEARBY)
+        gap = nearest_gap(window, moved_by(solid, moved, 1.0), Point(0.0, 0.0, -1.0), 0.0, NEARBY)
         if gap.distance > NEARBY:
             break
         moved = along(moved, -arrival - gap.distance, gap.normal)
@@ -145,7 +122,7 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
 
 
 @compiled
-def spin(body, dt):
+def spin(body, dt):  # type: ignore[no-untyped-def]
     """Turns a body (13,) by its angular velocity for a time ``dt`` [s]."""
     x, y, z = body[10], body[11], body[12]
     rate = math.sqrt(x * x + y * y + z * z)
@@ -156,7 +133,7 @@ def spin(body, dt):
 
 
 @compiled
-def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
+def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
     there is any."""
@@ -188,7 +165,7 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
 
 
 @compiled
-def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
+def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):  # type: ignore[no-untyped-def]
     """How high a body (13,) is lifted to lie on the ground as it is turned [m]: it is let down from above until it
     touches; NaN where there is no ground under it."""
     local = np.empty(13)
@@ -210,10 +187,10 @@ def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
     raised = moved_by(own, Point(0.0, 0.0, start - own.centre.z), 1.0)
     down = Point(0.0, 0.0, -1.0)
     for _ in range(4 * ADVANCES):
-        way, gap = next_gap(window, raised, down, 0.0, math.inf)
+        gap = nearest_gap(window, raised, down, 0.0, math.inf)
         if gap.distance <= TOUCH:
             break
         if gap.distance == math.inf:
             return math.nan
-        raised = moved_by(raised, down, way)
+        raised = moved_by(raised, Point(0.0, 0.0, -gap.distance), 1.0)
     return raised.centre.z - own.centre.z
