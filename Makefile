@@ -2,6 +2,7 @@
 PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
+STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
 
 .PHONY: help demo test lint prepare bench studies before-after load soak fuzz clean
 
@@ -9,7 +10,7 @@ help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
-	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/demo
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
 
 test:  ## lint, types, colcon build, and every test
 	@$(RUN) dev -- scripts/check
@@ -21,19 +22,19 @@ prepare:  ## environment and install/ only
 	@scripts/workspace prepare
 
 bench:  ## running times against the report's tables
-	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/bench
+	@$(RUN) studies -- $(STUDIES) bench
 
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
-	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/studies $(ARGS)
+	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute
-	@$(RUN) studies -- install/smartmesh_ros/lib/smartmesh_ros/before_after --before "$(BEFORE)" $(ARGS)
+	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
-	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/load $(LOAD)
+	@$(RUN) load -- $(STUDIES) load $(LOAD)
 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
-	@$(RUN) load -- install/smartmesh_ros/lib/smartmesh_ros/soak $(SOAK)
+	@$(RUN) load -- $(STUDIES) soak $(SOAK)
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

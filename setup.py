@@ -23,6 +23,7 @@ setup(
         (f"share/{NAME}/config", files("config", "*")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
     ],
+    python_requires=">=3.10",
     install_requires=["numba", "numpy", "pybullet"],
     extras_require={
         "bags": ["rosbags"],
@@ -34,17 +35,15 @@ setup(
     maintainer="smartmesh_ros maintainers",
     maintainer_email="maintainers@smartmesh-ros.invalid",
     description="Collide with terrain that moves: small, velocity-carrying collider patches that follow bodies.",
+    long_description=Path("README.md").read_text(),
+    long_description_content_type="text/markdown",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            f"terrain_collider = {NAME}.node.terrain_collider:main",
+            f"terrain_collider = {NAME}.node.starting:terrain_collider",
             f"terrain_source = {NAME}.node.terrain_source:main",
-            f"demo = {NAME}.node.demo:main",
-            f"bench = {NAME}.studies.bench:main",
-            f"before_after = {NAME}.studies.before_after.study:main",
-            f"load = {NAME}.studies.load.study:main",
-            f"soak = {NAME}.studies.load.soak:main",
-            f"studies = {NAME}.studies.accuracy:main",
+            f"smartmesh-demo = {NAME}.node.demo:main",
+            f"smartmesh-studies = {NAME}.studies.cli:main",
         ],
     },
 )

@@ -1,45 +1,24 @@
-"""Starts the collider and, unless told otherwise, a terrain source to try it with."""
+"""Starts the collider and a terrain to try it with."""
 
-from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from smartmesh_ros.launching import Values, description, is_true
+
+
+def source(value: Values) -> list[Any]:
+    """The source of terrain."""
+    parameters = {"scene": value("scene"), "use_sim_time": is_true(value("use_sim_time"))}
+    node = {"package": "smartmesh_ros", "executable": "terrain_source", "output": "screen"}
+    return [Node(**node, namespace=value("namespace"), parameters=[parameters])]
 
 
 def generate_launch_description() -> LaunchDescription:
     """The launch description."""
-    config = PathJoinSubstitution([FindPackageShare("smartmesh_ros"), "config", LaunchConfiguration("config")])
-    profile = PathJoinSubstitution([FindPackageShare("smartmesh_ros"), "config", "fastdds.xml"])
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument("config", default_value="rover.yaml", description="Parameter file in config/."),
-            DeclareLaunchArgument("source", default_value="true", description="Whether to start terrain_source."),
-            DeclareLaunchArgument("scene", default_value="waves", description="Scene of terrain_source."),
-            DeclareLaunchArgument("rviz", default_value="false", description="Whether to start RViz."),
-            DeclareLaunchArgument("dds", default_value=profile, description="Fast DDS settings, an XML file."),
-            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", LaunchConfiguration("dds")),
-            SetEnvironmentVariable("RMW_FASTRTPS_USE_QOS_FROM_XML", "1"),
-            Node(
-                package="smartmesh_ros",
-                executable="terrain_collider",
-                output="screen",
-                parameters=[config],
-            ),
-            Node(
-                package="smartmesh_ros",
-                executable="terrain_source",
-                output="screen",
-                parameters=[{"scene": LaunchConfiguration("scene")}],
-                condition=IfCondition(LaunchConfiguration("source")),
-            ),
-            Node(
-                package="rviz2",
-                executable="rviz2",
-                arguments=["-d", PathJoinSubstitution([FindPackageShare("smartmesh_ros"), "config", "smartmesh.rviz"])],
-                condition=IfCondition(LaunchConfiguration("rviz")),
-            ),
-        ]
+    scene = DeclareLaunchArgument(
+        "scene", default_value="waves", description="Scene of terrain_source: waves, rut, crater, heave or elevation."
     )
+    return description(scene, start=source)

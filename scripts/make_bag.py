@@ -12,10 +12,9 @@ from typing import Any, get_args
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 
-from smartmesh_ros import bags
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.scenes import InwardWaves, Wave
-from smartmesh_ros.testing import heightmap_message, pose_message
+from smartmesh_ros.testing import bags, heightmap_message, pose_message
 
 MAP_RATE, POSE_RATE = 20, 60
 SPEED = 0.5  # of the rover along x [m/s]

@@ -14,11 +14,11 @@ R = TypeVar("R")
 
 try:
     import numba
-except Exception as error:  # Numba raises its own exceptions where it does not support the NumPy there is
+except Exception as error:  # noqa: BLE001  # Numba raises its own exceptions where it does not support the NumPy there is
     numba = None
     _PROBLEM = f"{type(error).__name__}: {error}"
 
-_warned = False
+_warnings: set[str] = set()
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -42,7 +42,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 def _warn(message: str) -> None:
     """Warns once."""
-    global _warned
-    if not _warned:
-        _warned = True
+    if not _warnings:
+        _warnings.add(message)
         warnings.warn(message, RuntimeWarning, stacklevel=3)

@@ -66,7 +66,7 @@ class Form:
         self.record: Any = np.array((kind, *self.half, self.offset, self.turn, self.radius), SHAPE)
 
     def inside(self, points: np.ndarray, position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """Which points (..., 3) are inside the shape of a body at ``position`` whose axes are the columns of ``turn``."""
+        """Which points (..., 3) are inside the shape of a body at ``position``, whose axes are ``turn``'s columns."""
         own = ((points - position) @ turn - self.offset) @ rotation(self.turn)
         if self.ball:
             return np.asarray((own**2).sum(axis=-1) <= self.half[0] ** 2)

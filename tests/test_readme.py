@@ -5,7 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-README = (Path(__file__).parent.parent / "README.md").read_text()
+import yaml
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
 
 
 def test_the_ten_lines_run_and_the_ball_rides_the_wave() -> None:
@@ -19,14 +22,30 @@ assert 0.15 < z - below < 0.4, (z, below)
     assert result.returncode == 0, result.stderr
 
 
-def test_the_parameter_table_is_that_of_the_node() -> None:
+def test_the_page_of_parameters_is_that_of_the_node() -> None:
+    """If not: scripts/workspace run dev -- python scripts/write_parameters.py"""
+    from smartmesh_ros.node.helping import parameter_page
     from smartmesh_ros.node.parameters import SPECS
 
-    [table] = re.findall(r"### Parameters\n\n(.*?)\n\n", README, re.DOTALL)
-    named: set[str] = set()
-    for row in table.splitlines()[2:]:
-        prefix = ""
-        for name in re.findall(r"`([^`]+)`", row.split("|")[1]):
-            prefix = prefix if name.startswith(".") else name.split(".")[0]
-            named.add(prefix + name if name.startswith(".") else name)
-    assert named == {spec.name for spec in SPECS}
+    page = (ROOT / "docs" / "parameters.md").read_text()
+    assert page == parameter_page("terrain_collider", SPECS)
+    for spec in SPECS:
+        typed = re.findall(rf"^\| `{re.escape(spec.name)}` \| `([^`]*)` \|", page, re.MULTILINE)
+        assert [yaml.safe_load(text) for text in typed] == [spec.default], "as YAML takes it"
+
+
+def test_parameters_that_the_pages_name_exist() -> None:
+    from smartmesh_ros.node.parameters import SPECS
+
+    names = {spec.name for spec in SPECS}
+    groups = {name.partition(".")[0] for name in names if "." in name}
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for name in re.findall(r"`(\w+\.\w+)(?::[^`]*)?`", page.read_text()):
+            if name.partition(".")[0] in groups and not name.endswith((".py", ".xml", ".yaml", ".json")):
+                assert name in names, f"{page.name}: {name}"
+
+
+def test_links_lead_somewhere() -> None:
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -38,13 +38,36 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
         except ParameterException as error:
             bounds = f"; it must be {spec.low} to {spec.high}" if spec.low is not None else ""
             raise InputError("parameter", f"{error}{bounds}") from None
-    names = [spec.name for spec in specs]
     for name in sorted(node._parameter_overrides):
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
-            nearest = difflib.get_close_matches(name, names, n=1)
-            hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
-            node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{hint}")
+            node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{_nearest(name, specs)}")
     return checked(current_values(node, specs), specs)
+
+
+def objection(node: Node, changes: Sequence[Parameter], specs: Sequence[Spec]) -> SetParametersResult | None:
+    """The refusal of a set of changes that names an unknown parameter or one that is fixed; None if it does not.
+
+    rclpy refuses them too, but does not say what would be right.
+    """
+    fixed = {spec.name for spec in specs if spec.read_only}
+    for change in changes:
+        if not node.has_parameter(change.name):
+            reason = f"parameter {change.name!r} is unknown{_nearest(change.name, specs)}"
+        elif change.name in fixed:
+            reason = (
+                f"{change.name} is fixed after the start; restart the node with -p {change.name}:=..., or with a "
+                "parameter file that sets it"
+            )
+        else:
+            continue
+        return SetParametersResult(successful=False, reason=reason)
+    return None
+
+
+def _nearest(name: str, specs: Sequence[Spec]) -> str:
+    """The question whether a known name was meant, if there is one like it."""
+    names = difflib.get_close_matches(name, [spec.name for spec in specs], n=1)
+    return f"; did you mean {names[0]!r}?" if names else ""
 
 
 def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:

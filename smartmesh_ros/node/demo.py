@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -31,6 +30,7 @@ from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, Heightmap, Timi
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.node import demo_pictures
 from smartmesh_ros.node.conversions import map_from
 from smartmesh_ros.node.dds import use_large_message_profile
@@ -197,8 +197,19 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=15.0, help="how long bodies move")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
     options = parser.parse_args(args)
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     use_large_message_profile()
+    with isolated_unless_chosen():
+        frames, lost, counts = run(options.seconds)
+    print("drawing ...", flush=True)
+    for path in demo_pictures.draw(frames, options.out):
+        print(f"wrote {path}")
+    if lost:
+        sys.exit(f"demo failed: {lost} bodies were lost")
+    print(f"no body lost; received {counts}")
+
+
+def run(seconds: float) -> tuple[list[demo_pictures.Frame], int, dict[str, int]]:
+    """Runs everything for so long; frames to draw, the most bodies lost at any time, and messages by output."""
     rclpy.init()
     demo = Demo()
     try:
@@ -206,15 +217,10 @@ def main(args: list[str] | None = None) -> None:
             print("starting terrain_source and terrain_collider ...", flush=True)
             demo.spawn_all()
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
-            frames, lost = watch(demo, options.seconds)
+            frames, lost = watch(demo, seconds)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"demo failed: {error}; received {demo.counts}")
     finally:
         demo.destroy_node()
         rclpy.shutdown()
-    print("drawing ...", flush=True)
-    for path in demo_pictures.draw(frames, options.out):
-        print(f"wrote {path}")
-    if lost:
-        sys.exit(f"demo failed: {lost} bodies were lost")
-    print(f"no body lost; received {demo.counts}")
+    return frames, lost, demo.counts

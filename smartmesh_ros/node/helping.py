@@ -65,6 +65,38 @@ def parameter_file(name: str, specs: Sequence[Spec]) -> str:
     return "\n".join(lines)
 
 
+def grouped(specs: Sequence[Spec]) -> list[Spec]:
+    """The parameters with those together whose names begin alike; in their order else."""
+    groups = list(dict.fromkeys(_group(spec) for spec in specs))
+    return sorted(specs, key=lambda spec: groups.index(_group(spec)))
+
+
+def _group(spec: Spec) -> str:
+    first, dot, _ = spec.name.partition(".")
+    return first if dot else "others"
+
+
+def parameter_page(name: str, specs: Sequence[Spec]) -> str:
+    """A page of Markdown with every parameter, in tables by the first part of its name."""
+    lines = [
+        f"# Parameters of `{name}`",
+        "",
+        "Written by `scripts/write_parameters.py` from the node's declarations. Defaults stand as a parameter file or",
+        "`-p` takes them. *fixed* parameters need a restart; all others change while the node runs (`ros2 param set`).",
+    ]
+    heading = None
+    for spec in grouped(specs):
+        if (group := _group(spec)) != heading:
+            heading = group
+            lines += ["", f"## {group}", "", "| name | default | values | change | meaning |", "|---|---|---|---|---|"]
+        choices = ", ".join(f"`{choice}`" for choice in spec.choices)
+        values = choices or (f"{spec.low:g} to {spec.high:g}" if spec.low is not None else "")
+        change = "fixed" if spec.read_only else "any time"
+        cells = (f"`{spec.name}`", f"`{_text(spec.default)}`", values, change, spec.description.replace("|", "\\|"))
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def _text(value: Any) -> str:
     text = json.dumps(value)
     # YAML takes 1e-07 for a string.

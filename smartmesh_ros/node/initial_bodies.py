@@ -15,11 +15,12 @@ class InitialBodies:
         self._session = session
         self._entries: dict[str, Entry] = {}
         self._waiting: list[str] = []
-        for text in session.settings.spawn:
-            entry = entry_from_text(text)
-            if entry.name in self._entries:
-                raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
-            self.add(entry)
+        with session.world.together():
+            for text in session.settings.spawn:
+                entry = entry_from_text(text)
+                if entry.name in self._entries:
+                    raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
+                self.add(entry)
 
     @property
     def names(self) -> set[str]:
@@ -41,12 +42,15 @@ class InitialBodies:
     def on_terrain(self) -> None:
         """Spawns what waited for ground."""
         waiting, self._waiting = self._waiting, []
-        for name in waiting:
-            try:
-                if not spawn(self._session.world, self._entries[name]):
-                    self._waiting.append(name)
-            except InputError as error:
-                self._session.refusals.add("bodies.spawn", error)
+        if not waiting:
+            return
+        with self._session.world.together():
+            for name in waiting:
+                try:
+                    if not spawn(self._session.world, self._entries[name]):
+                        self._waiting.append(name)
+                except InputError as error:
+                    self._session.refusals.add("bodies.spawn", error)
 
     def restore(self) -> None:
         """Spawns again those that were removed."""

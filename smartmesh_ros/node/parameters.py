@@ -22,8 +22,8 @@ from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.pacing import DeadlinePolicy
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.settings import Durability, PublishRates, Reliability, RobotConfig, Settings, TerrainInput
-from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
+from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod

@@ -36,24 +36,36 @@ JOINING = 1.0
 SHOWING_PATCHES = ("patches", "collider_patches")
 # Diagnostics come so often, and so soon after a publisher came or went [s].
 DIAGNOSTICS_PERIOD, NOTICING = 1.0, 0.1
+# A real-time factor is told of no less [s].
+SHORTEST = 0.5
 RELIABLE = QoSProfile(depth=10)
 
 
 class _Window:
-    """Time and misses since the last reading."""
+    """Time and misses since the last reading.
 
-    def __init__(self) -> None:
-        self._start, self._time, self._misses = monotonic(), 0.0, 0
+    The real-time factor of less than `SHORTEST` is that of the reading before: a few steps say nothing. Before the
+    first one there is, the loop counts as being in time.
+    """
 
-    def read(self, session: Session) -> tuple[float, float, int]:
-        """Length of the window [s], its real-time factor and its missed deadlines; starts the next one."""
-        world, pacer = session.world, session.pacer
-        now = monotonic()
-        length = max(now - self._start, 1e-9)
-        factor = max(world.time - self._time, 0.0) / length
-        misses = pacer.misses - self._misses
-        self._start, self._time, self._misses = now, world.time, pacer.misses
-        return length, factor, misses
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._read, self._misses = monotonic(), 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Measures the factor anew where the time of the loop or of the world starts: after a pause or a reset."""
+        self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
+
+    def read(self) -> tuple[float, float, int]:
+        """Time since the last reading [s], the real-time factor, and the deadlines missed since the last reading."""
+        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
+        if now - self._start >= SHORTEST:
+            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
+            self._start, self._time = now, world.time
+        self._read, self._misses = now, pacer.misses
+        return length, self._factor, misses
 
 
 class _Increments:
@@ -116,8 +128,8 @@ class Publishing:
         }
         self._diagnostics_due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
-        self._timing_window = _Window()
-        self._diagnostics_window = _Window()
+        self._timing_window = _Window(session)
+        self._diagnostics_window = _Window(session)
         self._refused_before = 0
         self._increments = {name: _Increments() for name in SHOWING_PATCHES}
         self._shown = dict.fromkeys(SHOWING_PATCHES, -1)  # the world's refreshes when they were last published
@@ -130,6 +142,11 @@ class Publishing:
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
             self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def restart_measuring(self) -> None:
+        """Has the real-time factor measured from now on."""
+        self._timing_window.restart()
+        self._diagnostics_window.restart()
 
     def publish_patches(self) -> None:
         """Publishes those outputs that show patches, if they are due: before a step, nobody waits for the physics."""
@@ -197,7 +214,7 @@ class Publishing:
         return robot_outputs.contact_wrenches(self._header(), self._world)
 
     def _make_timing(self) -> Timing:
-        length, factor, misses = self._timing_window.read(self._session)
+        length, factor, misses = self._timing_window.read()
         stages = [
             StageTiming(
                 stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
@@ -209,7 +226,7 @@ class Publishing:
         return message
 
     def _make_diagnostics(self) -> DiagnosticArray:
-        _, factor, _ = self._diagnostics_window.read(self._session)
+        _, factor, _ = self._diagnostics_window.read()
         session = self._session
         refused = session.refusals.counts.total()
         health = diagnostics.Health(

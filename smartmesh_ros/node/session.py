@@ -21,6 +21,9 @@ from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.tracking import Tracking
 from smartmesh_ros.physics.world import World
 
+# Calls that may wait, and answers that are kept until they are delivered: by default ROS loses all but ten.
+SERVICES = QoSProfile(depth=2000)
+
 
 class Session:
     """One running node.
@@ -91,7 +94,7 @@ class Session:
                 response.success = False
             return response
 
-        self.node.create_service(kind, f"~/{service}", callback)
+        self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
 
     def take_pace(self) -> None:
         """Paces the loop as the settings and the clock want it."""
@@ -112,7 +115,7 @@ class Session:
                 handle(request, response)
             return response
 
-        self.node.create_service(kind, f"~/{service}", callback)
+        self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
 
     def clock_now(self) -> float:
         """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""

@@ -3,24 +3,28 @@
 It takes a terrain as it deforms (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
 poses of bodies (arrays, poses, odometry, TF frames), keeps a small collider patch under each body, steps the physics of
 simulated bodies on those patches, and publishes patches, contacts, body states and timing. Topics and services are
-private (~/heightmap, ~/patches, ...) and listed in the README; `ros2 node info /terrain_collider` shows them.
+private (~/heightmap, ~/patches, ...) and listed in docs/interface.md; `ros2 node info /terrain_collider` shows them.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import bounds, conversions, parameters
+from smartmesh_ros.node import declaring, parameters
+from smartmesh_ros.node.announcing import announce, announce_changes
 from smartmesh_ros.node.body_inputs import BodyInputs
+from smartmesh_ros.node.body_services import BodyServices
 from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
+from smartmesh_ros.node.namesakes import Namesakes
 from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
@@ -28,8 +32,6 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.settings import Settings
 from smartmesh_ros.node.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.terrain_inputs import TerrainInputs
-from smartmesh_ros.node.urdf import with_package_paths
-from smartmesh_ros.physics.urdf import checked_urdf
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.warm_up import warm_up
 
@@ -51,8 +53,7 @@ class TerrainCollider(Node):
         self._outputs = Publishing(session)
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
         self._bodies = BodyInputs(session)
-        session.answer(SpawnBody, "spawn_body", self._on_spawn)
-        session.answer(RemoveBody, "remove_body", self._on_remove)
+        self._body_services = BodyServices(session)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(SetBool, "pause", self._on_pause)
@@ -63,6 +64,14 @@ class TerrainCollider(Node):
         )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         session.clock.on_set_back(self._forget_stamps)
+        self._namesakes = Namesakes(self)
+        self._values = declaring.current_values(self, parameters.SPECS)
+        announce(self, self.settings)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy's, but a refusal says what would be right."""
+        refusal = declaring.objection(self, parameter_list, parameters.SPECS)
+        return refusal or super().set_parameters_atomically(parameter_list)
 
     @property
     def handled(self) -> int:
@@ -86,12 +95,14 @@ class TerrainCollider(Node):
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
+            self._namesakes.look()
 
     def idle(self) -> None:
         """Publishes what is due, and no step, while ``/clock`` stands still."""
         with self.session.lock:
             self.session.world.refresh()
             self._outputs.publish()
+            self._namesakes.look()
 
     def destroy_node(self) -> None:
         """Ends the world with the node."""
@@ -101,7 +112,7 @@ class TerrainCollider(Node):
     def pause(self, paused: bool) -> None:
         """Stops the physics, or lets it go on."""
         self.session.paused = paused
-        self.pacer.restart()
+        self._restart()
 
     def step(self, count: int) -> None:
         """Runs steps while the physics is paused; raises `InputError` if it is not."""
@@ -130,26 +141,7 @@ class TerrainCollider(Node):
 
     def remove(self, name: str) -> None:
         """Takes a body out of the world, simulated or tracked."""
-        if name in self.session.tracking.names:
-            self.session.tracking.forget(name)
-        else:
-            self.session.world.remove(name)
-
-    def _on_spawn(self, request: SpawnBody.Request) -> str:
-        state = conversions.state_from(request.pose, request.twist)
-        world = self.session.world
-        bounds.require_name(request.id, self.settings)
-        bounds.require_room([request.id], world.bodies, self.settings)
-        if request.urdf:
-            urdf = checked_urdf(with_package_paths(request.urdf), bounds.urdf_rules(self.settings))
-            world.spawn_robot(request.id, urdf, state)
-        else:
-            world.spawn(request.id, conversions.shape_from(request.shape), request.mass, state)
-        return ""
-
-    def _on_remove(self, request: RemoveBody.Request) -> str:
-        self.remove(request.id)
-        return ""
+        self._body_services.remove(name)
 
     def _on_step(self, request: StepPhysics.Request) -> str:
         self.step(request.steps)
@@ -167,7 +159,12 @@ class TerrainCollider(Node):
         """Accepts whatever stamps come next, and starts the loop's beat anew."""
         self._terrain.forget_stamps()
         self._bodies.forget_stamps()
+        self._restart()
+
+    def _restart(self) -> None:
+        """Starts the loop's beat anew, and what is measured of it."""
         self.pacer.restart()
+        self._outputs.restart_measuring()
 
     def _check_settings(self, settings: Settings) -> None:
         """Objects to settings that the terrain there is does not allow."""
@@ -187,6 +184,9 @@ class TerrainCollider(Node):
             session.tracking.timeout = self.settings.body_timeout
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.take_pace()
+                self._outputs.restart_measuring()
+        before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
+        announce_changes(self, before, self._values)
 
 
 def main(args: list[str] | None = None) -> None:

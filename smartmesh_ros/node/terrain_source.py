@@ -7,13 +7,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.clock import NodeClock
-from smartmesh_ros.node.declaring import Spec, declare
+from smartmesh_ros.node.declaring import Spec, declare, objection
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.pacing import Pacer
 from smartmesh_ros.node.refusals import Refusals
@@ -84,6 +86,10 @@ class TerrainSource(Node):
         else:
             self._publish_region(self._scene.changed(time), now.to_msg())
         self._listeners = listeners
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy's, but a refusal says what would be right."""
+        return objection(self, parameter_list, SPECS) or super().set_parameters_atomically(parameter_list)
 
     handled = 0  # it takes no messages
 

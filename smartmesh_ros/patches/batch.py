@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ class MeshPatch:
     centre: int
 
 
-def rectangle_samples(supports: np.recarray) -> tuple[IntArray, IntArray]:  # type: ignore[type-arg]
+def rectangle_samples(supports: Any) -> tuple[IntArray, IntArray]:
     """Rows and columns (n, K) on their map of the samples of n rectangles of one size."""
     high, wide = int(supports["rows"][0]), int(supports["columns"][0])
     r, c = np.divmod(np.arange(high * wide), wide)
@@ -73,8 +74,8 @@ def rectangle_samples(supports: np.recarray) -> tuple[IntArray, IntArray]:  # ty
 def samples_across(
     terrain: Terrain, heightmap: HeightMap, rows: IntArray, columns: IntArray, time: float, ahead: float = INSTANT
 ) -> Samples:
-    """Samples (n, K) of a map at ``time`` [s], with mean velocities over the time ``ahead`` [s]; beyond its edge those of
-    the tiles beside it, NaN = none."""
+    """Samples (n, K) of a map at ``time`` [s], with mean velocities over the time ``ahead`` [s]; beyond its edge those
+    of the tiles beside it, NaN = none."""
     geometry = heightmap.geometry
     inside = (rows >= 0) & (columns >= 0) & (rows < geometry.rows) & (columns < geometry.columns)
     indices = np.where(inside, rows * geometry.columns + columns, 0)
@@ -89,7 +90,12 @@ def samples_across(
 
 
 def grid_batches(
-    terrain: Terrain, name: str, bodies: IntArray, supports: np.recarray, time: float, config: PatchConfig  # type: ignore[type-arg]
+    terrain: Terrain,
+    name: str,
+    bodies: IntArray,
+    supports: Any,
+    time: float,
+    config: PatchConfig,
 ) -> Iterator[PatchBatch]:
     """Patches of ``bodies`` (n,) on the height map ``name``, with their ``supports`` (n,), as of ``time`` [s]."""
     heightmap = terrain.tiles[name]
@@ -117,7 +123,7 @@ def grid_batches(
         )  # fmt: skip
 
 
-def mesh_batch(name: str, body: int, support: np.recarray, patch: MeshPatch, config: PatchConfig) -> PatchBatch:  # type: ignore[type-arg]
+def mesh_batch(name: str, body: int, support: Any, patch: MeshPatch, config: PatchConfig) -> PatchBatch:
     """The patch of a body on a general mesh, with its support (1,)."""
     centres = patch.positions_w[patch.centre][None]
     linear, angular = twists_at(support, centres)
@@ -129,7 +135,7 @@ def mesh_batch(name: str, body: int, support: np.recarray, patch: MeshPatch, con
     )  # fmt: skip
 
 
-def twists_at(supports: np.recarray, points_w: FloatArray) -> tuple[FloatArray, FloatArray]:  # type: ignore[type-arg]
+def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Velocity of the ground of supports (n,) at points (n, 3) [m/s] and its turning [rad/s], (n, 3) each.
 
     Ground rises and falls where it is: a point above or below the foot moves as one at its height.

@@ -14,8 +14,8 @@ from smartmesh_ros.search.methods import SearchMethod
 class SelectionConfig:
     """How supports are chosen, beyond what users tune.
 
-    ``hysteresis``: share of the tolerance within which a plane takes the place of a field, so that none changes back and
-    forth: changing a collider loses its contacts. ``leave`` [m]: a body loses its collider so far above the ground,
+    ``hysteresis``: share of the tolerance within which a plane takes the place of a field, so that none changes back
+    and forth: changing a collider loses its contacts. ``leave`` [m]: a body loses its collider so far above the ground,
     beyond what it can reach, for the same reason. ``most_cells``: of a field, on a side; larger ones get a coarser
     stride, because replacing a filtered one of 32 x 32 takes a millisecond. ``most_samples``: of the window that is
     looked at, on a side; for larger bodies samples are left out. ``fastest`` [m/s]: faster bodies get no larger
@@ -43,13 +43,13 @@ PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms",
 class PatchConfig:
     """How patches are made.
 
-    ``search``, ``collect``: the report's methods, for patches of fixed extent. ``kind``: the collider; *auto* gives each
-    body what it can touch: nothing, a plane, or the smallest rectangle of samples within the tolerance; *heightfield*
-    does so without planes and without nothing, *plane* without the tolerance; the last two are the report's
-    Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each side of the nearest vertex (the report's
-    collider-size), for *auto* and *plane* a heightfield; 0 = what the body can touch. ``tolerance`` [m]: how far a
-    patch may lie from the main mesh. ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps come,
-    up to twice as often unless the world is behind real time; 0 = in every step.
+    ``search``, ``collect``: the report's methods, for patches of fixed extent. ``kind``: the collider; *auto* gives
+    each body what it can touch: nothing, a plane, or the smallest rectangle of samples within the tolerance;
+    *heightfield* does so without planes and without nothing, *plane* without the tolerance; the last two are the
+    report's Simple-Mesh, one collider of the whole terrain. ``rings``: samples on each side of the nearest vertex (the
+    report's collider-size), for *auto* and *plane* a heightfield; 0 = what the body can touch. ``tolerance`` [m]: how
+    far a patch may lie from the main mesh. ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps
+    come, up to twice as often unless the world is behind real time; 0 = in every step.
     ``edge_filter``: no ghost collisions at the inner edges of patches; balls need none. ``carry_velocity``: patches
     carry the ground's velocity into the contact.
     """

@@ -43,8 +43,8 @@ class Plane(NamedTuple):
 class Solid(NamedTuple):
     """A ball, or a box as it is turned.
 
-    ``ball``: whether it is one, of ``radius``; else ``u``, ``v``, ``w`` are the unit axes of a box and ``half`` its half
-    extents along them. ``centre``: its middle.
+    ``ball``: whether it is one, of ``radius``; else ``u``, ``v``, ``w`` are the unit axes of a box and ``half`` its
+    half extents along them. ``centre``: its middle.
     """
 
     ball: bool

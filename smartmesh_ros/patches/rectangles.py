@@ -68,8 +68,8 @@ def stride_deviation(window: Window, touch: Touch, row: int, column: int, high: 
 
 @compiled
 def start_of(first: int, need: int, total: int, least: int, most: int) -> int:
-    """Where a side of ``total`` samples starts that holds ``need`` from ``first`` on, in its middle but within ``least``
-    to ``most`` if there is room."""
+    """Where a side of ``total`` samples starts that holds ``need`` from ``first`` on, in its middle but within
+    ``least`` to ``most`` if there is room."""
     start = first - (total - need) // 2
     return max(min(start, most - total), least) if most - least >= total else start
 

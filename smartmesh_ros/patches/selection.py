@@ -31,11 +31,11 @@ class Rules(NamedTuple):
     """How supports are chosen: `SelectionConfig` and the settings of patches as compiled functions take them.
 
     ``tolerance`` [m]; ``hysteresis``: share of it that a plane must keep to take the place of something else; ``leave``
-    [m]: how far above the ground a body loses its collider, beyond what it can reach; ``planes``, ``any_plane``: whether
-    planes are tried, and taken whatever they deviate; ``always``: whether bodies near the ground have a field even if
-    they touch nothing; ``most_cells``: of a field, on a side; ``most_samples``: of a window, on a side; ``fastest``
-    [m/s]; ``gravity`` [m/s^2]; ``across``: whether bodies whose window leaves the map are left to be chosen by the
-    samples of several tiles.
+    [m]: how far above the ground a body loses its collider, beyond what it can reach; ``planes``, ``any_plane``:
+    whether planes are tried, and taken whatever they deviate; ``always``: whether bodies near the ground have a field
+    even if they touch nothing; ``most_cells``: of a field, on a side; ``most_samples``: of a window, on a side;
+    ``fastest`` [m/s]; ``gravity`` [m/s^2]; ``across``: whether bodies whose window leaves the map are left to be
+    chosen by the samples of several tiles.
     """
 
     tolerance: float
@@ -80,7 +80,8 @@ def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
 
 @compiled
 def travel_of(body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules) -> Travel:
-    """How far a body (13,) with a bounding ``radius`` [m] goes in a ``duration`` [s]: its velocity, its spin, its fall."""
+    """How far a body (13,) with a bounding ``radius`` [m] goes in a ``duration`` [s]: its velocity, its spin, its
+    fall."""
     speed = math.sqrt(body[7] * body[7] + body[8] * body[8] + body[9] * body[9])
     share = duration if speed <= rules.fastest else duration * rules.fastest / speed
     spin = math.sqrt(body[10] * body[10] + body[11] * body[11] + body[12] * body[12])
@@ -96,16 +97,16 @@ def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) 
     """The window of samples over which a solid can get, with a cell more on each side."""
     reach_x = reach_along(solid, Point(1.0, 0.0, 0.0)) + abs(travel.x) + travel.more + rules.leave
     reach_y = reach_along(solid, Point(0.0, 1.0, 0.0)) + abs(travel.y) + travel.more + rules.leave
-    row = int(math.floor((solid.centre.y - reach_y) / resolution)) - 1
-    column = int(math.floor((solid.centre.x - reach_x) / resolution)) - 1
-    high = int(math.ceil((solid.centre.y + reach_y) / resolution)) + 2 - row
-    wide = int(math.ceil((solid.centre.x + reach_x) / resolution)) + 2 - column
+    row = math.floor((solid.centre.y - reach_y) / resolution) - 1
+    column = math.floor((solid.centre.x - reach_x) / resolution) - 1
+    high = math.ceil((solid.centre.y + reach_y) / resolution) + 2 - row
+    wide = math.ceil((solid.centre.x + reach_x) / resolution) + 2 - column
     stride = (max(high, wide) - 1) // rules.most_samples + 1
     return Place(row, column, (high - 2) // stride + 2, (wide - 2) // stride + 2, stride)
 
 
 @compiled
-def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):  # type: ignore[no-untyped-def]
+def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):
     """Chooses supports of the bodies in ``chosen`` (n,) on a tile, until ``duration`` [s] after ``time`` [s].
 
     ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, in and out.
@@ -149,7 +150,7 @@ def leaves_map(grid: MovingGrid, place: Place) -> bool:
 
 
 @compiled
-def select_across(grid, place, heights, rises, shape, body, duration, rules, support, touched):  # type: ignore[no-untyped-def]
+def select_across(grid, place, heights, rises, shape, body, duration, rules, support, touched):
     """Chooses the support of one body whose window (h, w) at ``place`` was read from several tiles."""
     local = np.empty(13)
     local_body(grid, body, local)
@@ -160,7 +161,7 @@ def select_across(grid, place, heights, rises, shape, body, duration, rules, sup
 
 
 @compiled
-def window_of(grid, shape, body, duration, rules):  # type: ignore[no-untyped-def]
+def window_of(grid, shape, body, duration, rules):
     """The place of a body's window on the grid."""
     local = np.empty(13)
     local_body(grid, body, local)
@@ -176,7 +177,7 @@ def moved_solid(solid: Solid, x: float, y: float) -> Solid:
 
 
 @compiled
-def choose(grid, place, heights, rises, solid, travel, duration, rules, support, touched):  # type: ignore[no-untyped-def]
+def choose(grid, place, heights, rises, solid, travel, duration, rules, support, touched):
     """Chooses the support of one solid from a window of samples."""
     before = support.state
     spacing = grid.resolution * place.stride
@@ -186,9 +187,9 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)
     support.margin = math.sqrt(travel.x * travel.x + travel.y * travel.y + travel.z * travel.z) + travel.more
     touch = touched_facets(window, own, travel, touched)
-    if touch.count == 0:
+    if touch.facets == 0:
         touch = below(window, own, touch)
-        if not rules.always or touch.count == 0:
+        if not rules.always or touch.facets == 0:
             support.state, support.gap, support.deviation = Support.NONE, math.inf, math.nan
             return
     plane, rise = nearest_planes(window, touch) if own.ball else fitted_planes(window, own, touch, touched)
@@ -203,7 +204,10 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     support.state = Support.FIELD if deviation == math.inf else Support.PLANE
     rectangle = rectangle_of(grid, place, window, touch, rules, support, before)
     stride = rectangle.stride * place.stride
-    support.row, support.column = place.row + rectangle.row * place.stride, place.column + rectangle.column * place.stride
+    support.row, support.column = (
+        place.row + rectangle.row * place.stride,
+        place.column + rectangle.column * place.stride,
+    )
     support.rows, support.columns, support.stride = rectangle.high + 1, rectangle.wide + 1, stride
     if support.state == Support.PLANE:
         support.deviation = deviation
@@ -225,7 +229,7 @@ def below(window: Window, solid: Solid, touch: Touch) -> Touch:
 
 
 @compiled
-def rectangle_of(grid, place, window, touch, rules, support, before):  # type: ignore[no-untyped-def]
+def rectangle_of(grid, place, window, touch, rules, support, before):
     """The rectangle of a field; for a plane the touchable cells at a stride that leaves few."""
     rows, columns = grid.heights.shape
     bounds = (-place.row, rows - 1 - place.row, -place.column, columns - 1 - place.column)
@@ -253,7 +257,7 @@ def rectangle_of(grid, place, window, touch, rules, support, before):  # type: i
 @compiled
 def describe(
     grid: MovingGrid, place: Place, solid: Solid, touch: Touch, plane: Plane, rise: Plane, duration: float, support
-) -> None:  # type: ignore[no-untyped-def]
+) -> None:
     """Writes the foot, normals and motion of the ground under a solid, in the terrain's frame."""
     facet = plane_normal(plane)
     if solid.ball and touch.gap.distance < math.inf:

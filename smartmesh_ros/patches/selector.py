@@ -27,7 +27,6 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
-
 NO_SAMPLES = np.empty(0)
 
 
@@ -70,8 +69,8 @@ class Selector:
         self._tracked_due = False
 
     def adopt(self, shapes: Any, solid: BoolArray, kept: IntArray) -> None:
-        """Says which bodies there are: their ``shapes`` (N,), which are ``solid`` (N,), and each one's index before, -1 =
-        new (N,)."""
+        """Says which bodies there are: their ``shapes`` (N,), which are ``solid`` (N,), and each one's index before,
+        -1 = new (N,)."""
         self._shapes, self._solid = shapes, solid
         self._everybody = np.flatnonzero(solid)
         self.supports = carried_over(self.supports, kept, no_supports(len(kept)))
@@ -116,6 +115,8 @@ class Selector:
     def batches(self) -> list[PatchBatch]:
         """Patches of all bodies as of the last update."""
         if self._batches is None:
+            if self._layout != self.terrain.layout_revision:
+                self._take_tiles()
             if self._tracked_due:
                 self._tracked_due = False
                 self._choose_fixed(np.flatnonzero(~self._solid), [])
@@ -133,9 +134,7 @@ class Selector:
                 for body in chosen.tolist():
                     yield mesh_batch(name, body, self.supports[body : body + 1], self.mesh_patches[body], self.config)
             else:
-                yield from grid_batches(
-                    self.terrain, name, chosen, self.supports[chosen], self._time, self.config
-                )
+                yield from grid_batches(self.terrain, name, chosen, self.supports[chosen], self._time, self.config)
 
     def _choose(self, chosen: IntArray, before: list[PatchBatch]) -> None:
         """Chooses for solid bodies."""
@@ -174,15 +173,16 @@ class Selector:
         rises = (samples.velocities * self._duration).reshape(shape)
         support["state"] = Support.FIELD
         select_across(
-            grid, Place(*place), samples.heights.reshape(shape), rises, one, self._bodies[body], self._duration, rules, support,
-            self._memory[2],
+            grid, Place(*place), samples.heights.reshape(shape), rises, one, self._bodies[body], self._duration, rules,
+            support, self._memory[2],
         )  # fmt: skip
         if support["state"][0] == Support.FIELD:
             self._add_samples(body, self._rectangle_heights(heightmap, body))
 
     def _rectangle_heights(self, heightmap: HeightMap, body: int) -> FloatArray:
         rows, columns = rectangle_samples(self.supports[body : body + 1])
-        return samples_across(self.terrain, heightmap, rows, columns, self._time).heights[0]
+        heights: FloatArray = samples_across(self.terrain, heightmap, rows, columns, self._time).heights[0]
+        return heights
 
     def _add_samples(self, body: int, heights: FloatArray) -> None:
         """Keeps the heights (K,) [m] of a field that is not read from one map."""

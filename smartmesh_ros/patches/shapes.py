@@ -20,9 +20,9 @@ class ShapeKind(IntEnum):
     ROUND = 2
 
 
-# ``kind``: a `ShapeKind`; ``half``: half extents along the shape's axes [m], a ball's radius in all three; ``offset`` [m]
-# and ``turn`` (x, y, z, w): the shape's frame in that of the body's centre of mass; ``radius`` [m]: of the sphere around
-# that centre that holds it.
+# ``kind``: a `ShapeKind`; ``half``: half extents along the shape's axes [m], a ball's radius in all three; ``offset``
+# [m] and ``turn`` (x, y, z, w): the shape's frame in that of the body's centre of mass; ``radius`` [m]: of the sphere
+# around that centre that holds it.
 SHAPE = np.dtype(
     [
         ("kind", np.int64),
@@ -35,12 +35,13 @@ SHAPE = np.dtype(
     ]
 )
 
-# Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity [rad/s].
+# Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
+# [rad/s].
 BODY_COLUMNS = 13
 
 
 @compiled
-def product(a, b):  # type: ignore[no-untyped-def]
+def product(a, b):
     """The rotation ``b`` followed by ``a``, as unit quaternions (x, y, z, w)."""
     return (
         a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
@@ -51,7 +52,7 @@ def product(a, b):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def turned(q, p: Point) -> Point:  # type: ignore[no-untyped-def]
+def turned(q, p: Point) -> Point:
     """A vector turned by a unit quaternion (x, y, z, w)."""
     axis = Point(q[0], q[1], q[2])
     twice = scaled(cross(axis, p), 2.0)
@@ -59,7 +60,7 @@ def turned(q, p: Point) -> Point:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def solid_of(shape, body) -> Solid:  # type: ignore[no-untyped-def]
+def solid_of(shape, body) -> Solid:
     """The solid of a record of ``SHAPE`` on a body (13,), in the frame that the body's pose is given in."""
     orientation = (body[3], body[4], body[5], body[6])
     offset = Point(shape.offset[0], shape.offset[1], shape.offset[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +25,8 @@ class Support(IntEnum):
 
 # ``state``: a `Support`; ``tile``: index of the tile, -1 = on none.
 # The rectangle: first sample ``row``, ``column``; ``rows`` x ``columns`` samples, ``stride`` samples of the map apart.
-# ``foot_*`` [m]: the ground's point nearest to the body; ``normal_*``: from there to the body, unit; ``gap`` [m]: how far
-# apart they are, negative where they overlap; ``facet_*``: the ground's upward normal there.
+# ``foot_*`` [m]: the ground's point nearest to the body; ``normal_*``: from there to the body, unit; ``gap`` [m]: how
+# far apart they are, negative where they overlap; ``facet_*``: the ground's upward normal there.
 # ``rise`` [m/s]: how fast the ground rises there, ``turn_*`` [rad/s]: how it turns, ``slide_x``, ``slide_y``
 # [m/s]: how it slides; means until the next update.
 # ``deviation`` [m]: how far the collider lies from the main mesh where the body can touch it, at most; NaN = unknown.
@@ -42,13 +43,16 @@ SUPPORT = np.dtype(
         ("stride", np.int64),
         *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "normal_x", "normal_y", "normal_z", "gap")),
         *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
-        *((name, np.float64) for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation", "margin")),
+        *(
+            (name, np.float64)
+            for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation", "margin")
+        ),
         ("first", np.int64),
     ]
 )
 
 
-def no_supports(count: int) -> np.recarray:  # type: ignore[type-arg]
+def no_supports(count: int) -> Any:
     """A table of bodies that have nothing yet."""
     table = np.zeros(count, SUPPORT).view(np.recarray)
     table["tile"] = table["first"] = -1

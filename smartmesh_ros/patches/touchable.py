@@ -46,8 +46,8 @@ class Window(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """How far a solid goes until the next update: its straight path (``x``, ``y``, ``z``), and what may be added to it in
-    any direction, ``more`` [m]."""
+    """How far a solid goes until the next update: its straight path (``x``, ``y``, ``z``), and what may be added to it
+    in any direction, ``more`` [m]."""
 
     x: float
     y: float
@@ -56,10 +56,10 @@ class Travel(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """What a solid can touch: how many facets, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the nearest of
+    """What a solid can touch: how many ``facets``, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the nearest of
     them (cell ``a``, ``b``, ``upper``) and its gap; the largest margin of any."""
 
-    count: int
+    facets: int
     top: int
     bottom: int
     left: int
@@ -116,9 +116,11 @@ def extents(solid: Solid) -> Point:
 
 
 @compiled
-def out_of_reach(solid: Solid, extent: Point, x: float, y: float, spacing: float, low: float, high: float, margin: float) -> bool:
-    """Whether all points of a cell from (x, y) on, between the heights ``low`` and ``high``, are farther than ``margin``
-    from a solid with such bounds; it may be so where this says no."""
+def out_of_reach(
+    solid: Solid, extent: Point, x: float, y: float, spacing: float, low: float, high: float, margin: float
+) -> bool:
+    """Whether all points of a cell from (x, y) on, between the heights ``low`` and ``high``, are farther than
+    ``margin`` from a solid with such bounds; it may be so where this says no."""
     centre = solid.centre
     away_x = max(x - centre.x, centre.x - x - spacing, 0.0)
     away_y = max(y - centre.y, centre.y - y - spacing, 0.0)

@@ -130,7 +130,16 @@ class BodyFactory:
         if not links:
             client.removeBody(uid)
             raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
-        body = Body(name, uid, float(read_shape(client, uid, next(iter(links)))["radius"]), False, state, links, joints, urdf=urdf)
+        body = Body(
+            name,
+            uid,
+            float(read_shape(client, uid, next(iter(links)))["radius"]),
+            False,
+            state,
+            links,
+            joints,
+            urdf=urdf,
+        )
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         self.place(body, state)
         return body

@@ -85,7 +85,9 @@ def _box_around(parts: list[Any]) -> Any:
         low, high = np.minimum(low, part["offset"] - extent), np.maximum(high, part["offset"] + extent)
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
     x, y, z = middle.tolist()
-    return _record(ShapeKind.BOX, half.tolist(), (x, y, z), UNTURNED, float(np.linalg.norm(half) + np.linalg.norm(middle)))
+    return _record(
+        ShapeKind.BOX, half.tolist(), (x, y, z), UNTURNED, float(np.linalg.norm(half) + np.linalg.norm(middle))
+    )
 
 
 def _extent(part: Any) -> FloatArray:

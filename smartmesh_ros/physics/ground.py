@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -64,6 +66,7 @@ class Ground:
         self.positions_w = np.empty((0, 3))  # of the followers in the last step [m]
         self.moved_w = np.empty((0, 3))  # how far they move in a step [m]
         self._told: list[tuple[list[int], FloatArray]] = []
+        self._together: list[Follower] | None = None  # what is attached within `together`
 
     @property
     def supports(self) -> Any:
@@ -115,7 +118,8 @@ class Ground:
         Its shape is read from PyBullet, unless it is given: as a ``shape`` about its centre of mass, or as the
         ``radius`` [m] of a sphere that holds it. ``solid=False`` computes the patch without a collider.
         """
-        if any(follower.body == body and follower.link == link for follower in self.followers):
+        attached = self.followers if self._together is None else self._together
+        if any(follower.body == body and follower.link == link for follower in attached):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
         if shape is not None:
             record = shape_record(shape)
@@ -125,15 +129,31 @@ class Ground:
         if not (np.isfinite(size) and size > 0.0):
             raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
         follower = Follower(body, link, record, solid)
-        self._adopt([*self.followers, follower])
+        if self._together is None:
+            self._adopt([*self.followers, follower])
+        else:
+            self._together.append(follower)
         return follower
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Takes on at its end, in one pass, the patches that are attached and detached in the block."""
+        self._together = [*self.followers]
+        try:
+            yield
+        finally:
+            followers, self._together = self._together, None
+            self._adopt(followers)
 
     def detach(self, body: int) -> None:
         """Takes the patches of ``body`` and its links away. Call it before the body is removed from PyBullet."""
         for index, follower in enumerate(self.followers):
             if follower.body == body:
                 self.colliders.release(index)
-        self._adopt([follower for follower in self.followers if follower.body != body])
+        if self._together is None:
+            self._adopt([follower for follower in self.followers if follower.body != body])
+        else:
+            self._together = [follower for follower in self._together if follower.body != body]
 
     def configure(self, config: PatchConfig) -> None:
         """Takes other settings for patches, from the next update on; bodies may rest on them meanwhile. Raises
@@ -241,10 +261,10 @@ class Ground:
 
 
 @compiled
-def leaves_support(positions, moved, states, supports, shapes, slack, fastest):  # type: ignore[no-untyped-def]
-    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N, 13)
-    on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further than
-    ``fastest`` [m] are no reason."""
+def leaves_support(positions, moved, states, supports, shapes, slack, fastest):
+    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N,
+    13) on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further
+    than ``fastest`` [m] are no reason."""
     for i in range(len(positions)):
         went = step = 0.0
         for axis in range(3):

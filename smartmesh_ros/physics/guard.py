@@ -19,7 +19,7 @@ from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.impact import height_at_rest
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # Speed along the ground that a rescued body keeps at most [m/s].
@@ -47,7 +47,9 @@ class Guard:
         heights, velocities = ground.terrain.at(ground.states[index, :2], time)
         below = ground.states[index, 2] < heights
         lifts: dict[str, tuple[Body, float, float]] = {}
-        for follower, height, rate in zip(*(values[below].tolist() for values in (index, heights, velocities))):
+        for follower, height, rate in zip(
+            *(values[below].tolist() for values in (index, heights, velocities)), strict=True
+        ):
             body = bodies[follower]
             assert body is not None
             lift = self._lift(follower, height, time)
@@ -74,13 +76,13 @@ class Guard:
 
 
 @compiled
-def lift_of(grid, shape, body, time, rules, memory_h, memory_r):  # type: ignore[no-untyped-def]
+def lift_of(grid, shape, body, time, rules, memory_h, memory_r):
     """`height_at_rest` for a record in an array of one."""
     return height_at_rest(grid, shape[0], body, time, rules, memory_h, memory_r)
 
 
 @compiled
-def suspicious(states: FloatArray, supports: Any, shapes: Any, near: float) -> IntArray:
+def suspicious(states: FloatArray, supports: Any, shapes: Any, near: float) -> BoolArray:
     """Which bodies may be under the ground: those that touch none of it, and those whose middle is not well above the
     plane under them (N,)."""
     found = np.zeros(len(states), np.bool_)

@@ -14,7 +14,7 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, scaled
 from smartmesh_ros.patches.selection import local_body, moved_solid, window_place
-from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.touchable import (
     UP,
     Travel,
@@ -29,7 +29,9 @@ from smartmesh_ros.patches.touchable import (
 from smartmesh_ros.terrain.moving_grid import read_window
 
 # Advances after which a solid that grazes the ground is taken to miss it.
-ADVANCES = 32
+ADVANCES = 64
+# Solids so near to the ground touch it [m].
+TOUCH = 1e-5
 # A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this [m].
 REFINEMENTS, NEARBY = 2, 0.02
 
@@ -73,13 +75,13 @@ def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: 
 
 
 @compiled
-def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Impact:
-    """Where a solid comes nearer to the ground than ``arrival`` [m] on its path, closing on it by more than ``least`` [m]."""
+def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> Impact:
+    """Where a solid touches the ground on its path, closing on it by more than ``least`` [m]."""
     length = math.sqrt(dot(path, path))
     share = 0.0
     for _ in range(ADVANCES):
-        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + arrival)
-        if gap.distance <= arrival:
+        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + TOUCH)
+        if gap.distance <= TOUCH:
             return Impact(share, gap.distance, gap.normal)
         share += gap.distance / length
         if share >= 1.0:
@@ -88,18 +90,20 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float, arri
 
 
 @compiled
-def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
+def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float, contact: float) -> Point:
     """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
-    unchanged where it meets nothing, or is in contact from the start."""
-    first = time_of_impact(window, solid, path, least, arrival)
-    if first.share >= 1.0 or first.gap < -0.5 * arrival:
+    unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
+    if nearest_gap(window, solid, path, -math.inf, NEARBY).distance < -contact:
+        return path
+    first = time_of_impact(window, solid, path, least)
+    if first.share >= 1.0:
         return path
     closing = -(1.0 - first.share) * dot(first.normal, path) - first.gap
     if closing <= least:
         return path
     slides = along(path, closing - arrival, first.normal)
     rest = minus(slides, scaled(path, first.share))
-    second = time_of_impact(window, moved_by(solid, path, first.share), rest, least, arrival)
+    second = time_of_impact(window, moved_by(solid, path, first.share), rest, least)
     if 0.0 < second.share < 1.0:
         return along(scaled(path, first.share), second.share, rest)
     return slides
@@ -118,7 +122,18 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
 
 
 @compiled
-def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
+def spin(body, dt):  # type: ignore[no-untyped-def]
+    """Turns a body (13,) by its angular velocity for a time ``dt`` [s]."""
+    x, y, z = body[10], body[11], body[12]
+    rate = math.sqrt(x * x + y * y + z * z)
+    if rate > 0.0:
+        sine = math.sin(0.5 * rate * dt) / rate
+        turn = (sine * x, sine * y, sine * z, math.cos(0.5 * rate * dt))
+        body[3], body[4], body[5], body[6] = product(turn, (body[3], body[4], body[5], body[6]))
+
+
+@compiled
+def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
     there is any."""
@@ -134,12 +149,16 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, rules
     own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
     relative = Point(path.x, path.y, path.z - rise)
-    clamped = clamped_path(window, own, relative, least, arrival)
+    clamped = clamped_path(window, own, relative, least, arrival, contact)
     cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
     heights += rises
-    cut = along(cut, 1.0, to_arrival(window, moved_by(moved_by(own, path, 1.0), cut, 1.0), arrival))
+    for axis in range(3):
+        local[axis] += (path.x, path.y, path.z)[axis]
+    spin(local, dt)
+    after = moved_solid(solid_of(shape, local), place.column * grid.resolution, place.row * grid.resolution)
+    cut = along(cut, 1.0, to_arrival(window, moved_by(after, cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
     return True
@@ -169,7 +188,7 @@ def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):  # type:
     down = Point(0.0, 0.0, -1.0)
     for _ in range(4 * ADVANCES):
         gap = nearest_gap(window, raised, down, 0.0, math.inf)
-        if gap.distance <= 1e-5:
+        if gap.distance <= TOUCH:
             break
         if gap.distance == math.inf:
             return math.nan

@@ -32,8 +32,9 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 class LandingConfig:
     """When bodies are clamped before impact.
 
-    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in contact
-    with a collider that lies within this share of where it should be. ``shallow`` [m],
+    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in
+    contact with a collider that lies within this share of where it should be; twice as deep each time that it does not
+    meet it. ``shallow`` [m],
     ``falling``: what would come no deeper is left to the solver, nor what would come no deeper than so many times a
     fall from rest for a step: all that lies on the ground would. ``near``: bodies within this share of their radius of
     coming as near to the ground as they move in a step are looked at closely. ``deep`` [m], ``escape`` [m/s]: a body
@@ -49,6 +50,8 @@ class LandingConfig:
 
 
 LANDING = LandingConfig()
+# A body that has not met its collider after so many doublings of the arrival's depth meets nothing.
+MOST_TRIES = 6
 
 
 class Escape(NamedTuple):
@@ -62,8 +65,8 @@ class Escape(NamedTuple):
 
 
 class Clamped(NamedTuple):
-    """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the velocities
-    taken from them (n, 3) [m/s]; and bodies deep in the ground."""
+    """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the
+    velocities taken from them (n, 3) [m/s]; and bodies deep in the ground."""
 
     followers: list[int]
     uids: list[int]
@@ -79,6 +82,7 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
+        self._tries: dict[int, int] = {}  # in how many steps in a row followers were clamped
 
     def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
         """Has bodies arrive at the ground's surface in the coming step; ``free`` (N,): which followers may be slowed.
@@ -91,11 +95,13 @@ class Landing:
             ground.positions_w, ground.moved_w, ground.states, ground.supports, ground.shapes, free, time - ground.time,
             dt, fall, shallow, LANDING.near, LANDING.deep, codes,
         )  # fmt: skip
+        tries, self._tries = self._tries, {}
         if not found:
             return None
         escapes = [self._escape(index) for index in np.flatnonzero(codes == DEEP).tolist()]
         near = np.flatnonzero(codes == NEAR).tolist()
-        followers, changes = self._changes(near, time, dt, fall, shallow)
+        followers, changes = self._changes(near, tries, time, dt, fall, shallow)
+        self._tries = {index: tries.get(index, 0) + 1 for index in followers}
         uids = [ground.followers[index].body for index in followers]
         self._calls.add_velocities(uids, changes.tolist())
         return Clamped(followers, uids, -changes, escapes)
@@ -110,7 +116,7 @@ class Landing:
             self._hold_back(escape)
 
     def _changes(
-        self, near: list[int], time: float, dt: float, fall: FloatArray, shallow: float
+        self, near: list[int], tries: dict[int, int], time: float, dt: float, fall: FloatArray, shallow: float
     ) -> tuple[list[int], FloatArray]:
         """Which followers are slowed, and by how much (n, 3) [m/s]."""
         ground = self._ground
@@ -122,10 +128,11 @@ class Landing:
             if not isinstance(mesh, HeightMap):
                 continue
             body = self._calls.states([ground.followers[index].body])[0]
+            arrival = LANDING.arrival * ground.config.tolerance
+            deeper = arrival * 2 ** min(tries.get(index, 0), MOST_TRIES)
             if clamp_one(
-                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow,
-                LANDING.arrival * ground.config.tolerance,
-                rules, *self._memory[:2], change,
+                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, deeper,
+                0.5 * arrival, rules, *self._memory[:2], change,
             ):  # fmt: skip
                 found.append(index)
                 changes.append(change.copy())
@@ -152,9 +159,9 @@ NEAR, DEEP = 1, 2
 
 
 @compiled
-def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):  # type: ignore[no-untyped-def]
-    """Which bodies may meet the ground in the coming step, or are deep in it, by the plane of the ground nearest to them
-    at the last update, ``age`` [s] ago; how many. ``positions``, ``moved`` (N, 3) [m], ``states`` (N, 13)."""
+def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):
+    """Which bodies may meet the ground in the coming step, or are deep in it, by the plane of the ground nearest to
+    them at the last update, ``age`` [s] ago; how many. ``positions``, ``moved`` (N, 3) [m], ``states`` (N, 13)."""
     count = 0
     for i in range(len(positions)):
         support = supports[i]
@@ -182,8 +189,8 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
 
 
 @compiled
-def clamp_one(grid, shape, body, time, dt, fall, least, arrival, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
+def clamp_one(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
     """`clamp_before_impact` for a record in an array of one."""
     return clamp_before_impact(
-        grid, shape[0], body, time, dt, fall, least, arrival, rules, memory_h, memory_r, change
+        grid, shape[0], body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change
     )

@@ -26,8 +26,8 @@ class UpdateSchedule:
         self._revision, self._layout = -1, -1  # of the terrain then
 
     def due(self, terrain: Terrain, *, behind: bool = False) -> bool:
-        """Whether they are: their time has come, or there is other ground. For a world that is ``behind`` real time a map
-        of the same ground is no reason."""
+        """Whether they are: their time has come, or there is other ground. For a world that is ``behind`` real time a
+        map of the same ground is no reason."""
         self._age += 1
         if self._age >= self._lasts or terrain.layout_revision != self._layout:
             return True

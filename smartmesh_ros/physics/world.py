@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,8 +18,8 @@ from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
-from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.follower_index import index_followers
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.landing import Landing
@@ -77,6 +78,7 @@ class World:
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
+        self._indexes = True  # not within `together`, which indexes its followers at its end
 
     def __enter__(self) -> World:
         return self
@@ -95,6 +97,17 @@ class World:
         """Ends the world."""
         if self.client.isConnected():
             self.client.disconnect()
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Makes adding or removing many bodies cheap: those of the block get, or lose, their patches at its end."""
+        self._indexes = False
+        try:
+            with self.ground.together():
+                yield
+        finally:
+            self._indexes = True
+            self._index_followers()
 
     def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
         """Adds a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
@@ -344,4 +357,5 @@ class World:
         self._index_followers()
 
     def _index_followers(self) -> None:
-        self._index = index_followers(self.bodies.values(), self.ground.followers)
+        if self._indexes:
+            self._index = index_followers(self.bodies.values(), self.ground.followers)

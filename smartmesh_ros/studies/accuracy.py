@@ -26,7 +26,7 @@ from smartmesh_ros.warm_up import warm_up
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = _parser().parse_args(arguments)
-    out: Path = options.out or Path("out/studies" if options.quick else "docs")
+    out = folder_of(options)
     images = out / "images" / "accuracy"
     images.mkdir(parents=True, exist_ok=True)
     warm_up()
@@ -55,6 +55,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     fill(out / "accuracy.md", blocks)
     print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
     return 0
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Where a run writes: only whole runs change the documents, so that no page mixes figures of several machines."""
+    part = options.quick or options.scenes or options.methods or options.charts_only or options.matrix_only
+    folder: Path = options.out or Path("out/studies" if part else "docs")
+    return folder
 
 
 def _save(path: Path, data: dict[str, Any]) -> None:
@@ -112,9 +119,9 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="studies", description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
-    parser.add_argument("--out", type=Path, help="folder to write to (docs, or out/studies with --quick)")
+    parser.add_argument("--out", type=Path, help="folder to write to (docs; out/studies for a part of a run)")
     parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only; what was measured of others stays")
     parser.add_argument(
         "--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix; others stay"

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, KEPT, PATIENCE, REST, MotionConfig, phase_of
+from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import BLOCK, INSTANT, MovingGrid, ground_at, samples_at, take_heights
 from smartmesh_ros.terrain.revisions import next_revision
 
@@ -35,8 +35,8 @@ class HeightMap:
     is the instant the heights hold for, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape, says how
     fast the ground rises; without it velocity is the difference of successive heights.
 
-    Beside the heights the map keeps the last three velocities of each sample, whose memory is taken as they are written,
-    and for each block of 64 x 64 samples when it was updated. ``revision`` changes with every update.
+    Beside the heights the map keeps the last three velocities of each sample, whose memory is taken as they are
+    written, and for each block of 64 x 64 samples when it was updated. ``revision`` changes with every update.
     """
 
     def __init__(
@@ -167,16 +167,16 @@ class HeightMap:
         )  # fmt: skip
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
-        """Ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map, heights with the origin's
-        z, velocities as means over the time ``ahead`` [s]; shapes (...)."""
+        """Ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map, heights with the
+        origin's z, velocities as means over the time ``ahead`` [s]; shapes (...)."""
         flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
         heights, velocities = np.empty(len(flat)), np.empty(len(flat))
         samples_at(self.moved_to(time), flat, time, ahead, heights, velocities)
         return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
 
     def beyond(self, xy_w: FloatArray) -> FloatArray:
-        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside. A point on the edge is inside,
-        whatever rounding says."""
+        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside. A point on the edge is
+        inside, whatever rounding says."""
         grid = self.geometry.to_grid(xy_w)
         over: FloatArray = np.maximum(-grid, grid - self.geometry.last).max(axis=1)
         return (over - EDGE) * self.geometry.resolution

@@ -125,7 +125,7 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
 
 
 @compiled
-def block_phase(clock, time, mode):  # type: ignore[no-untyped-def]
+def block_phase(clock, time, mode):
     """The `Phase` of a block, a record of ``CLOCK``, at ``time`` [s]."""
     if clock.known == 0:
         return AT_REST

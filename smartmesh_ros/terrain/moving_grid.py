@@ -22,10 +22,10 @@ INSTANT = 1e-9
 class MovingGrid(NamedTuple):
     """Samples of a height map and how they move.
 
-    ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring whose
-    newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``, ``y``,
-    ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground [m/s].
-    ``mode``, ``max_velocity``: as in `MotionConfig`.
+    ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring
+    whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
+    ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
+    [m/s]. ``mode``, ``max_velocity``: as in `MotionConfig`.
     """
 
     heights: NDArray[np.float32]
@@ -74,7 +74,7 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
 
 
 @compiled
-def _motion_at(grid, row, column, newest, phase):  # type: ignore[no-untyped-def]
+def _motion_at(grid, row, column, newest, phase):
     """Velocity and acceleration of a sample, by the ring of its velocities."""
     v = grid.velocities
     first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
@@ -89,8 +89,8 @@ def read_window(
     grid: MovingGrid, row: int, column: int, stride: int, time: float, ahead: float, heights: FloatArray,
     rises: FloatArray,
 ) -> None:  # fmt: skip
-    """Reads a window whose first sample is (``row``, ``column``), every ``stride``-th sample: its ``heights`` (h, w) [m]
-    at ``time`` and by how much they rise in the time ``ahead`` [s] (h, w) [m]. NaN beyond the edge and in holes."""
+    """Reads a window whose first sample is (``row``, ``column``), every ``stride``-th sample: its ``heights`` (h, w)
+    [m] at ``time`` and by how much they rise in the time ``ahead`` [s] (h, w) [m]. NaN beyond the edge and in holes."""
     rows, columns = grid.heights.shape
     high, wide = heights.shape
     for a in range(high):
@@ -120,11 +120,11 @@ def triangle_weights(row: float, column: float, rows: int, columns: int) -> tupl
     """The triangle under a point given as fractional (row, column): first sample of its cell, row and column; the
     point's place in the cell (v along rows, u along columns); and 0 below the cell's diagonal, 1 above it.
 
-    Every cell is cut from (row, column) to (row + 1, column + 1), as in the report's Figures 3 and 4. Points outside use
-    the nearest cell.
+    Every cell is cut from (row, column) to (row + 1, column + 1), as in the report's Figures 3 and 4. Points outside
+    use the nearest cell.
     """
-    r = min(max(int(math.floor(row)), 0), rows - 2)
-    c = min(max(int(math.floor(column)), 0), columns - 2)
+    r = min(max(math.floor(row), 0), rows - 2)
+    c = min(max(math.floor(column), 0), columns - 2)
     v, u = row - r, column - c
     return r, c, v, u, 0 if u >= v else 1
 
@@ -154,7 +154,7 @@ def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray
 
 
 @compiled
-def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):  # type: ignore[no-untyped-def]
+def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):
     """Writes ``heights`` [m] and mean ``velocities`` over the time ``ahead`` [s] [m/s] of samples given by ``indices``
     into the row-major map, all (n,)."""
     columns = grid.heights.shape[1]
@@ -164,9 +164,9 @@ def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: Fl
 
 
 @compiled
-def take_heights(heights, velocities, clocks, row, column, new, given, time, max_interval):  # type: ignore[no-untyped-def]
-    """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``), and
-    the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
+def take_heights(heights, velocities, clocks, row, column, new, given, time, max_interval):
+    """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``),
+    and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
 
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
     are at rest. The same instant again is a correction: its difference is added to the velocity.

@@ -219,7 +219,7 @@ class TriangleMesh:
 
 
 @compiled
-def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity, positions, rates):  # type: ignore[no-untyped-def]
+def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity, positions, rates):
     """Writes ``positions`` [m] and mean ``rates`` over the time ``ahead`` [s] [m/s] (n, 3) of vertices (n,) at ``time``
     [s]; ``now`` (3, V) as of the last update, ``velocities`` (KEPT, 3, V)."""
     phase = block_phase(clock[0], time, mode)

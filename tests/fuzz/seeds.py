@@ -19,8 +19,8 @@ from rcl_interfaces.srv import (
 )
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
+from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -183,6 +183,14 @@ def _spawn(rng: np.random.Generator) -> Any:
     return request
 
 
+def _spawn_all(rng: np.random.Generator) -> Any:
+    bodies = []
+    for _ in range(int(rng.integers(1, 4))):
+        one = _spawn(rng)
+        bodies.append(BodySpecification(id=one.id, mass=one.mass, pose=one.pose, urdf=one.urdf, shape=one.shape))
+    return SpawnBodies.Request(bodies=bodies)
+
+
 _SETTINGS = (
     ("physics.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=120.0)),
     ("patch.kind", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="plane")),
@@ -225,6 +233,8 @@ _MAKERS: dict[str, Any] = {
     "grid_map": _grid_map,
     "spawn_body": _spawn,
     "remove_body": lambda rng: RemoveBody.Request(id=str(rng.choice(["ball", "crate", "robot", "rover"]))),
+    "spawn_bodies": _spawn_all,
+    "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", str(rng.choice(["crate", "tin", "ball"]))]),
     "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
     "reset": lambda rng: Trigger.Request(),
     "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),

@@ -11,10 +11,10 @@ from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros import HeightMap, bags
+from smartmesh_ros import HeightMap
 from smartmesh_ros.node.adapters.grid_map import raster_from
 from smartmesh_ros.terrain.rasters import RasterConfig
-from smartmesh_ros.testing import Probe, assert_on_map
+from smartmesh_ros.testing import Probe, assert_on_map, bags
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "make_bag.py"
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"

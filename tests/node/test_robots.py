@@ -37,8 +37,7 @@ def start(probe: Probe, height: float = 0.25, **more: Any) -> dict[str, Any]:
         (Odometry, "odometry"),
         (ContactWrenchArray, "contact_wrenches"),
     ):
-        name = f"/terrain_collider/{topic}"
-        probe.node.create_subscription(kind, name, probe.received[name].append, 100)
+        probe.listen(topic, kind)
     return {
         "robot.description": str(ROVER),
         "robot.name": "rover",

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.batch import mesh_twist
+from smartmesh_ros.patches.report.mesh import mesh_twist
 
 numbers = st.floats(-2.0, 2.0)
 vectors = st.tuples(numbers, numbers, numbers).map(np.array)

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
-from smartmesh_ros.patches.batch import GridBatch, PlaneBatch
-from smartmesh_ros.patches.tracker import PatchTracker
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.selector import Selector
+from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.physics.body_shapes import ball
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -30,6 +32,21 @@ def terrain_of(**tiles: HeightMap) -> Terrain:
     return terrain
 
 
+def selector_for(terrain: Terrain, radius: float, count: int) -> Selector:
+    selector = Selector(terrain, PatchConfig(kind="heightfield"))
+    shapes = np.array([ball(radius)] * count).view(np.recarray)
+    selector.adopt(shapes, np.ones(count, bool), np.full(count, -1))
+    return selector
+
+
+def update(selector: Selector, positions: np.ndarray) -> list[PatchBatch]:
+    """Patches of bodies at rest at positions (N, 3)."""
+    bodies = np.zeros((len(positions), BODY_COLUMNS))
+    bodies[:, :3], bodies[:, 6] = positions, 1.0
+    selector.update(bodies, 20.0, 1.0 / 240.0)
+    return selector.batches()
+
+
 ADJACENT = {
     "sharing an edge": lambda: terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(0, -5, 51, 51, 0.2)),
     "a cell apart": lambda: terrain_of(west=tile(-10.2, -5, 51, 51, 0.2), east=tile(0, -5, 51, 51, 0.2)),
@@ -44,21 +61,23 @@ ADJACENT = {
 @pytest.mark.parametrize("radius", [0.15, 0.5])
 def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius: float) -> None:
     terrain = ADJACENT[name]()
-    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     count = 81
-    tracker.set_bodies(np.full(count, radius), np.full(count, -1))
-    positions = np.column_stack([np.linspace(-2.0, 2.0, count), np.full(count, 0.03), np.zeros(count)])
+    x = np.linspace(-2.0, 2.0, count)
+    positions = np.column_stack([x, np.full(count, 0.03), surface(x, np.full(count, 0.03)) + 0.9 * radius])
     seen = set()
-    for batch in tracker.update(positions, np.zeros((count, 3)), 20.0, 1.0 / 240.0):
-        vertices = batch.vertices_w()
-        assert not np.isnan(vertices).any()
-        np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
-        seen.update(batch.bodies.tolist())
-        # The patch reaches as far over the border as within the tile.
-        reach = np.abs(vertices[..., 0] - positions[batch.bodies, :1]).max(axis=1)
-        assert (reach >= radius).all()
+    selector = selector_for(terrain, radius, count)
+    for batch in update(selector, positions):
+        for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
+            assert not np.isnan(vertices).any()
+            np.testing.assert_allclose(vertices[:, 2], surface(vertices[:, 0], vertices[:, 1]), atol=1e-4)
+            seen.add(body)
+            # It reaches as far over the border as within the tile: all that the ball is in lies on it.
+            touched = math.sqrt(radius**2 - (0.9 * radius) ** 2) * 0.9
+            for axis in (0, 1):
+                assert vertices[:, axis].min() <= positions[body, axis] - 0.5 * touched
+                assert vertices[:, axis].max() >= positions[body, axis] + 0.5 * touched
     assert seen == set(range(count))
-    assert {batch.tile for batch in tracker.batches} == {"west", "east"}
+    assert {batch.tile for batch in selector.batches()} == {"west", "east"}
 
 
 @pytest.mark.parametrize("name", ADJACENT)
@@ -105,8 +124,8 @@ def test_tiles_come_are_replaced_and_go() -> None:
         terrain.put("east", tile(0, -5, 101, 101, 0.1))
         world.refresh()
         east = next(batch for batch in world.ground.batches if batch.tile == "east")
-        assert isinstance(east, GridBatch | PlaneBatch)
-        assert east.heightmap.geometry.resolution == 0.1
+        steps = np.unique(east.vertices_w[..., 0])
+        assert np.diff(steps).min() == pytest.approx(0.1 * east.stride[0])
         world.step(24)
         assert world.below_ground() == []
         terrain.remove("west")
@@ -116,11 +135,10 @@ def test_tiles_come_are_replaced_and_go() -> None:
 
 def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
     terrain = ADJACENT["overlapping"]()
-    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
-    tracker.set_bodies(np.array([0.2]), np.array([-1]))
+    selector = selector_for(terrain, 0.2, 1)
     tiles = []
     for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
-        [batch] = tracker.update(np.array([[x, 0.0, 0.0]]), np.zeros((1, 3)), 20.0, 1.0 / 240.0)
+        [batch] = update(selector, np.array([[x, 0.0, 0.5]]))
         tiles.append(batch.tile)
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
@@ -131,14 +149,14 @@ def test_a_hundred_tiles_are_one_terrain() -> None:
     for row in range(10):
         for column in range(10):
             terrain.put(f"{row},{column}", tile(column * 5.0, row * 5.0, 26, 26, 0.2))
-    tracker = PatchTracker(terrain, PatchConfig(kind="heightfield"))
     rng = np.random.default_rng(0)
-    tracker.set_bodies(np.full(300, 0.2), np.full(300, -1))
+    selector = selector_for(terrain, 0.2, 300)
     positions = np.column_stack([rng.uniform(3.0, 47.0, (300, 2)), np.zeros(300)])
     for _ in range(3):
-        batches = tracker.update(positions, np.zeros((300, 3)), 20.0, 1.0 / 240.0)
+        positions[:, 2] = surface(positions[:, 0], positions[:, 1]) + 0.1
+        batches = update(selector, positions)
         assert sum(len(batch.bodies) for batch in batches) == 300
         for batch in batches:
-            vertices = batch.vertices_w()
+            vertices = batch.vertices_w
             np.testing.assert_allclose(vertices[..., 2], surface(vertices[..., 0], vertices[..., 1]), atol=1e-4)
         positions[:, :2] += rng.uniform(-0.4, 0.4, (300, 2))

@@ -85,3 +85,9 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
     pictures = ("small", "all", "stability")
     for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
+
+
+@pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
+def test_a_part_of_a_run_changes_no_document(part: str) -> None:
+    assert accuracy.folder_of(accuracy._parser().parse_args(part.split())) == Path("out/studies")
+    assert accuracy.folder_of(accuracy._parser().parse_args([])) == Path("docs")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from smartmesh_ros import GridGeometry, InputError, bags
+from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.node.adapters.grid_map import raster_from
 from smartmesh_ros.studies.distance import Surface
 from smartmesh_ros.studies.mapper import (
@@ -40,6 +40,7 @@ from smartmesh_ros.studies.mapper.rays import cast_rays
 from smartmesh_ros.studies.mapper.sensors import RangeSensor, Scan, scan
 from smartmesh_ros.studies.mapper.truth import TruthConfig
 from smartmesh_ros.terrain.rasters import RasterConfig, from_grid_map
+from smartmesh_ros.testing import bags
 
 TESTS = Path(__file__).parents[1]
 BAG = TESTS / "data" / "mapper"

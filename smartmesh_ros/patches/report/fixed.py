@@ -136,8 +136,9 @@ class FixedPatches:
 
 
 @compiled
-def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, touched):  # type: ignore[no-untyped-def]
-    """Fills in feet, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S) [m]."""
+def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, touched):
+    """Fills in feet, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S)
+    [m]."""
     local = np.empty(13)
     for k in range(len(chosen)):
         support = supports[chosen[k]]
@@ -148,7 +149,7 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # of one type with `select`
         window = Window(h, r, grid.resolution * place.stride)
         touch = touched_facets(window, own, Travel(0.0, 0.0, 0.0, EVERYWHERE), touched)
-        if touch.count == 0:
+        if touch.facets == 0:
             support.state, support.gap = Support.NONE, math.inf
             continue
         support.state = Support.FIELD

@@ -126,8 +126,9 @@ class MeshPatches:
 
 
 @compiled
-def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):  # type: ignore[no-untyped-def]
-    """Writes the foot, normals and gap of a body, ``chosen`` (1,), to triangles (T, 3) among ``positions`` (K, 3) [m]."""
+def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
+    """Writes the foot, normals and gap of a body, ``chosen`` (1,), to triangles (T, 3) among ``positions`` (K, 3)
+    [m]."""
     i = chosen[0]
     solid, support = solid_of(shapes[i], bodies[i]), supports[i]
     best, up = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre), Point(0.0, 0.0, 1.0)

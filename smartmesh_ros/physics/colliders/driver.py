@@ -14,7 +14,7 @@ from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.physics.colliders.field import field_bound, make_field, plan_field
+from smartmesh_ros.physics.colliders.field import field_bound, make_field, plan_field, replace_field
 from smartmesh_ros.physics.colliders.mesh import MeshColliders
 from smartmesh_ros.physics.colliders.pairs import Pairs
 from smartmesh_ros.physics.colliders.plane import box_size, make_box, plan_plane, plane_need
@@ -42,13 +42,13 @@ STILL = (0.0, 0.0, 0.0)
 
 
 @compiled
-def plan(  # type: ignore[no-untyped-def]
+def plan(
     grid, tile, solid, supports, shapes, table, planes, fields, samples, time, limits, heights, at_contact, work, poses,
     velocities, changes, wanted,
 ):  # fmt: skip
-    """Works out what PyBullet has to be told for the ``solid`` followers (N,) on a tile: the bits of ``changes`` (N,), with
-    ``poses`` (N, 7) and ``velocities`` (N, 6). ``planes``, ``fields`` (N,): their colliders in ``table``, -1 = none;
-    ``wanted`` (N,): which of them they are to have. Returns how many have none that fits."""
+    """Works out what PyBullet has to be told for the ``solid`` followers (N,) on a tile: the bits of ``changes`` (N,),
+    with ``poses`` (N, 7) and ``velocities`` (N, 6). ``planes``, ``fields`` (N,): their colliders in ``table``, -1 =
+    none; ``wanted`` (N,): which of them they are to have. Returns how many have none that fits."""
     misfits = 0
     for i in range(len(solid)):
         if not solid[i] or supports[i].tile != tile or (wanted[i] >= 0 and changes[i] != MISFIT):
@@ -56,9 +56,7 @@ def plan(  # type: ignore[no-untyped-def]
         if supports[i].state == Support.PLANE:
             wanted[i], changes[i] = planes[i], MISFIT
             if planes[i] >= 0:
-                changes[i] = plan_plane(
-                    table[planes[i]], supports[i], shapes[i], time, limits, poses[i], velocities[i]
-                )
+                changes[i] = plan_plane(table[planes[i]], supports[i], shapes[i], time, limits, poses[i], velocities[i])
         elif supports[i].state == Support.FIELD:
             wanted[i], changes[i] = fields[i], MISFIT
             if fields[i] >= 0:
@@ -178,9 +176,7 @@ class Colliders:
         self.meshes.release(self._followers[index])
         self._followers[index].collider = None
 
-    def _plan(
-        self, grid: MovingGrid, tile: int, selector: Selector, shapes: Any, time: float, limits: Limits
-    ) -> None:
+    def _plan(self, grid: MovingGrid, tile: int, selector: Selector, shapes: Any, time: float, limits: Limits) -> None:
         """Plans for the followers on a tile, after giving them colliders that fit."""
         for _ in range(2):
             misfits = plan(
@@ -223,8 +219,8 @@ class Colliders:
         self._hand_out(index, self._free[key].pop(), self._fields, time)
 
     def _new(self, form: int, visual: int, rows: int, columns: int, key: tuple[float, ...]) -> Any:
-        """Makes a collider that nobody has; its record. It is a multibody, because the contacts of a fixed rigid body do
-        not see its velocity."""
+        """Makes a collider that nobody has; its record. It is a multibody, because the contacts of a fixed rigid body
+        do not see its velocity."""
         place, first = len(self._made), len(self._heights)
         uid = int(self._client.createMultiBody(0.0, form, visual, basePosition=park(place)))
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
@@ -302,20 +298,12 @@ class Colliders:
                 set_velocity(made.uid, velocity[:3], velocity[3:], client)
 
     def _replace(self, made: Made, turned: int, filtered: bool) -> None:
-        """Gives a field its heights. The filter's flag is passed each time; without it PyBullet drops the edges' data."""
+        """Gives a field its heights."""
         self.replacements += 1
         heights = self._heights[made.first : made.first + made.rows * made.columns].tolist()
         if turned:
             heights.reverse()
-        pb.createCollisionShape(
-            pb.GEOM_HEIGHTFIELD,
-            flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
-            heightfieldData=heights,
-            numHeightfieldRows=made.rows,
-            numHeightfieldColumns=made.columns,
-            replaceHeightfieldIndex=made.form,
-            physicsClientId=self._client_id,
-        )
+        replace_field(self._client_id, made.form, made.rows, made.columns, heights, filtered=filtered)
 
 
 def park(place: int) -> tuple[float, float, float]:

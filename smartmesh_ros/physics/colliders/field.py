@@ -13,8 +13,8 @@ from smartmesh_ros.terrain.moving_grid import sample_at, to_world
 
 
 def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:
-    """PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose bounds reach
-    ``bound`` [m] above and below its base.
+    """PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose bounds
+    reach ``bound`` [m] above and below its base.
 
     It lies a quarter turn from its grid: PyBullet cuts cells along the other diagonal than the main mesh does, and the
     turn brings the two together (row r, column c of the patch is PyBullet's row columns - 1 - c, column r). PyBullet
@@ -33,6 +33,20 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
     )
 
 
+def replace_field(client: int, shape: int, rows: int, columns: int, heights: list[float], *, filtered: bool) -> None:
+    """Gives a field its heights [m], in PyBullet's order, with or without a filter of its inner edges. The filter's flag
+    is passed each time; without it PyBullet drops the edges' data. ``client``: PyBullet's number of it."""
+    pb.createCollisionShape(
+        pb.GEOM_HEIGHTFIELD,
+        flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
+        heightfieldData=heights,
+        numHeightfieldRows=rows,
+        numHeightfieldColumns=columns,
+        replaceHeightfieldIndex=shape,
+        physicsClientId=client,
+    )
+
+
 def field_bound(rows: int, columns: int, spacing: float) -> float:
     """How far above and below its base PyBullet takes a field to reach [m].
 
@@ -44,9 +58,9 @@ def field_bound(rows: int, columns: int, spacing: float) -> float:
 
 
 @compiled
-def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, work, pose, velocity):  # type: ignore[no-untyped-def]
-    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose`` and ``velocity``
-    as in `plan_plane`.
+def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, work, pose, velocity):
+    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose``
+    and ``velocity`` as in `plan_plane`.
 
     ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): as they were
     when its contacts were last dropped. ``samples``: heights of fields that are not read from ``grid``. ``work``: room

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.colliders.pairs import Pairs
+from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.terrain.grid import FloatArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
@@ -49,8 +49,8 @@ class MeshColliders:
     def apply_batch(
         self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
     ) -> None:
-        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, which carry the
-        velocity of the ground; none where all is holes."""
+        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, which carry
+        the velocity of the ground; none where all is holes."""
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         for row in rows:
             index = int(batch.bodies[row])

@@ -17,7 +17,7 @@ from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, PO
 
 def box_size(need: float) -> float:
     """Half of the edges of a box for a body that needs so much around its foot [m]; sizes are few, to be handed on."""
-    return 2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9))
+    return float(2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9)))
 
 
 def make_box(client: Any, size: float) -> int:
@@ -26,15 +26,15 @@ def make_box(client: Any, size: float) -> int:
 
 
 @compiled
-def plane_need(support, shape):  # type: ignore[no-untyped-def]
+def plane_need(support, shape):
     """How far around a foot a body may touch its plane until the next update [m]."""
     return shape.radius + support.margin
 
 
 @compiled
-def plan_plane(collider, support, shape, time, limits, pose, velocity):  # type: ignore[no-untyped-def]
-    """What PyBullet has to be told for a box to lie along the plane of a support: the bits of its change; its ``pose`` (7,), position
-    [m] and orientation (x, y, z, w), and ``velocity`` (6,) [m/s, rad/s]."""
+def plan_plane(collider, support, shape, time, limits, pose, velocity):
+    """What PyBullet has to be told for a box to lie along the plane of a support: the bits of its change; its ``pose``
+    (7,), position [m] and orientation (x, y, z, w), and ``velocity`` (6,) [m/s, rad/s]."""
     need = plane_need(support, shape)
     if collider.extent < need:
         return MISFIT

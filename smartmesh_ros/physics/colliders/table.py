@@ -13,9 +13,9 @@ from smartmesh_ros.compiled import compiled
 # ``uid``, ``form``: PyBullet's body and collision shape. ``extent``: half of a box's edges [m], or how far a field's
 # bounds reach above and below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
 # heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
-# ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at ``time``
-# [s]; ``yaw`` [rad]: of its grid when it was placed; ``tilt_*`` [rad]: how much it turned since; ``v*`` [m/s], ``w*``
-# [rad/s]: its velocity. ``n*``: upward normal of a box's top.
+# ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at
+# ``time`` [s]; ``yaw`` [rad]: of its grid when it was placed; ``tilt_*`` [rad]: how much it turned since; ``v*``
+# [m/s], ``w*`` [rad/s]: its velocity. ``n*``: upward normal of a box's top.
 COLLIDER = np.dtype(
     [
         *((name, np.int64) for name in ("uid", "form", "rows", "columns", "first", "there", "turned")),
@@ -38,8 +38,8 @@ class ColliderConfig:
     is further aside than this share of its spacing lies on other samples. ``sunk`` [m]: PyBullet keeps the contacts of
     a field that is replaced, and a body stays up where the ground sank away under it; they are dropped when any sample
     sank by more than this, seen from the field's base. ``hole`` [m]: how far below
-    a field's base its holes are. ``slope``: of a field's bounds, from its middle to its edges. ``room``: half of a box's
-    edges over what its body needs, at least.
+    a field's base its holes are. ``slope``: of a field's bounds, from its middle to its edges. ``room``: half of a
+    box's edges over what its body needs, at least.
     """
 
     same_height: float = 1e-6
@@ -68,7 +68,7 @@ class Limits(NamedTuple):
 
 
 @compiled
-def advance(collider, time):  # type: ignore[no-untyped-def]
+def advance(collider, time):
     """Notes how far PyBullet has moved a collider by ``time`` [s]."""
     elapsed = time - collider.time
     if elapsed < 0.0:  # the clock was set back
@@ -92,7 +92,7 @@ def advance(collider, time):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def base_velocity(collider, support):  # type: ignore[no-untyped-def]
+def base_velocity(collider, support):
     """Velocity of a collider's base that is rigid with the ground at the support's foot [m/s]."""
     x, y, z = collider.x - support.foot_x, collider.y - support.foot_y, collider.z - support.foot_z
     wx, wy, wz = support.turn_x, support.turn_y, support.turn_z
@@ -100,7 +100,7 @@ def base_velocity(collider, support):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def push(collider, support, limits, stopped, velocity):  # type: ignore[no-untyped-def]
+def push(collider, support, limits, stopped, velocity):
     """Writes the velocity that a collider is to have into ``velocity`` (6,) [m/s, rad/s]; whether PyBullet has to be
     told. ``stopped``: it was placed, which stops it."""
     vx = vy = vz = wx = wy = wz = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.colliders.field import replace_field
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.studies.bench.handing import Handing, handing
@@ -75,12 +75,11 @@ def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], No
     heights = np.random.default_rng(1).uniform(-0.1, 0.1, (2, size * size)).tolist()
     layout = {"shapeType": pb.GEOM_HEIGHTFIELD, "numHeightfieldRows": size, "numHeightfieldColumns": size}
     shape = client.createCollisionShape(meshScale=[RESOLUTION, RESOLUTION, 1.0], heightfieldData=heights[0], **layout)
-    calls = BulletCalls(client)
 
     def run() -> None:
         heights.reverse()
         for _ in range(BATCH):
-            calls.replace_heightfield(shape, size, size, heights[0], edge_filter)
+            replace_field(client._client, shape, size, size, heights[0], filtered=edge_filter)
 
     return run
 

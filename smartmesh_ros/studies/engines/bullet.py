@@ -144,7 +144,10 @@ class BulletHeightfield(_Bullet):
         self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if chosen.edge_filter else 0
         self._carry = chosen.carry_velocity
         bounds = np.zeros(rows * columns)
-        bounds[0], bounds[-1] = -COLLIDERS.bound, COLLIDERS.bound  # for good: PyBullet keeps the bounds a heightfield is created with
+        bounds[0], bounds[-1] = (
+            -COLLIDERS.hole,
+            COLLIDERS.hole,
+        )  # for good: PyBullet keeps the bounds a heightfield is created with
         self._shape: int = self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             meshScale=[setup.resolution, setup.resolution, 1.0],

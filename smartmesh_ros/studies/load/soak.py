@@ -32,6 +32,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBodyAr
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.studies.load import soak_report
 from smartmesh_ros.studies.load.processes import Watch, environment
 from smartmesh_ros.studies.load.tables import PAGE, PICTURES
@@ -284,7 +285,7 @@ def main(args: list[str] | None = None) -> None:
     file = out / "soak.json"
     if not options.report:
         out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory() as folder:
+        with isolated_unless_chosen(), tempfile.TemporaryDirectory() as folder:
             run(options.minutes, Path(folder), file)
     soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.studies.load import cases, pictures, regions, tables
 from smartmesh_ros.studies.load.cases import Case
 from smartmesh_ros.studies.load.processes import run_case
@@ -89,10 +90,11 @@ def main(args: list[str] | None = None) -> None:
         if options.only:
             chosen = {name: cases for name, cases in chosen.items() if name == options.only}
             known.get("groups", {}).pop(options.only, None)
-        run_all(chosen, file, known)
-        if options.only in (None, "regions"):
-            data = json.loads(file.read_text()) if file.is_file() else {"machine": machine(), "groups": {}}
-            file.write_text(json.dumps({**data, "regions": regions.measure(quick=options.quick)}, indent=1))
+        with isolated_unless_chosen():
+            run_all(chosen, file, known)
+            if options.only in (None, "regions"):
+                data = json.loads(file.read_text()) if file.is_file() else {"machine": machine(), "groups": {}}
+                file.write_text(json.dumps({**data, "regions": regions.measure(quick=options.quick)}, indent=1))
     report(json.loads(file.read_text()), out, None if options.quick else PAGE)
 
 

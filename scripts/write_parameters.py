@@ -1,0 +1,14 @@
+"""Writes docs/parameters.md from the declarations of the node.
+
+scripts/workspace run dev -- python scripts/write_parameters.py
+"""
+
+from pathlib import Path
+
+from smartmesh_ros.node.helping import parameter_page
+from smartmesh_ros.node.parameters import SPECS
+
+if __name__ == "__main__":
+    page = Path(__file__).parent.parent / "docs" / "parameters.md"
+    page.write_text(parameter_page("terrain_collider", SPECS))
+    print(f"wrote {page}")

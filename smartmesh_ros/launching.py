@@ -1,0 +1,124 @@
+"""What the launch files of this package share: arguments of the same names and defaults, and the nodes they start."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
+# Topics of the RViz view, which follow the node into its namespace.
+SHOWN = ("patches",)
+# As in `smartmesh_ros.node.dds`, which cannot be imported without rclpy.
+PROFILE, POLICY = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
+
+Values = Callable[[str], str]
+
+
+def description(
+    *more: Any,
+    always: str = "",
+    remap: Sequence[tuple[str, str]] = (),
+    start: Callable[[Values], list[Any]] | None = None,
+) -> LaunchDescription:
+    """The collider with the arguments that all launch files have, and ``more`` arguments.
+
+    ``always``: a preset that is read before that of the user. ``remap``: pairs of a topic and the argument that names
+    another. ``start``: makes further actions from the values of the arguments.
+    """
+
+    def act(context: Any) -> list[Any]:
+        def value(name: str) -> str:
+            return str(LaunchConfiguration(name).perform(context))
+
+        further = [] if start is None else start(value)
+        return [*_settings_of_dds(value), _collider(value, always, remap), *_rviz(value), *further]
+
+    return LaunchDescription([*_arguments(), *more, OpaqueFunction(function=act)])
+
+
+def is_true(text: str) -> bool:
+    """A launch argument that is a truth value."""
+    return text.strip().lower() in ("true", "1", "yes", "on")
+
+
+def parameter_files(presets: Sequence[str], config: str) -> list[str]:
+    """Files of presets' names and of a path, any of which may be empty; the later ones win.
+
+    Raises `FileNotFoundError` with the path of one that is not there, which ends the launch.
+    """
+    folder = share() / "config"
+    files = [folder / f"{preset}.yaml" for preset in presets if preset]
+    files += [Path(config).expanduser()] if config else []
+    for file in files:
+        if not file.is_file():
+            known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml")))
+            hint = f"; the presets are {known}" if file.parent == folder else ""
+            raise FileNotFoundError(f"there is no parameter file {file}{hint}")
+    return [str(file) for file in files]
+
+
+def share() -> Path:
+    """The installed files of this package."""
+    return Path(get_package_share_directory(PACKAGE))
+
+
+def _arguments() -> list[Any]:
+    profile = os.environ.get(PROFILE, str(share() / "config" / "fastdds.xml"))
+    return [
+        DeclareLaunchArgument(name, default_value=default, description=words)
+        for name, default, words in (
+            ("preset", "", "Name of a parameter file in config/; empty = the node's own defaults."),
+            ("config", "", "Path of a parameter file of yours, read after the preset."),
+            ("namespace", "", "Namespace of the nodes."),
+            ("use_sim_time", "false", "Whether the time is that of /clock."),
+            ("log_level", "info", "debug, info, warn or error."),
+            ("rviz", "false", "Whether to start RViz with a view of the patches."),
+            ("dds", profile, "Fast DDS settings for large maps, an XML file; empty = none."),
+        )
+    ]
+
+
+def _settings_of_dds(value: Values) -> list[Any]:
+    if not value("dds"):
+        return []
+    return [SetEnvironmentVariable(PROFILE, value("dds")), SetEnvironmentVariable(POLICY, "1")]
+
+
+def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> Any:
+    return Node(
+        package=PACKAGE,
+        executable=NODE,
+        namespace=value("namespace"),
+        output="screen",
+        parameters=[
+            *parameter_files([always, value("preset")], value("config")),
+            {"use_sim_time": is_true(value("use_sim_time"))},
+        ],
+        remappings=[(topic, value(argument)) for topic, argument in remap],
+        arguments=["--ros-args", "--log-level", value("log_level")],
+    )
+
+
+def _rviz(value: Values) -> list[Any]:
+    if not is_true(value("rviz")):
+        return []
+    namespace = value("namespace").strip("/")
+    there = f"/{namespace}/{NODE}" if namespace else f"/{NODE}"
+    return [
+        Node(
+            package="rviz2",
+            executable="rviz2",
+            arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
+            parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
+            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
+        )
+    ]

@@ -1,0 +1,34 @@
+"""Another node of the same whole name: both take the same topics, and either answers calls meant for the other."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+from rclpy.node import Node
+
+# How often it is looked for [s].
+PERIOD = 1.0
+
+
+class Namesakes:
+    """Warns each time that another node of the same whole name appears."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._due = 0.0
+        self._known = 0
+
+    def look(self) -> None:
+        """Looks for one, if it is time."""
+        if (now := monotonic()) < self._due:
+            return
+        self._due = now + PERIOD
+        node = self._node
+        count = node.get_node_names_and_namespaces().count((node.get_name(), node.get_namespace())) - 1
+        if count > self._known:
+            node.get_logger().warning(
+                f"another node is called {node.get_fully_qualified_name()}, or was until seconds ago: both hear the "
+                "same topics, and either answers calls meant for the other; give one a namespace (-r __ns:=/name) or "
+                "another ROS_DOMAIN_ID"
+            )
+        self._known = count

@@ -1,0 +1,47 @@
+"""Topic-driven integration tests: a node in a process and DDS domain of its own, and a probe beside it.
+
+docs/testing.md is the guide to it. With pytest, import the fixtures and ask for them::
+
+    from smartmesh_ros.testing import Probe, domain, probe  # noqa: F401
+
+    def test_patches_lie_on_my_map(probe: Probe) -> None:
+        with probe.running("terrain_collider", {"publish.patches": 60.0}):
+            probe.publish_map(np.zeros((50, 50)), resolution=0.1)
+            probe.publish_poses([(2.5, 2.5, 0.3)])
+            probe.wait_for(lambda: probe.patches().keys() == {0})
+
+Everything waits for conditions and gives up after a generous time; nothing sleeps for a fixed time.
+"""
+
+from smartmesh_ros.domains import isolated
+from smartmesh_ros.testing.fixtures import domain, probe
+from smartmesh_ros.testing.messages import (
+    assert_on_map,
+    floats,
+    heightmap_message,
+    mesh_message,
+    point_message,
+    points_of,
+    pose_message,
+)
+from smartmesh_ros.testing.probe import COLLIDER, Probe
+from smartmesh_ros.testing.process import PATIENCE, Process, assert_cannot_start, executable
+
+__all__ = [
+    "COLLIDER",
+    "PATIENCE",
+    "Probe",
+    "Process",
+    "assert_cannot_start",
+    "assert_on_map",
+    "domain",
+    "executable",
+    "floats",
+    "heightmap_message",
+    "isolated",
+    "mesh_message",
+    "point_message",
+    "points_of",
+    "pose_message",
+    "probe",
+]

@@ -1,0 +1,95 @@
+"""Messages from arrays and tuples, and arrays from messages."""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose
+from numpy.typing import ArrayLike, NDArray
+from shape_msgs.msg import MeshTriangle
+from smartmesh_msgs.msg import Heightmap, TerrainMesh
+from visualization_msgs.msg import Marker
+
+
+def heightmap_message(
+    heights: ArrayLike,
+    *,
+    resolution: float = 0.1,
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    yaw: float = 0.0,
+    frame_id: str = "map",
+    tile: str = "",
+    velocities: ArrayLike | None = None,
+    stamp: Any = None,
+) -> Heightmap:
+    """A Heightmap message from heights (rows, columns) [m]."""
+    grid = np.asarray(heights, np.float32)
+    message = Heightmap(tile=tile, heights=floats(grid))
+    message.header.frame_id = frame_id
+    if stamp is not None:
+        message.header.stamp = stamp
+    message.info.height, message.info.width = grid.shape
+    message.info.resolution = resolution
+    message.info.origin = pose_message(origin)
+    message.info.origin.orientation.z, message.info.origin.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    if velocities is not None:
+        message.velocities = floats(np.asarray(velocities, np.float32))
+    return message
+
+
+def mesh_message(
+    vertices: ArrayLike, triangles: ArrayLike, *, frame_id: str = "map", tile: str = "", stamp: Any = None
+) -> TerrainMesh:
+    """A TerrainMesh message from vertices (V, 3) [m] and triangles (T, 3)."""
+    message = TerrainMesh(tile=tile)
+    message.header.frame_id = frame_id
+    if stamp is not None:
+        message.header.stamp = stamp
+    message.mesh.vertices = [point_message(vertex) for vertex in np.asarray(vertices, np.float64).tolist()]
+    message.mesh.triangles = [
+        MeshTriangle(vertex_indices=corners) for corners in np.asarray(triangles, np.uint32).reshape(-1, 3)
+    ]
+    return message
+
+
+def point_message(position: Sequence[float]) -> Point:
+    """A Point [m]."""
+    x, y, z = position
+    return Point(x=float(x), y=float(y), z=float(z))
+
+
+def pose_message(position: Sequence[float]) -> Pose:
+    """A Pose at a position [m], not turned."""
+    return Pose(position=point_message(position))
+
+
+def floats(values: NDArray[np.float32]) -> array.array[float]:
+    """Values for a float32[] field, without converting them one by one."""
+    result = array.array("f")
+    result.frombytes(np.ascontiguousarray(values, np.float32).tobytes())
+    return result
+
+
+def points_of(marker: Marker) -> NDArray[np.float64]:
+    """Points (n, 3) [m] of a marker."""
+    return np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 3)
+
+
+def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
+    """Asserts that every point (n, 3) [m] is a sample of the map: at its place, and at its height."""
+    info = message.info
+    q, origin = info.origin.orientation, info.origin.position
+    yaw = 2.0 * math.atan2(q.z, q.w)
+    offset = points[:, :2] - (origin.x, origin.y)
+    column = (offset @ (math.cos(yaw), math.sin(yaw))) / info.resolution
+    row = (offset @ (-math.sin(yaw), math.cos(yaw))) / info.resolution
+    cells = np.rint([row, column]).astype(int)
+    assert np.abs([row, column] - cells).max() * info.resolution <= tolerance, "a vertex is not at a sample's place"
+    assert cells.min() >= 0, "a vertex is outside the map"
+    heights = np.frombuffer(message.heights, np.float32).reshape(info.height, info.width)
+    expected = heights[cells[0], cells[1]].astype(float) + origin.z
+    assert np.abs(points[:, 2] - expected).max() <= tolerance, "a vertex is not at its sample's height"

@@ -1,0 +1,94 @@
+"""A workspace as a new user makes it: a copy of this repository in an empty folder, beside a package of the user's."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+# What is made, and not part of the repository.
+MADE = (".git", ".venv", "build", "install", "log", "out", "__pycache__", "*.egg-info", ".*_cache", ".hypothesis")
+# Patience with commands that compile [s].
+LONG = 900
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A folder with ``src/``, and how commands are run in it."""
+
+    folder: Path
+
+    def run(self, command: str, *, sourced: bool = True, check: bool = True) -> subprocess.CompletedProcess[str]:
+        """Runs a command of bash in the workspace, its packages sourced unless ``sourced`` is false."""
+        script = f"source install/setup.bash && {command}" if sourced else command
+        result = subprocess.run(
+            ["bash", "-c", script],
+            cwd=self.folder,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=LONG,
+            check=False,
+        )
+        if check and result.returncode:
+            raise AssertionError(f"{command} ended with {result.returncode}:\n{result.stdout}\n{result.stderr}")
+        return result
+
+
+def environment() -> dict[str, str]:
+    """This environment without the packages of this repository: ROS alone is sourced."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "COLCON_PREFIX_PATH")}
+    for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH"):
+        parts = [part for part in os.environ.get(name, "").split(os.pathsep) if part]
+        kept[name] = os.pathsep.join(part for part in parts if not within(part, ROOT / "install", ROOT / "build"))
+    return kept
+
+
+def within(path: str, *folders: Path) -> bool:
+    """Whether a path is below one of the folders."""
+    return any(Path(path).is_relative_to(folder) for folder in folders)
+
+
+def readme_block(beginning: str) -> list[str]:
+    """The lines of the README's one code block in which a line starts with ``beginning``, without comments."""
+    blocks = re.findall(r"```(?:bash|console)?\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    [block] = [block for block in blocks if re.search(f"^{re.escape(beginning)}", block, re.MULTILINE)]
+    return [line.partition("  #")[0].strip() for line in block.splitlines() if line.strip()]
+
+
+def line_with(words: str, lines: list[str]) -> str:
+    """The one line that holds the words."""
+    [line] = [line for line in lines if words in line]
+    return line
+
+
+def copy_of_this(folder: Path) -> None:
+    """Copies this repository as it is in version control, what is not committed yet included."""
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*MADE))
+
+
+@pytest.fixture(scope="session")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    """The workspace before it is built: this repository, linked as the README says, and the user's package."""
+    folder = tmp_path_factory.mktemp("newcomer") / "ws"
+    (folder / "src").mkdir(parents=True)
+    copy_of_this(folder / "src" / "smartmesh_ros")
+    shutil.copytree(HERE / "my_robot", folder / "src" / "my_robot")
+    made = Workspace(folder)
+    made.run(line_with("ln -s", readme_block("ln -s")), sourced=False)
+    return made
+
+
+@pytest.fixture(scope="session")
+def workspace(sources: Workspace) -> Workspace:
+    """The workspace, built with the README's command."""
+    build, _, _ = line_with("colcon", readme_block("ln -s")).partition(" && ")
+    sources.run(build, sourced=False)
+    assert Path(sys.prefix) in Path(shutil.which("colcon") or "").parents or shutil.which("ros2")
+    return sources

@@ -1,0 +1,123 @@
+"""Many bodies: by one call, all or none, and by many calls at once, each of which is answered."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodySpecification
+from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
+
+from smartmesh_ros.testing import COLLIDER, PATIENCE, Probe, pose_message
+
+BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+
+
+def specification(index: int, **changes: Any) -> BodySpecification:
+    pose = pose_message((1.0 + index % 48, 1.0 + index // 48, 0.2))
+    return BodySpecification(**{"id": f"body_{index}", "mass": 1.0, "shape": BALL, "pose": pose, **changes})
+
+
+def simulated(probe: Probe) -> int:
+    return int(probe.diagnostics("bodies")["simulated"])
+
+
+def ground(probe: Probe) -> None:
+    probe.publish_map(np.zeros((101, 101)), resolution=0.5)
+    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+
+
+def test_two_thousand_bodies_come_and_go_by_one_call_each(probe: Probe) -> None:
+    with probe.running():
+        ground(probe)
+        bodies = [specification(index) for index in range(2000)]
+        answer = probe.call("spawn_bodies", SpawnBodies, bodies=bodies)
+        assert (answer.success, answer.message, answer.failures) == (True, "", [])
+        probe.wait_for(lambda: simulated(probe) == 2000)
+        states = probe.wait_for(lambda: len(found := probe.latest("body_states").bodies) == 2000 and found)
+        assert {state.id for state in states} == {body.id for body in bodies}
+        assert probe.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:1990]]).success
+        probe.wait_for(lambda: simulated(probe) == 10)
+        probe.wait_for(lambda: len(probe.patches()) == 10)
+
+
+def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(probe: Probe) -> None:
+    with probe.running():
+        ground(probe)
+        assert probe.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
+        bad = [
+            specification(0),
+            specification(2, mass=-1.0),
+            specification(3, urdf="/nowhere/robot.urdf"),
+            specification(1),  # named twice
+        ]
+        answer = probe.call("spawn_bodies", SpawnBodies, bodies=[specification(1), *bad, specification(4)])
+        assert not answer.success
+        assert [failure.id for failure in answer.failures] == [body.id for body in bad]
+        assert "mass" in answer.failures[1].reason
+        assert "4 of 6 bodies are refused" in answer.message
+        assert simulated(probe) == 1
+        assert probe.diagnostics("inputs")["refused, spawn_bodies: batch"] == "1"
+        assert probe.call("spawn_bodies", SpawnBodies, bodies=[specification(1), specification(4)]).success
+        assert simulated(probe) == 3
+
+
+def test_removal_of_one_that_is_not_there_removes_none(probe: Probe) -> None:
+    with probe.running():
+        ground(probe)
+        probe.call("spawn_bodies", SpawnBodies, bodies=[specification(0), specification(1)])
+        probe.publish_poses([(2.0, 2.0, 1.0)])
+        probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
+        answer = probe.call("remove_bodies", RemoveBodies, ids=["body_0", "nobody", "body_1", "body_1"])
+        assert [failure.id for failure in answer.failures] == ["nobody", "body_1"]
+        assert simulated(probe) == 2
+        assert probe.call("remove_bodies", RemoveBodies, ids=["body_0", "body_1"]).success
+        assert simulated(probe) == 0
+
+
+@contextmanager
+def caller() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+    """A node that does nothing but call: one that is busy with large messages loses answers itself."""
+    context = Context()
+    rclpy.init(context=context)
+    node, executor = Node("caller", context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield node, executor
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
+    """The responses to calls that are all made before the first is answered."""
+    with caller() as (node, executor):
+        client = node.create_client(kind, f"{COLLIDER}/{service}")
+        assert client.wait_for_service(PATIENCE)
+        futures = [client.call_async(request) for request in requests]
+        end = monotonic() + PATIENCE
+        while not all(future.done() for future in futures) and monotonic() < end:
+            executor.spin_once(0.05)
+        assert sum(future.done() for future in futures) == len(futures)
+        return [future.result() for future in futures]
+
+
+def test_of_two_hundred_calls_in_flight_each_is_answered(probe: Probe) -> None:
+    specifications = [specification(index) for index in range(200)]
+    with probe.running():
+        ground(probe)
+        spawns = [
+            SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
+        ]
+        assert all(answer.success for answer in answers("spawn_body", SpawnBody, spawns))
+        probe.wait_for(lambda: simulated(probe) == 200)
+        removals = [RemoveBody.Request(id=body.id) for body in specifications]
+        assert all(answer.success for answer in answers("remove_body", RemoveBody, removals))
+        probe.wait_for(lambda: simulated(probe) == 0)

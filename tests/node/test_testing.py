@@ -1,0 +1,114 @@
+"""Promises of `smartmesh_ros.testing`: no process outlives its test, failures explain themselves, domains are free."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from time import monotonic, sleep
+
+import numpy as np
+import psutil
+import pytest
+
+from smartmesh_ros.domains import in_use, isolated, isolated_unless_chosen
+from smartmesh_ros.testing import PATIENCE, Probe, Process
+
+STARTS_A_NODE = """
+import sys
+from smartmesh_ros.testing import Process
+process = Process("terrain_source")
+print(process.process.pid, flush=True)
+sys.stdin.readline()
+"""
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = monotonic() + PATIENCE
+    while not condition():
+        assert monotonic() < end
+        sleep(0.02)
+
+
+def is_gone(pid: int) -> bool:
+    try:
+        return bool(psutil.Process(pid).status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True
+
+
+def test_a_process_ends_with_its_block_and_with_an_exception(domain: int) -> None:
+    with Process("terrain_source") as first:
+        assert first.process.poll() is None
+    assert first.process.poll() is not None
+    with pytest.raises(ValueError, match="of the test"), Process("terrain_source") as second:
+        raise ValueError("of the test")
+    assert second.process.poll() is not None
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, killed: bool) -> None:
+    test = subprocess.Popen([sys.executable, "-c", STARTS_A_NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert test.stdin is not None
+    assert test.stdout is not None
+    pid = int(test.stdout.readline())
+    assert not is_gone(pid)
+    if killed:
+        test.send_signal(signal.SIGKILL)
+    else:
+        test.stdin.write(b"end\n")
+    test.stdin.close()
+    test.wait(PATIENCE)
+    wait_until(lambda: is_gone(pid))
+
+
+def test_a_wait_in_vain_says_why(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((3, 3)), resolution=-1.0)
+        probe.wait_for(lambda: "1 refused" in probe.diagnostics("inputs")["message"])
+        with pytest.raises(AssertionError) as failure:
+            probe.wait_for(lambda: False, timeout=0.1)
+    words = str(failure.value)
+    assert re.search(r"refused: heightmap: \w+ 1", words)
+    assert "/terrain_collider/heightmap: probe -> terrain_collider" in words
+    assert "terrain_collider runs" in words
+    assert "heightmap refused:" in words, "the node's own log"
+
+
+def test_a_probe_listens_in_a_namespace_to_its_own_node(domain: int) -> None:
+    with Probe("robot_1") as one, Probe("/robot_2/") as two, one.running(), two.running():
+        one.publish_map(np.zeros((50, 50)))
+        one.wait_for(lambda: one.diagnostics("terrain")["samples"] == "2500")
+        assert two.diagnostics("terrain")["samples"] == "0"
+        one.publish_poses([(2.5, 2.5, 0.2)])
+        one.wait_for(one.patches)
+
+
+def test_every_output_is_known_to_the_probe(probe: Probe) -> None:
+    with probe.running():
+        probe.publish_map(np.zeros((50, 50)))
+        for output in ("patches", "collider_patches", "body_states", "contacts", "timing", "contact_wrenches"):
+            assert probe.latest(output) is not None
+
+
+def test_a_domain_that_somebody_is_in_is_left_alone(domain: int) -> None:
+    with isolated() as number:
+        assert not in_use(number)
+        source = Process("terrain_source")
+        wait_until(lambda: in_use(number))
+    with source, isolated() as other:
+        assert other != number, "its lock is free, but a node is still there"
+
+
+def test_a_domain_that_the_user_chose_is_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
+    with isolated_unless_chosen() as number:
+        assert number == 77
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    with isolated_unless_chosen() as number:
+        assert os.environ["ROS_DOMAIN_ID"] == str(number) != "0"
+    assert "ROS_DOMAIN_ID" not in os.environ
+    assert "DDS domain 77" in capsys.readouterr().out
