@@ -123,7 +123,7 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
 
 
 @compiled
-def spin(body, dt):  # type: ignore[no-untyped-def]
+def spin(body, dt):
     """Turns a body (13,) by its angular velocity for a time ``dt`` [s]."""
     x, y, z = body[10], body[11], body[12]
     rate = math.sqrt(x * x + y * y + z * z)
