@@ -94,13 +94,13 @@ def travel_of(body: FloatArray, solid: Solid, radius: float, duration: float, ru
 
 @compiled
 def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) -> Place:
-    """The window of samples over which a solid can get, with a cell more on each side."""
+    """The window of samples over which a solid can get."""
     reach_x = reach_along(solid, Point(1.0, 0.0, 0.0)) + abs(travel.x) + travel.more + rules.leave
     reach_y = reach_along(solid, Point(0.0, 1.0, 0.0)) + abs(travel.y) + travel.more + rules.leave
-    row = math.floor((solid.centre.y - reach_y) / resolution) - 1
-    column = math.floor((solid.centre.x - reach_x) / resolution) - 1
-    high = math.ceil((solid.centre.y + reach_y) / resolution) + 2 - row
-    wide = math.ceil((solid.centre.x + reach_x) / resolution) + 2 - column
+    row = math.floor((solid.centre.y - reach_y) / resolution)
+    column = math.floor((solid.centre.x - reach_x) / resolution)
+    high = math.ceil((solid.centre.y + reach_y) / resolution) + 1 - row
+    wide = math.ceil((solid.centre.x + reach_x) / resolution) + 1 - column
     stride = (max(high, wide) - 1) // rules.most_samples + 1
     return Place(row, column, (high - 2) // stride + 2, (wide - 2) // stride + 2, stride)
 

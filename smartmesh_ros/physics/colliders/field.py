@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import pybullet as pb
 
@@ -57,26 +57,20 @@ def field_bound(rows: int, columns: int, spacing: float) -> float:
     return min(0.5 * COLLIDERS.slope * (max(rows, columns) - 1) * spacing, COLLIDERS.hole)
 
 
-@compiled
-def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, work, pose, velocity):
-    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose``
-    and ``velocity`` as in `plan_plane`.
+class Drift(NamedTuple):
+    """How far a field is from its ground: ``off`` [m]: at its farthest sample; ``change`` [m]: of any height over its
+    base; ``sunk`` [m]: by how much any sank since the contacts were last dropped."""
 
-    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): as they were
-    when its contacts were last dropped. ``samples``: heights of fields that are not read from ``grid``. ``work``: room
-    for the new heights.
-    """
+    off: float
+    change: float
+    sunk: float
+
+
+@compiled
+def field_heights(grid, support, samples, time, hole, above):
+    """Writes the heights of a support's samples over its foot [m] into ``above``, in PyBullet's order; holes are
+    ``hole`` [m] deep. ``samples``: heights of fields that are not read from ``grid``."""
     rows, columns, stride = support.rows, support.columns, support.stride
-    spacing = grid.resolution * stride
-    if collider.rows != rows or collider.columns != columns or abs(collider.spacing - spacing) > 1e-9 * spacing:
-        return MISFIT
-    advance(collider, time)
-    x, y = to_world(grid, support.row + 0.5 * (rows - 1) * stride, support.column + 0.5 * (columns - 1) * stride)
-    base = support.foot_z
-    yaw = math.atan2(grid.sin, grid.cos)
-    aside = max(abs(collider.x - x), abs(collider.y - y))
-    stays = collider.there == 1 and aside <= limits.elsewhere * spacing and abs(collider.yaw - yaw) < 1e-12
-    off, change, sunk, steepest, tallest = 0.0, 0.0, 0.0, 0.0, 0.0
     k = 0
     for i in range(columns):
         c = columns - 1 - i
@@ -85,40 +79,70 @@ def plan_field(grid, collider, support, samples, time, limits, heights, at_conta
                 height = samples[support.first + r * columns + c]
             else:
                 height, _ = sample_at(grid, support.row + r * stride, support.column + c * stride, time, 0.0)
-            above = -limits.hole if math.isnan(height) else height - base
-            old = heights[collider.first + k]
-            u, v = (c - 0.5 * (columns - 1)) * spacing, (r - 0.5 * (rows - 1)) * spacing
-            dx, dy = u * grid.cos - v * grid.sin, u * grid.sin + v * grid.cos
-            leans = collider.tilt_x * dy - collider.tilt_y * dx
-            off = max(off, abs(collider.z + old + leans - base - above))
-            change = max(change, abs(above - old))
-            sunk = max(sunk, at_contact[collider.first + k] - above)
-            tallest = max(tallest, abs(above))
-            if k > 0:
-                steepest = max(steepest, abs(above - work[k - 1]))
-            work[k] = above
+            above[k] = -hole if math.isnan(height) else height - support.foot_z
             k += 1
+
+
+@compiled
+def field_drift(grid, collider, support, above, heights, at_contact) -> Drift:
+    """How far a field is from heights ``above`` a support's foot; ``heights``, ``at_contact``: as in `plan_field`."""
+    rows, columns, spacing = support.rows, support.columns, grid.resolution * support.stride
+    raised = collider.z - support.foot_z
+    off = change = sunk = steepest = tallest = 0.0
+    for k in range(rows * columns):
+        old = heights[collider.first + k]
+        u = (columns - 1 - k // rows - 0.5 * (columns - 1)) * spacing
+        v = (k % rows - 0.5 * (rows - 1)) * spacing
+        x, y = u * grid.cos - v * grid.sin, u * grid.sin + v * grid.cos
+        leans = collider.tilt_x * y - collider.tilt_y * x
+        off = max(off, abs(old + raised + leans - above[k]))
+        change = max(change, abs(above[k] - old))
+        sunk = max(sunk, at_contact[collider.first + k] - above[k])
+        tallest = max(tallest, abs(above[k]))
+        steepest = max(steepest, abs(above[k] - above[max(k - 1, 0)]))
     # What is turned about its base also moves sideways, the more the higher it is.
     tilt = math.sqrt(collider.tilt_x * collider.tilt_x + collider.tilt_y * collider.tilt_y)
-    off += tilt * tallest * steepest / spacing
-    result = NOTHING
-    if not (stays and off <= limits.off):
-        result = POSE
-        if not (collider.there == 1 and change <= limits.same_height):
-            result |= SAMPLES
-            drops = collider.there == 0 or sunk > limits.sunk
-            if drops and collider.there == 1:
+    return Drift(off + tilt * tallest * steepest / spacing, change, sunk)
+
+
+@compiled
+def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, above, pose, velocity):
+    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose``
+    and ``velocity`` as in `plan_plane`.
+
+    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): as they were
+    when its contacts were last dropped. ``samples``: as in `field_heights`. ``above``: room for the new heights.
+    """
+    rows, columns, stride = support.rows, support.columns, support.stride
+    spacing = grid.resolution * stride
+    if collider.rows != rows or collider.columns != columns or abs(collider.spacing - spacing) > 1e-9 * spacing:
+        return MISFIT
+    advance(collider, time)
+    x, y = to_world(grid, support.row + 0.5 * (rows - 1) * stride, support.column + 0.5 * (columns - 1) * stride)
+    yaw = math.atan2(grid.sin, grid.cos)
+    field_heights(grid, support, samples, time, limits.hole, above)
+    drift = field_drift(grid, collider, support, above, heights, at_contact)
+    aside = max(abs(collider.x - x), abs(collider.y - y))
+    there = collider.there == 1
+    here = there and aside <= limits.elsewhere * spacing and abs(collider.yaw - yaw) < 1e-12
+    change = NOTHING
+    if not (here and drift.off <= limits.off):
+        change = POSE
+        if not (there and drift.change <= limits.same_height):
+            change |= SAMPLES
+            drops = not there or drift.sunk > limits.sunk
+            if drops and there:
                 collider.turned = 1 - collider.turned  # cached contacts are then elsewhere, and forgotten
-            for j in range(k):
+            for k in range(rows * columns):
                 if drops:
-                    at_contact[collider.first + j] = work[j]
-                heights[collider.first + j] = work[j]
-        collider.x, collider.y, collider.z, collider.yaw = x, y, base, yaw
+                    at_contact[collider.first + k] = above[k]
+                heights[collider.first + k] = above[k]
+        collider.x, collider.y, collider.z, collider.yaw = x, y, support.foot_z, yaw
         collider.tilt_x = collider.tilt_y = 0.0
         collider.there = 1
         half = 0.5 * (yaw + (1.5 if collider.turned == 1 else 0.5) * math.pi)
-        pose[0], pose[1], pose[2] = x, y, base
+        pose[0], pose[1], pose[2] = x, y, support.foot_z
         pose[3], pose[4], pose[5], pose[6] = 0.0, 0.0, math.sin(half), math.cos(half)
-    if push(collider, support, limits, result != NOTHING, velocity):
-        result |= VELOCITY
-    return result
+    if push(collider, support, limits, change != NOTHING, velocity):
+        change |= VELOCITY
+    return change
