@@ -44,7 +44,7 @@ def run(script: str, **environment: str) -> list[str]:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    return [line for line in done.stdout.splitlines() if not line.startswith("argv[0]")]  # PyBullet says that
 
 
 def path_with(folder: Path) -> str:

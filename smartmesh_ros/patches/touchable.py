@@ -56,8 +56,8 @@ class Travel(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """What a solid can touch: how many ``facets``, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the nearest of
-    them (cell ``a``, ``b``, ``upper``) and its gap; the largest margin of any."""
+    """What a solid can touch: how many ``facets``, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the
+    nearest of them (cell ``a``, ``b``, ``upper``) and its gap; the largest margin of any."""
 
     facets: int
     top: int

@@ -32,7 +32,8 @@ from smartmesh_ros.terrain.moving_grid import read_window
 ADVANCES = 64
 # Solids so near to the ground touch it [m].
 TOUCH = 1e-5
-# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this [m].
+# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this
+# [m].
 REFINEMENTS, NEARBY = 2, 0.02
 
 
@@ -91,8 +92,8 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
 
 @compiled
 def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float, contact: float) -> Point:
-    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the way;
-    unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
+    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the
+    way; unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
     if nearest_gap(window, solid, path, -math.inf, NEARBY).distance < -contact:
         return path
     first = time_of_impact(window, solid, path, least)
@@ -122,7 +123,7 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
 
 
 @compiled
-def spin(body, dt):  # type: ignore[no-untyped-def]
+def spin(body, dt):
     """Turns a body (13,) by its angular velocity for a time ``dt`` [s]."""
     x, y, z = body[10], body[11], body[12]
     rate = math.sqrt(x * x + y * y + z * z)
@@ -133,7 +134,7 @@ def spin(body, dt):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):  # type: ignore[no-untyped-def]
+def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
     there is any."""
@@ -165,7 +166,7 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
 
 
 @compiled
-def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):  # type: ignore[no-untyped-def]
+def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
     """How high a body (13,) is lifted to lie on the ground as it is turned [m]: it is let down from above until it
     touches; NaN where there is no ground under it."""
     local = np.empty(13)

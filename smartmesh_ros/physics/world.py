@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -79,6 +80,17 @@ class World:
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
         self._indexes = True  # not within `together`, which indexes its followers at its end
+
+    @property
+    def hurried(self) -> bool:
+        """The name of ``behind`` before."""
+        warnings.warn("World.hurried is World.behind", DeprecationWarning, 2)
+        return self.behind
+
+    @hurried.setter
+    def hurried(self, behind: bool) -> None:
+        warnings.warn("World.hurried is World.behind", DeprecationWarning, 2)
+        self.behind = behind
 
     def __enter__(self) -> World:
         return self

@@ -172,7 +172,7 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
     read_window(grid, place.row, place.column, 1, case.time, case.duration, heights, rises)
     own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
     touch = touched_facets(Window(heights, rises, grid.resolution), own, travel, touched)
-    if touch.count == 0:
+    if touch.facets == 0:
         return set()
     marks = touched[: place.high - 1, : place.wide - 1]
     found = {
@@ -180,7 +180,7 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
         for upper in range(2)
         for a, b in np.argwhere(marks & (1 + upper))
     }
-    assert len(found) == touch.count
+    assert len(found) == touch.facets
     assert min(a for a, _, _ in found) == place.row + touch.top
     assert max(a for a, _, _ in found) == place.row + touch.bottom
     assert min(b for _, b, _ in found) == place.column + touch.left

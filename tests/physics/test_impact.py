@@ -172,8 +172,18 @@ def test_clamping_leaves_what_goes_along_the_ground_and_counts_its_motion(yaw: f
     shape, change, memory = Form("ball", 0.1, np.random.default_rng(0)).record, np.empty(3), window_memory(131)[:2]
     shapes = np.array([shape], SHAPE).view(np.recarray)
     moved = clamp_one(
-        heightmap.moved_to(0.05), shapes, body, 0.05, dt, np.zeros(3), 5e-4, ARRIVAL, 0.5 * ARRIVAL, RULES,
-        *memory, change
+        heightmap.moved_to(0.05),
+        shapes,
+        body,
+        0.05,
+        dt,
+        np.zeros(3),
+        5e-4,
+        ARRIVAL,
+        0.5 * ARRIVAL,
+        RULES,
+        *memory,
+        change,
     )
     assert moved
     np.testing.assert_allclose(change[:2], 0.0, atol=1e-9)

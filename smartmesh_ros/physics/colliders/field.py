@@ -34,8 +34,8 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
 
 
 def replace_field(client: int, shape: int, rows: int, columns: int, heights: list[float], *, filtered: bool) -> None:
-    """Gives a field its heights [m], in PyBullet's order, with or without a filter of its inner edges. The filter's flag
-    is passed each time; without it PyBullet drops the edges' data. ``client``: PyBullet's number of it."""
+    """Gives a field its heights [m], in PyBullet's order, with or without a filter of its inner edges. The filter's
+    flag is passed each time; without it PyBullet drops the edges' data. ``client``: PyBullet's number of it."""
     pb.createCollisionShape(
         pb.GEOM_HEIGHTFIELD,
         flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
