@@ -56,7 +56,9 @@ def sliding(before: HeightMap, after: HeightMap) -> tuple[float, float]:
     still = (0.0, 0.0)
     if replace(after.geometry, origin=before.geometry.origin) != before.geometry:
         return still
-    if cells_moved(before.geometry, after.geometry) is not None or not 0.0 < interval <= after.motion.max_interval:
+    moved = cells_moved(before.geometry, after.geometry)
+    goes_on = moved == (0, 0) and before.slide_w != still  # the next map of ground that slides may come very soon
+    if (moved is not None and not goes_on) or not 0.0 < interval <= after.motion.max_interval:
         return still
     x, y = (b - a for a, b in zip(before.geometry.origin[:2], after.geometry.origin[:2], strict=True))
     return (x / interval, y / interval) if math.hypot(x, y) <= after.motion.max_velocity * interval else still

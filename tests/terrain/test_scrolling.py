@@ -75,3 +75,12 @@ def test_ground_whose_map_comes_elsewhere_slides() -> None:
 )  # fmt: skip
 def test_a_map_that_travels_or_jumps_does_not(after: HeightMap) -> None:
     assert sliding(at(0.0, 1.0), after) == (0.0, 0.0)
+
+
+def test_ground_that_slides_goes_on_when_its_next_map_comes_very_soon() -> None:
+    """By less than a hundredth of a cell: ground at rest stays at rest, as a map's place is never quite the same."""
+    before, after = at(0.03, 1.1), at(0.0306, 1.102)
+    assert sliding(before, after) == (0.0, 0.0)
+    before.slide((0.3, 0.0), 0.1)
+    assert sliding(before, after) == pytest.approx((0.3, 0.0))
+    assert sliding(before, at(0.03, 1.2)) == (0.0, 0.0)
