@@ -66,6 +66,7 @@ class Selector:
         self._memory = window_memory(SELECTION.most_samples + 3)
         self._batches: list[PatchBatch] | None = None
         self._parts: list[FloatArray] = []  # of the samples
+        self._count = 0  # of all of them
         self._tracked_due = False
 
     def adopt(self, shapes: Any, solid: BoolArray, kept: IntArray) -> None:
@@ -102,10 +103,10 @@ class Selector:
         """Chooses the supports of ``bodies`` (N, 13) for the ``duration`` [s] from ``time`` [s] on."""
         if self._layout != self.terrain.layout_revision:
             self._take_tiles()
-        before = [] if self.config.chooses else self.batches()
+        before = self.batches() if self.config.search == "ray_cast" else []
         self._bodies, self._time, self._duration, self._batches = bodies, time, duration, None
         self._tracked_due = len(self._everybody) < len(bodies)
-        self._parts = []
+        self._parts, self._count = [], 0
         if self._only_grid is not None and self.config.chooses:  # off the map nothing is touchable
             self._choose_on_grid(self._only_grid, 0, self._everybody)
         else:
@@ -186,7 +187,8 @@ class Selector:
 
     def _add_samples(self, body: int, heights: FloatArray) -> None:
         """Keeps the heights (K,) [m] of a field that is not read from one map."""
-        self.supports["first"][body] = sum(map(len, self._parts))
+        self._plain["first"][body] = self._count
+        self._count += len(heights)
         self._parts.append(heights)
 
     def _choose_fixed(self, chosen: IntArray, before: list[PatchBatch]) -> None:

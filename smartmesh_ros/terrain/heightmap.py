@@ -10,8 +10,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, phase_of
-from smartmesh_ros.terrain.moving_grid import BLOCK, INSTANT, MovingGrid, ground_at, samples_at, take_heights
+from smartmesh_ros.terrain.moving_grid import BLOCK, INSTANT, MovingGrid, ground_at, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
+from smartmesh_ros.terrain.updates import take_heights
 
 # How far outside a point may lie and still count as on the edge [samples].
 EDGE = 1e-6
