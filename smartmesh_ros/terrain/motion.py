@@ -35,7 +35,7 @@ PATIENCE = 1.5
 # After an age of REST map intervals the ground is at rest at the last map's heights.
 REST = 3.0 * PATIENCE
 # The acceleration of the ground counts up to this multiple of the one before it.
-AGREEMENT = 2.0
+AGREEMENT = 4.0
 # Velocities that are kept of each sample: the newest and the two before it tell two accelerations.
 KEPT = 3
 
