@@ -118,7 +118,7 @@ def test_a_change_counts_as_far_as_the_one_before_agrees(change: float, before: 
         ((1.0, 30.0, 1.0), (1.0, 0.0)),  # it jumped before
         ((1.0, math.nan, 1.0), (1.0, 0.0)),  # it was a hole
         ((3.0, 2.0, 1.0), (3.0, 10.0)),
-        ((7.0, 2.0, 1.0), (7.0, 20.0)),  # no more than the change before makes likely
+        ((7.0, 2.0, 1.0), (7.0, 10.0 * AGREEMENT)),  # no more than the change before makes likely
     ],
 )
 def test_ground_is_not_carried_past_its_velocity(
