@@ -19,9 +19,9 @@ class Patch:
     ``column``: the sample in the patch's middle; ``stride``: samples of the map from one vertex to the next.
     ``vertices_w`` (K, 3) [m]: z is NaN in a hole; ``triangles`` (T, 3): counter-clockwise from above. ``linear_w``
     [m/s] and ``angular_w`` [rad/s], (3,): the ground's twist at the middle. ``deviation`` [m]: the bound of the
-    vertical distance to the terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: the instant the
-    message told of, on the node's ROS clock. ``age`` [s]: from the stamp to the instant asked for. ``moved`` [s]: how
-    far the vertices were moved on, at most what the client allows.
+    vertical distance to the terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: the
+    instant the message told of, on the node's ROS clock. ``age`` [s]: from the stamp to the instant asked for.
+    ``moved`` [s]: how far the vertices were moved on, at most what the client allows.
     """
 
     name: str

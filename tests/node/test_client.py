@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from std_srvs.srv import SetBool
 
 from smartmesh_ros.client import Patch, PatchClient, TrackedLink
 from smartmesh_ros.testing import COLLIDER, Probe
@@ -97,10 +98,13 @@ def test_bodies_come_stay_and_go(probe: Probe, client: PatchClient, *, increment
         assert client.refused == 0
 
 
-def test_patches_of_a_node_that_is_gone_grow_old(no_shared_memory: None, probe: Probe, client: PatchClient) -> None:
+@pytest.mark.parametrize("how", ["paused", "killed"])
+def test_patches_of_a_node_that_stands_still_grow_old(
+    no_shared_memory: None, probe: Probe, client: PatchClient, how: str
+) -> None:
     assert client.age() == math.inf
     assert client.patches() == {}
-    with probe.running(parameters=SETTINGS) as node:
+    with probe.running(parameters={**SETTINGS, "bodies.timeout": 1000.0}) as node:
         probe.publish_map(np.zeros((50, 50)), resolution=RESOLUTION)
 
         def shown() -> bool:
@@ -109,14 +113,32 @@ def test_patches_of_a_node_that_is_gone_grow_old(no_shared_memory: None, probe: 
             return "left" in client.patches()
 
         probe.wait_for(shown)
-        node.stop(signal.SIGKILL)
-        client.spin_once()
-        first = client.patches()["left"]
-        probe.wait_for(lambda: client.age() > first.age + 1.0)
-        client.spin_once()
-        assert client.patches()["left"].age > first.age + 0.9
-        assert client.patches()["left"].stamp >= first.stamp
-        assert abs(client.patches()["left"].moved) <= client.ahead
+        if how == "paused":
+            probe.call("pause", SetBool, data=True)
+        else:
+            node.stop(signal.SIGKILL)
+
+        def old() -> bool:
+            client.spin_once()
+            return client.age() > 1.0
+
+        probe.wait_for(old)
+        patch = client.patches()["left"]
+        assert patch.age > 1.0
+        assert patch.moved == client.ahead
+
+
+def test_a_client_on_the_callers_node_is_spun_by_the_callers_executor(probe: Probe) -> None:
+    with PatchClient(COLLIDER, node=probe.node) as client, probe.running(parameters=SETTINGS):
+        probe.publish_map(np.zeros((50, 50)), resolution=RESOLUTION)
+
+        def shown() -> bool:
+            client.track([LEFT, RIGHT])
+            return client.patches().keys() == {"left", "right"}
+
+        probe.wait_for(shown)
+        with pytest.raises(RuntimeError, match="caller's executor"):
+            client.spin_once()
 
 
 def test_bytes_that_are_no_message_are_counted_and_change_nothing(client: PatchClient) -> None:

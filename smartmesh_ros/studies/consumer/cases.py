@@ -74,8 +74,9 @@ class TrueGround:
         """The part of the ground within ``reach`` [m] of points (N, 3) [m] at ``now`` [s]."""
         geometry = self.geometry
         grid, margin = geometry.to_grid(points_w[:, :2]), reach / geometry.resolution + 1.0
-        low = np.maximum(np.floor(grid.min(axis=0) - margin), 0).astype(int)
-        high = np.minimum(np.ceil(grid.max(axis=0) + margin) + 1, self._relief.shape).astype(int)
+        shape = np.array(self._relief.shape)
+        low = np.clip(np.floor(grid.min(axis=0) - margin), 0, shape - 3).astype(int)
+        high = np.clip(np.ceil(grid.max(axis=0) + margin) + 1, low + 3, shape).astype(int)
         heights = self._part(slice(low[0], high[0]), slice(low[1], high[1]), now)
         x, y = geometry.to_world(float(low[0]), float(low[1])).tolist()
         part = GridGeometry(

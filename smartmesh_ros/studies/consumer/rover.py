@@ -15,6 +15,8 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _PLACES = ((0.5, 0.4), (0.5, -0.4), (-0.5, 0.4), (-0.5, -0.4))  # of the wheels on the chassis [m]
 RADIUS = 0.25  # of the wheels, which are spheres [m]
 STEP = 0.002  # [s]
+# Time constant of contacts, the least that MuJoCo takes [s].
+CONTACT = 2.0 * STEP
 # The lowest and highest ground of a field, from its body [m]; MuJoCo keeps heights as shares of it.
 RANGE = 40.0
 
@@ -114,10 +116,9 @@ class Rover:
                 **_spring(config.stiffness, config.damping),
             )  # fmt: skip
             wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
-            # The stiffest contact that MuJoCo takes: a time constant of two steps.
             wheel.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=config.wheel, friction=[0.9, 0.0, 0.0],
-                condim=3, priority=1, solref=[2.0 * STEP, 1.0], contype=1 << index, conaffinity=0,
+                condim=3, priority=1, solref=[CONTACT, 1.0], contype=1 << index, conaffinity=0,
             )  # fmt: skip
             motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             motor.set_to_velocity(kv=20.0)

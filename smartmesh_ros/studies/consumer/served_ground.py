@@ -9,10 +9,13 @@ import numpy as np
 
 from smartmesh_ros.client import Patch, PatchClient
 from smartmesh_ros.studies.consumer.cases import COLLIDER
-from smartmesh_ros.studies.consumer.rover import RANGE, WHEELS, FieldSpec, Rover, yaw_quaternion
+from smartmesh_ros.studies.consumer.rover import CONTACT, RANGE, WHEELS, FieldSpec, Rover, yaw_quaternion
 
 # Samples on a side of a wheel's field, at the most: nodes serve patches of tracked bodies with up to 9 or so.
 MOST = 33
+# MuJoCo's contacts do not know that the ground moves: a wheel stays behind it by its speed times twice the time
+# constant of the contact. So much further the patches are moved on [s].
+LEAD = 2.0 * CONTACT
 
 
 class ServedGround:
@@ -57,7 +60,7 @@ class ServedGround:
 
     def update(self, rover: Rover, now: float) -> int:
         """Brings the wheels' fields to ``now`` [s]; returns how many wheels have no patch."""
-        patches = self.client.patches(now)
+        patches = self.client.patches(now + LEAD)
         for index, name in enumerate(WHEELS):
             patch = patches.get(name)
             if patch is not None:
