@@ -23,7 +23,7 @@ from smartmesh_ros.studies.consumer.served_ground import ServedGround
 from smartmesh_ros.terrain.grid import FloatArray
 
 # How long the first ground may take [s].
-PATIENCE = 60.0
+PATIENCE = 120.0
 # The rover starts here [m], drops from so high [m], and is judged once it has settled for so long [s].
 START_X, DROP, SETTLE = -6.0, 0.01, 2.0
 # Steps from one message about the wheels to the next, from one look for messages when the loop is late, and from one

@@ -83,11 +83,12 @@ def main(args: list[str] | None = None) -> None:
     """Runs the study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="drives of 5 s; writes no page")
+    parser.add_argument("--seconds", type=float, default=20.0, help="length of each drive [s]")
     options = parser.parse_args(args)
     results = []
     with isolated_unless_chosen():
         for case in CASES:
-            chosen = replace(case, seconds=5.0) if options.quick else case
+            chosen = replace(case, seconds=5.0) if options.quick else replace(case, seconds=options.seconds)
             results.append((chosen, run_case(chosen)))
             print(f"{chosen.name}: {_SOURCES[chosen.source]}, {results[-1][1].way:.1f} m", flush=True)
     blocks = {
