@@ -10,6 +10,7 @@ STUDIES = {
     "accuracy": ("smartmesh_ros.studies.accuracy", "speed against accuracy, and the stability matrix"),
     "before-after": ("smartmesh_ros.studies.before_after.study", "this code against that of another checkout"),
     "bench": ("smartmesh_ros.studies.bench", "running times against the report's tables"),
+    "consumer": ("smartmesh_ros.studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "load": ("smartmesh_ros.studies.load.study", "the node under load over DDS"),
     "soak": ("smartmesh_ros.studies.load.soak", "the node for minutes or hours of everything changing"),
 }

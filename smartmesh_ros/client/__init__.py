@@ -1,0 +1,7 @@
+"""Patches of a running ``terrain_collider`` for another simulator, over topics only; docs/other_simulators.md."""
+
+from smartmesh_ros.client.patch import Patch
+from smartmesh_ros.client.patch_client import PatchClient
+from smartmesh_ros.client.tracked import TrackedLink
+
+__all__ = ["Patch", "PatchClient", "TrackedLink"]

@@ -1,0 +1,100 @@
+"""One collider patch as arrays, and where it is some time later."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Patch:
+    """The ground under one body, in the terrain's frame (z up).
+
+    ``name``: the body. ``kind``: "heightfield", "plane", "trimesh", "hull", "prisms" or "whole". ``tile``, ``row``,
+    ``column``: the sample in the patch's middle; ``stride``: samples of the map from one vertex to the next.
+    ``vertices_w`` (K, 3) [m]: z is NaN in a hole; ``triangles`` (T, 3): counter-clockwise from above. ``linear_w``
+    [m/s] and ``angular_w`` [rad/s], (3,): the ground's twist at the middle. ``deviation`` [m]: the bound of the
+    vertical distance to the terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: the
+    instant the message told of, on the node's ROS clock. ``age`` [s]: from the stamp to the instant asked for.
+    ``moved`` [s]: how far the vertices were moved on, at most what the client allows.
+    """
+
+    name: str
+    kind: str
+    tile: str
+    row: int
+    column: int
+    stride: int
+    deviation: float
+    linear_w: NDArray[np.float64]
+    angular_w: NDArray[np.float64]
+    vertices_w: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    stamp: float = 0.0
+    age: float = 0.0
+    moved: float = 0.0
+
+    @cached_property
+    def shape(self) -> tuple[int, int] | None:
+        """Rows and columns of the vertices; None on a general mesh, whose vertices are in no rows."""
+        return _grid_shape(self.vertices_w[:, :2])
+
+    @cached_property
+    def centre(self) -> int:
+        """The vertex that the twist holds at: the middle of the rows and columns; on a general mesh, whose messages do
+        not tell it, the vertex nearest to the mean of all."""
+        if self.shape is None:
+            away = self.vertices_w[:, :2] - self.vertices_w[:, :2].mean(axis=0)
+            return int(np.argmin((away**2).sum(axis=1)))
+        rows, columns = self.shape
+        return (rows - 1) // 2 * columns + (columns - 1) // 2
+
+    def after(self, time: float) -> Patch:
+        """The patch ``time`` [s] later (earlier if negative), every vertex moved with the twist to first order."""
+        centre, vertices = self.centre, self.vertices_w
+        if time and (self.linear_w.any() or self.angular_w.any()):
+            away = vertices - vertices[centre]
+            # Ground rises where it is: height differences do not turn into horizontal motion.
+            away[:, 2] = 0.0
+            vertices = vertices + time * (self.linear_w + _cross(self.angular_w, away))
+        return self._with(vertices_w=vertices, moved=self.moved + time)
+
+    def aged(self, stamp: float, age: float) -> Patch:
+        """The same with another ``stamp`` [s] and ``age`` [s]."""
+        return self._with(stamp=stamp, age=age)
+
+    def _with(self, **changes: Any) -> Patch:
+        """A copy with other values, of the same rows and columns."""
+        made = replace(self, **changes)
+        made.__dict__.update(shape=self.shape, centre=self.centre)
+        return made
+
+
+def _cross(angular: NDArray[np.float64], away: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``angular`` (3,) x ``away`` (K, 3), several times as fast as NumPy's for few vectors."""
+    x, y, z = angular.tolist()
+    turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+    return np.asarray(away @ turn)
+
+
+def _grid_shape(xy: NDArray[np.float64]) -> tuple[int, int] | None:
+    """Rows and columns of points (K, 2) that lie in rows of equal steps; None if they do not."""
+    count = len(xy)
+    if count < 4:
+        return None
+    steps = np.diff(xy, axis=0)
+    length = math.hypot(*steps[0])
+    breaks = np.flatnonzero(np.abs(steps - steps[0]).max(axis=1) > 1e-6 * max(length, 1e-9) + 1e-9)
+    columns = int(breaks[0]) + 1 if breaks.size else count
+    if columns < 2 or columns == count or count % columns:
+        return None
+    grid = xy.reshape(-1, columns, 2)
+    across, down = grid[0, 1] - grid[0, 0], grid[1, 0] - grid[0, 0]
+    r, c = np.mgrid[: count // columns, :columns]
+    expected = grid[0, 0] + c[..., None] * across + r[..., None] * down
+    return (count // columns, columns) if np.abs(expected - grid).max() < 1e-3 * length else None
