@@ -78,22 +78,29 @@ class TerrainInputs:
         stamp = conversions.stamp_seconds(message.header.stamp)
         with self._ingesting("", stamp, message.header.frame_id) as time:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster.geometry, raster.heights, None, time)
+            self._take_map("", raster.geometry, raster.heights, None, time, raster.variances)
 
     def _take_map(
-        self, tile: str, geometry: GridGeometry, heights: FloatGrid, velocities: FloatGrid | None, time: float
+        self,
+        tile: str,
+        geometry: GridGeometry,
+        heights: FloatGrid,
+        velocities: FloatGrid | None,
+        time: float,
+        variances: FloatGrid | None = None,
     ) -> None:
         """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
         known = self._terrain.tiles.get(tile)
         if isinstance(known, HeightMap):
             if known.geometry == geometry:
-                known.replace(heights, time=time, velocities=velocities)
+                known.replace(heights, time=time, velocities=velocities, variance=variances)
                 return
-            if velocities is None:
+            if velocities is None and not known.motion.corrects:
                 velocities = velocities_across(known, geometry, heights, time)
         require_tile_fits(tile, geometry.size, self._terrain, self._session.settings)
         motion = self._session.settings.motion
-        self._put(tile, HeightMap(heights, geometry=geometry, time=time, velocities=velocities, motion=motion))
+        new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
+        self._put(tile, new)
 
     def _on_region(self, data: bytes) -> None:
         new = conversions.region_from(data, self._session.settings.max_samples)
