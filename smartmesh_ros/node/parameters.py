@@ -81,7 +81,7 @@ SPECS = (
         "terrain.changes", "auto", "What a change of height means: the ground moved, or stood still and is known "
         "better now. auto: correction, but motion where terrain.input is heightmap.", choices=get_args(TerrainChanges),
     ),
-    Spec("terrain.settle", _D.motion.settle, "Corrections are spread over so long [s].", 0.0, 10.0),
+    Spec("terrain.settle", _D.motion.settle, "Corrections are spread over so long [s].", 0.001, 10.0),
     Spec("terrain.noise", _D.motion.noise, "Standard deviation of the heights of a map [m]; 0 = exact. Corrected "
          "heights are fused over time by it.", 0.0, 10.0),
     Spec("terrain.max_samples", _D.max_samples, "Samples of all maps together; more are refused.", 9, 2**31),

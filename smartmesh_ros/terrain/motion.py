@@ -68,7 +68,7 @@ class MotionConfig:
     ``max_velocity`` [m/s]: ground that moves faster between two maps has jumped (a correction, a new crater).
     ``changes``: what a change of height means. *motion*: the ground moved, as ``mode`` says. *correction*: it stood
     still and is known better now; then it has no velocity, and ``settle`` [s] is how long the old heights take to
-    become the new ones (0 = at once): a correction of 30 cm moves what stands on it by 8 mm in a step of 240 Hz.
+    become the new ones: a correction of 30 cm moves what stands on it by 6 mm in a step of 240 Hz.
     ``noise`` [m]: standard deviation of the heights of a map, 0 = exact. In *correction* heights are fused over time.
     ``min_interval`` [s]: maps that come sooner after each other are one that came in parts: they correct the one
     before and have no velocity of their own. By default that is a step of 240 Hz.
@@ -78,7 +78,7 @@ class MotionConfig:
     max_interval: float = 0.25
     max_velocity: float = 25.0
     changes: Changes = "motion"
-    settle: float = 0.15
+    settle: float = 0.2
     noise: float = 0.0
     min_interval: float = 0.004
 
@@ -95,8 +95,8 @@ class MotionConfig:
             )
         if not 0.0 <= self.min_interval < self.max_interval:
             raise InputError("parameter", "terrain min_interval [s] must be at least zero and less than max_interval")
-        if not (0.0 <= self.settle < math.inf and 0.0 <= self.noise < math.inf):
-            raise InputError("parameter", "terrain settle [s] and noise [m] must be finite and at least zero")
+        if not (0.0 < self.settle < math.inf and 0.0 <= self.noise < math.inf):
+            raise InputError("parameter", "terrain settle [s] must be above zero, and noise [m] at least zero")
 
     @property
     def corrects(self) -> bool:

@@ -145,7 +145,7 @@ def test_what_is_fused_scrolls_with_the_map() -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [{"changes": "guess"}, {"settle": -1.0}, {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}]
+    "bad", [{"changes": "guess"}, {"settle": 0.0}, {"noise": math.nan}, {"min_interval": 1.0}, {"min_interval": -1.0}]
 )
 def test_impossible_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):
