@@ -66,6 +66,8 @@ class Carrying:
 
     def _put(self, uid: int, pose: list[float]) -> None:
         client = self._client
+        if client.getDynamicsInfo(uid, -1)[0] == 0.0:  # fixed to the world
+            return
         linear, angular = client.getBaseVelocity(uid)
         client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
         client.resetBaseVelocity(uid, linear, angular)
