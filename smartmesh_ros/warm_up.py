@@ -11,6 +11,7 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 # Samples on a side of the maps, and how far they are apart [m].
@@ -26,7 +27,7 @@ def warm_up() -> float:
     start = perf_counter()
     with World() as world:
         _spawn_bodies(world)
-        for scene in (_on_hills, _on_a_plane, _across_tiles, _on_a_general_mesh):
+        for scene in (_on_hills, _on_corrected_ground, _on_a_plane, _across_tiles, _on_a_general_mesh):
             scene(world)
             world.step(2)
             world.ground.batches  # noqa: B018  # patches of bodies with dictated poses are worked out for those who ask
@@ -55,6 +56,15 @@ def _on_hills(world: World) -> None:
     hills.replace(hills.heights, time=-0.1, velocities=np.ones((SIDE, SIDE), np.float32))
     hills.slide((1.0, 0.0), 0.1)
     hills.sample(np.arange(SIDE), 0.0)
+    world.terrain.put("", hills)
+
+
+def _on_corrected_ground(world: World) -> None:
+    """Ground that stands still and is known better by the second map."""
+    motion = MotionConfig(changes="correction")
+    hills = HeightMap(_hills(0.0).heights, resolution=SPACING, motion=motion)
+    hills.show(world.time)
+    hills.replace(hills.heights + np.float32(0.01), time=world.time)
     world.terrain.put("", hills)
 
 

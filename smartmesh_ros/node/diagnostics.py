@@ -21,7 +21,8 @@ class Health:
 
     ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
     publishers on the topics that bring them. ``publishers``: those that the node is connected to, by topic.
-    ``rival_clocks``: other publishers of ``/clock``. ``incompatible``: peers whose QoS does not fit, by topic.
+    ``rival_clocks``: other publishers of ``/clock``. ``rival_maps``: those whose maps disagree.
+    ``incompatible``: peers whose QoS does not fit, by topic.
     """
 
     map_age: float | None
@@ -34,6 +35,7 @@ class Health:
     refusals: Counter[str]
     new_refusals: int
     rival_clocks: list[str]
+    rival_maps: list[str]
     incompatible: dict[str, str]
 
 
@@ -64,6 +66,9 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         if not health.map_sources and health.maps > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         return DiagnosticStatus.OK, text, values
+    if health.rival_maps:
+        names = ", ".join(health.rival_maps)
+        return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
     return DiagnosticStatus.OK, "maps arrive", values
 
 

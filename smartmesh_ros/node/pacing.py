@@ -121,12 +121,20 @@ class StampClock:
         self._last: float | None = None
         self._offset: float | None = None
 
-    def place(self, stamp: float | None, clock_now: float, time_at: Callable[[float], float]) -> float:
+    def is_late(self, stamp: float | None, late: float) -> bool:
+        """Whether a stamp is older than the last one by up to ``late`` [s]: messages have overtaken each other."""
+        return stamp is not None and self._last is not None and 0.0 < self._last - stamp <= late
+
+    def place(
+        self, stamp: float | None, clock_now: float, time_at: Callable[[float], float], late: float = 0.0
+    ) -> float:
         """Simulated time [s] of a stamp that arrives when the node's clock says ``clock_now``; ``time_at``: simulated
         time of an instant so many seconds ago. Raises `InputError` if the stamp is older than the one before; nothing
-        is changed until `accept`."""
+        is changed until `accept`. One that is older by up to ``late`` [s] is placed where that one is."""
         if stamp is None:
             return time_at(0.0)
+        if self._last is not None and self.is_late(stamp, late):
+            stamp = self._last
         if self._last is not None and stamp < self._last:
             raise InputError(
                 "stamp_backwards",
@@ -143,6 +151,6 @@ class StampClock:
 
     def accept(self, stamp: float | None, time: float) -> None:
         """Notes that the message of this stamp was taken, at that simulated time."""
-        if stamp is not None:
+        if stamp is not None and not (self._last is not None and stamp < self._last):
             self._last = stamp
             self._offset = time - stamp

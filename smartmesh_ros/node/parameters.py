@@ -21,13 +21,21 @@ from smartmesh_ros.node.clock import require_one_clock
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.pacing import DeadlinePolicy
 from smartmesh_ros.node.running import ExecutorKind
-from smartmesh_ros.node.settings import Durability, PublishRates, Reliability, RobotConfig, Settings, TerrainInput
+from smartmesh_ros.node.settings import (
+    Durability,
+    PublishRates,
+    Reliability,
+    RobotConfig,
+    Settings,
+    TerrainChanges,
+    TerrainInput,
+)
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
-from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
+from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
 from smartmesh_ros.terrain.rasters import FirstRow, RasterConfig
 
 _D = Settings()
@@ -67,6 +75,15 @@ SPECS = (
     Spec("terrain.motion", _D.motion.mode, "What the ground does between maps.", choices=get_args(MotionMode)),
     Spec("terrain.max_interval", _D.motion.max_interval, "Maps further apart give no velocity [s].", 0.001, 60.0),
     Spec("terrain.max_velocity", _D.motion.max_velocity, "Faster ground has jumped, not moved [m/s].", 0.01, 1000.0),
+    Spec("terrain.min_interval", _D.motion.min_interval, "Maps closer together are one map that came in parts [s].",
+         0.0, 1.0),
+    Spec(
+        "terrain.changes", "auto", "What a change of height means: the ground moved, or stood still and is known "
+        "better now. auto: correction, but motion where terrain.input is heightmap.", choices=get_args(TerrainChanges),
+    ),
+    Spec("terrain.settle", _D.motion.settle, "Corrections are spread over so long [s].", 0.001, 10.0),
+    Spec("terrain.noise", _D.motion.noise, "Standard deviation of the heights of a map [m]; 0 = exact. Corrected "
+         "heights are fused over time by it.", 0.0, 10.0),
     Spec("terrain.max_samples", _D.max_samples, "Samples of all maps together; more are refused.", 9, 2**31),
     Spec("terrain.max_tiles", _D.most_tiles, "Tiles there may be; more are refused.", 1, 1_000_000),
     Spec(
@@ -84,6 +101,8 @@ SPECS = (
     ),
     Spec("terrain.file", _D.file, "Terrain at start: a .npy, .png, .tif or .asc file; empty = none.", read_only=True),
     Spec("raster.layer", _RASTER.layer, "Layer of a grid map that holds the heights."),
+    Spec("raster.variance_layer", _RASTER.variance_layer, "Layer of a grid map that holds the variances of the heights "
+         "[m^2], to fuse them by; empty = none, terrain.noise says it."),
     Spec("raster.scale", _RASTER.scale, "Height = scale x value + offset [m per unit]. Values are pixels, metres or, "
          "of occupancy, 0 to 1.", -1e6, 1e6),
     Spec("raster.offset", _RASTER.offset, "Height of the value zero [m].", -1e6, 1e6),
@@ -172,7 +191,13 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     return Settings(
         world=WorldConfig(physics=physics, patch=patch),
         motion=MotionConfig(
-            mode=v["terrain.motion"], max_interval=v["terrain.max_interval"], max_velocity=v["terrain.max_velocity"]
+            mode=v["terrain.motion"],
+            max_interval=v["terrain.max_interval"],
+            max_velocity=v["terrain.max_velocity"],
+            changes=_changes(v["terrain.changes"], v["terrain.input"]),
+            settle=v["terrain.settle"],
+            noise=v["terrain.noise"],
+            min_interval=v["terrain.min_interval"],
         ),
         publish=PublishRates(**{rate.name: v[f"publish.{rate.name}"] for rate in fields(PublishRates)}),
         frame_id=v["frame_id"],
@@ -183,6 +208,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         file=v["terrain.file"],
         raster=RasterConfig(
             layer=v["raster.layer"],
+            variance_layer=v["raster.variance_layer"],
             scale=v["raster.scale"],
             offset=v["raster.offset"],
             resolution=v["raster.resolution"],
@@ -216,6 +242,13 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         simulation_interfaces=v["simulation_interfaces"],
         executor=v["executor"],
     )
+
+
+def _changes(said: str, terrain_input: str) -> Changes:
+    """What changes of height mean; what sensors and mappers publish are corrections unless it is said otherwise."""
+    if said == "auto":
+        return "motion" if terrain_input == "heightmap" else "correction"
+    return "motion" if said == "motion" else "correction"
 
 
 def declare(node: Node) -> Settings:

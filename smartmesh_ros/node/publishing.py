@@ -239,6 +239,7 @@ class Publishing:
             refusals=session.refusals.counts,
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
+            rival_maps=session.rival_maps,
             incompatible=incompatible_peers(
                 self._node, session.subscriptions, [output.publisher for output in self._outputs.values()]
             ),

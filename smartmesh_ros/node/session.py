@@ -31,7 +31,7 @@ class Session:
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
     taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands
     still. ``lock``: held by whatever touches the world, for executors with several threads. ``handled``: messages and
-    calls so far. ``terrain_subscriptions``: those that bring terrain.
+    calls so far. ``rival_maps``: publishers whose maps disagree. ``terrain_subscriptions``: those that bring terrain.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -50,6 +50,7 @@ class Session:
         self.frame_id = settings.frame_id
         self.map_taken: float | None = None
         self.maps = 0
+        self.rival_maps: list[str] = []
         self.paused = False
 
     def listen(

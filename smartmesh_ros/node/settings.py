@@ -16,6 +16,8 @@ from smartmesh_ros.terrain.rasters import RasterConfig
 
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]
+# What a change of height means; *auto*: a correction where the terrain comes from sensors and mappers.
+TerrainChanges = Literal["auto", "motion", "correction"]
 TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
 
 

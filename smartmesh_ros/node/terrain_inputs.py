@@ -18,6 +18,7 @@ from smartmesh_ros.node.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.conversions import FloatGrid
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
+from smartmesh_ros.node.rivals import Rivals, publisher_names
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
@@ -40,6 +41,8 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._taken = taken
         self._clocks: dict[str, StampClock] = {}
+        self._rivals: dict[str, Rivals] = {}  # by tile
+        self._rivals_told = False
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
@@ -67,6 +70,8 @@ class TerrainInputs:
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
         start = new.start
+        if self._overtaken(start.tile, conversions.stamp_seconds(start)):
+            return
         with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as time:
             if new.geometry is None:
                 self._terrain.remove(start.tile)
@@ -76,24 +81,55 @@ class TerrainInputs:
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
+        if self._overtaken("", stamp):
+            return
         with self._ingesting("", stamp, message.header.frame_id) as time:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster.geometry, raster.heights, None, time)
+            self._take_map("", raster.geometry, raster.heights, None, time, raster.variances)
 
     def _take_map(
-        self, tile: str, geometry: GridGeometry, heights: FloatGrid, velocities: FloatGrid | None, time: float
+        self,
+        tile: str,
+        geometry: GridGeometry,
+        heights: FloatGrid,
+        velocities: FloatGrid | None,
+        time: float,
+        variances: FloatGrid | None = None,
     ) -> None:
         """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
+        self._look_for_rivals(tile, geometry, heights)
         known = self._terrain.tiles.get(tile)
         if isinstance(known, HeightMap):
             if known.geometry == geometry:
-                known.replace(heights, time=time, velocities=velocities)
+                known.replace(heights, time=time, velocities=velocities, variance=variances)
                 return
-            if velocities is None:
+            if velocities is None and not known.motion.corrects:
                 velocities = velocities_across(known, geometry, heights, time)
         require_tile_fits(tile, geometry.size, self._terrain, self._session.settings)
         motion = self._session.settings.motion
-        self._put(tile, HeightMap(heights, geometry=geometry, time=time, velocities=velocities, motion=motion))
+        new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
+        self._put(tile, new)
+
+    def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
+        """Notes publishers whose maps disagree, and says so once."""
+        session, topics = self._session, self._session.terrain_subscriptions
+        if sum(topic.get_publisher_count() for topic in topics) < 2:
+            if self._rivals:
+                self._rivals.clear()
+                session.rival_maps = []
+            return
+        rivals = self._rivals.setdefault(tile, Rivals())
+        rivals.take(geometry, heights)
+        if not any(of_tile.found for of_tile in self._rivals.values()):
+            session.rival_maps = []
+        elif not session.rival_maps:
+            session.rival_maps = publisher_names(session.node, topics)
+            if not self._rivals_told:
+                self._rivals_told = True
+                session.node.get_logger().warning(
+                    f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "
+                    "them, or give each a tile of its own"
+                )
 
     def _on_region(self, data: bytes) -> None:
         new = conversions.region_from(data, self._session.settings.max_samples)
@@ -158,6 +194,11 @@ class TerrainInputs:
             check = None if method in ANYWHERE else partial(require_search_on, method)
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
 
+    def _overtaken(self, tile: str, stamp: float | None) -> bool:
+        """Whether a whole map is a little older than the last one: that one came before it and has taken its place."""
+        clock = self._clocks.get(tile)
+        return clock is not None and clock.is_late(stamp, self._session.settings.motion.max_interval)
+
     def _put(self, tile: str, mesh: MainMesh) -> None:
         require_usable(self._session.settings.world.patch, mesh)
         self._terrain.put(tile, mesh)
@@ -175,7 +216,8 @@ class TerrainInputs:
             session.require_frame(frame_id)
             require_name(tile, session.settings)
             clock = self._clocks.get(tile) or StampClock()
-            time = clock.place(stamp, session.clock_now(), session.time_at)
+            late = self._session.settings.motion.max_interval if update else 0.0
+            time = clock.place(stamp, session.clock_now(), session.time_at, late)
             yield time
             clock.accept(stamp, time)
             self._clocks[tile] = clock

@@ -19,6 +19,7 @@ from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.physics.body_shapes import ball as ball_shape
 from smartmesh_ros.physics.body_shapes import read_shape, shape_record
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.carrying import Carrying
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.physics.shapes import Shape
@@ -26,6 +27,7 @@ from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -58,6 +60,7 @@ class Ground:
         self._calls = BulletCalls(client)
         self._selector = Selector(self.terrain, self.config, self.stopwatch)
         self._selector.gravity = gravity
+        self._carrying = Carrying(client)
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # that the last update was made for
         self._bodies: list[int] = []
@@ -174,6 +177,7 @@ class Ground:
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
         with self.stopwatch.stage("bodies"):
+            self._correct(time)
             self._read_states(dt)
         self.stale, self._steps, self.time = False, steps, time
         self._selector.update(self.states, time, dt * steps)
@@ -210,6 +214,20 @@ class Ground:
             self.colliders.release(index)
         self._whole.release()
         self._adopt([])
+
+    def _correct(self, time: float) -> None:
+        """Works corrections of the ground off up to ``time`` [s] and takes the bodies along that are on it or near."""
+        moves = []
+        for index, mesh in enumerate(self.terrain.tiles.values()):
+            if isinstance(mesh, HeightMap) and mesh.motion.corrects:
+                correcting, before = mesh.correcting, mesh.moved_to(time)
+                mesh.show(time)
+                if correcting:
+                    moves.append((index, before, mesh.moved_to(time)))
+        self.colliders.exact = bool(moves)
+        if moves and self.followers:
+            self._read_states(0.0)
+            self._carrying.carry(moves, self.followers, self.shapes, self.states, self.supports)
 
     def _apply(self, time: float) -> None:
         """Makes the colliders those of the supports."""

@@ -91,6 +91,20 @@ def fuse(
         _fuse_all(known.heights, known.variances, seen, np.float32(variance), grown, gate_squared, row, column)
 
 
+def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], elapsed: float) -> FusedMap:
+    """What is known once a map was ``measured`` that lies by so many ``cells`` (rows, columns) further than the one
+    ``before`` it, ``elapsed`` [s] later."""
+    known = nothing_known(*measured.heights.shape)
+    (to_r, from_r), (to_c, from_c) = (
+        (slice(max(-by, 0), max(min(new, old - by), 0)), slice(max(by, 0), max(min(old, new + by), 0)))
+        for by, new, old in zip(cells, measured.heights.shape, before.heights.shape, strict=True)
+    )
+    known.heights[to_r, to_c] = before.heights[from_r, from_c]
+    known.variances[to_r, to_c] = before.variances[from_r, from_c]
+    fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())
+    return known
+
+
 def _require_inside(known: FusedMap, shape: tuple[int, ...], first: tuple[int, int]) -> None:
     size = known.heights.shape
     for name, array in known._asdict().items():

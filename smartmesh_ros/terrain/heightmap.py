@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.correction import BLOCK, take_corrected
+from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, phase_of
-from smartmesh_ros.terrain.moving_grid import BLOCK, INSTANT, MovingGrid, ground_at, samples_at
+from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import take_heights
 
@@ -34,7 +36,11 @@ class HeightMap:
     ``heights``: (rows, columns) array [m], kept as float32 and copied; NaN = no ground. ``resolution``, ``origin`` and
     ``yaw`` place it (see `GridGeometry`; an origin of two numbers lies at z = 0), or pass a ``geometry``. ``time`` [s]
     is the instant the heights hold for, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape, says how
-    fast the ground rises; without it velocity is the difference of successive heights.
+    fast the ground rises; without it velocity is the difference of successive heights. ``variance`` [m^2], one number
+    or one for each height, says how well they are known; without it the settings' noise does.
+
+    Where changes are corrections (see `MotionConfig`) there are no velocities, heights that are not exact are fused
+    over time, and what is shown moves to what is known as `show` says.
 
     Beside the heights the map keeps the last three velocities of each sample, whose memory is taken as they are
     written, and for each block of 64 x 64 samples when it was updated. ``revision`` changes with every update.
@@ -50,6 +56,7 @@ class HeightMap:
         geometry: GridGeometry | None = None,
         time: float = 0.0,
         velocities: ArrayLike | None = None,
+        variance: float | ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -72,10 +79,14 @@ class HeightMap:
         self._velocities = untouched_zeros((KEPT, *shape))
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK).view(np.recarray)
         self._clocks["time"] = -np.inf
+        self._offsets = untouched_zeros(shape)
+        self._shown = math.inf  # until when corrections are worked off [s]; inf = nobody has looked yet
+        self._settled = -math.inf  # when all of them are [s]
+        self.fused: FusedMap | None = None  # where heights are fused
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self._slide_interval = 0.0  # between the maps that tell it [s]
         self.version = 0  # counts the updates
-        self._take(0, 0, new, speeds, time)
+        self._take(0, 0, new, speeds, time, _checked_variance(variance, shape))
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -110,14 +121,58 @@ class HeightMap:
         """Time of the newest sample [s]."""
         return float(self._clocks["time"].max())
 
-    def replace(self, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None) -> None:
+    @property
+    def correcting(self) -> bool:
+        """Whether corrections are being worked off."""
+        return self._shown < self._settled
+
+    def show(self, time: float) -> None:
+        """Works corrections off up to ``time`` [s]; it never goes back."""
+        self._shown = time if self._shown == math.inf else max(self._shown, time)
+
+    def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
+        """Has this map correct the one ``before`` it, whose place it takes, where both have ground. ``cells``: rows and
+        columns that it was moved by; None = it lies on another grid."""
+        self.show_as(before)
+        if cells is None:
+            rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
+            shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
+        else:
+            shown, rises = np.empty(self._heights.shape), np.empty(self._heights.shape)
+            read_window(before.moved_to(before.time), *cells, 1, before.time, 0.0, shown, rises)
+            if self.fused is not None and before.fused is not None:
+                self.fused = fused_across(before.fused, self.fused, cells, max(self.time - before.time, 0.0))
+        known = self._heights.copy() if self.fused is None else self.fused.heights
+        self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
+        self._correct(0, 0, known, self.time)
+
+    def show_as(self, other: "HeightMap") -> None:
+        """Works corrections off up to where another map does."""
+        self._shown = other._shown
+
+    def replace(
+        self,
+        heights: ArrayLike,
+        *,
+        time: float,
+        velocities: ArrayLike | None = None,
+        variance: float | ArrayLike | None = None,
+    ) -> None:
         """Takes a whole new map of the same geometry, (rows, columns) [m]; raises `InputError` and changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
+        certainty = _checked_variance(variance, shape)
         new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
-        self._take(0, 0, new, speeds, time)
+        self._take(0, 0, new, speeds, time, certainty)
 
     def update_region(
-        self, row: int, column: int, heights: ArrayLike, *, time: float, velocities: ArrayLike | None = None
+        self,
+        row: int,
+        column: int,
+        heights: ArrayLike,
+        *,
+        time: float,
+        velocities: ArrayLike | None = None,
+        variance: float | ArrayLike | None = None,
     ) -> None:
         """Takes new heights (h, w) [m] for the rectangle whose first sample is (``row``, ``column``).
 
@@ -134,12 +189,15 @@ class HeightMap:
                 f"rows {row} to {row + shape[0] - 1} and columns {column} to {column + shape[1] - 1} leave the map, "
                 f"whose last sample is row {rows - 1}, column {columns - 1}",
             )
+        certainty = _checked_variance(variance, shape)
         new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
         self._has_holes |= has_holes
-        self._take(row, column, new, speeds, time)
+        self._take(row, column, new, speeds, time, certainty)
 
     def moving(self, time: float) -> bool:
         """Whether any sample may move at ``time`` [s]."""
+        if self.motion.corrects:
+            return self.correcting
         slides = self.slide_w != (0.0, 0.0) and time < self.time + REST * self._slide_interval
         return slides or bool((time < self._clocks["time"] + REST * self._clocks["lifetime"]).any())
 
@@ -152,6 +210,8 @@ class HeightMap:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
         for name in ("time", "middle", "middle_1", "middle_2"):
             self._clocks[name] += by
+        self._shown += by
+        self._settled += by
 
     def moved_to(self, time: float) -> MovingGrid:
         """The map for compiled functions, at where it has slid to by ``time`` [s]."""
@@ -164,7 +224,8 @@ class HeightMap:
             slide_x, slide_y = rate * self.slide_w[0], rate * self.slide_w[1]
         return MovingGrid(
             self._heights, self._velocities, self._clocks, x, y, z, math.cos(geometry.yaw), math.sin(geometry.yaw),
-            geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity,
+            geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity, self._offsets, self._shown,
+            motion.settle,
         )  # fmt: skip
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
@@ -196,16 +257,59 @@ class HeightMap:
         return Samples(heights, velocities)
 
     def _take(
-        self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
+        self,
+        row: int,
+        column: int,
+        new: NDArray[np.float32],
+        speeds: NDArray[np.float32] | None,
+        time: float,
+        variance: float | NDArray[np.float32] | None,
     ) -> None:
         """Takes checked heights and notes when they came."""
         self.version += 1
         self.revision = next_revision()
+        if self.motion.corrects:
+            self._correct(row, column, self._fuse(row, column, new, variance, time), time)
+            return
         given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
         take_heights(
             self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),
-            self.motion.max_interval,
+            self.motion.min_interval, self.motion.max_interval,
         )  # fmt: skip
+
+    def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
+        """Takes what is known now of the ground, which stands still."""
+        settle = self.motion.settle
+        take_corrected(
+            self._heights, self._offsets, self._clocks, row, column, _read_only(known), float(time), self._shown, settle
+        )
+        if self._shown < math.inf:
+            self._settled = self._shown + settle
+
+    def _fuse(
+        self, row: int, column: int, new: NDArray[np.float32], variance: float | NDArray[np.float32] | None, time: float
+    ) -> NDArray[np.float32]:
+        """What is known of a rectangle once its ``new`` heights are; those themselves where they are exact."""
+        certainty = self.motion.noise**2 if variance is None else variance
+        if self.fused is None and isinstance(certainty, float) and certainty == 0.0:
+            return new
+        if self.fused is None:
+            self.fused = nothing_known(*self._heights.shape)
+        high, wide = new.shape
+        blocks = self._clocks["time"][
+            row // BLOCK : (row + high - 1) // BLOCK + 1, column // BLOCK : (column + wide - 1) // BLOCK + 1
+        ]
+        before = float(blocks.min())
+        elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
+        fuse(self.fused, new, certainty, elapsed, FusionConfig(), (row, column))
+        return self.fused.heights[row : row + high, column : column + wide]
+
+
+def _checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:
+    """Variances as one number or as float32 of the right shape."""
+    if variance is None or isinstance(variance, float | int):
+        return None if variance is None else float(variance)
+    return _as_floats(variance, shape, "variances")
 
 
 def _checked(

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import AT_REST, KEPT, block_phase, displacement, motion_of, rise_of
+from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
 
-# Side of the square blocks of samples that share a clock, as a power of two [samples].
-BLOCK_SHIFT = 6
-BLOCK = 1 << BLOCK_SHIFT
 # A time over which no motion changes: velocities are rises over it [s].
 INSTANT = 1e-9
 
@@ -25,7 +23,8 @@ class MovingGrid(NamedTuple):
     ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring
     whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
     ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
-    [m/s]. ``mode``, ``max_velocity``: as in `MotionConfig`.
+    [m/s]. ``mode``, ``max_velocity``, ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what
+    was corrected of the heights; ``shown`` [s]: the instant that corrections are worked off to.
     """
 
     heights: NDArray[np.float32]
@@ -41,6 +40,9 @@ class MovingGrid(NamedTuple):
     slide_y: float
     mode: int
     max_velocity: float
+    offsets: NDArray[np.float32]
+    shown: float
+    settle: float
 
 
 @compiled
@@ -66,6 +68,8 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
         return math.nan, 0.0
     height = grid.z + float(grid.heights[row, column])
     clock = grid.clocks[row >> BLOCK_SHIFT, column >> BLOCK_SHIFT]
+    if grid.mode == Mode.CORRECT:
+        return height + remaining(clock, grid.shown, grid.settle) * float(grid.offsets[row, column]), 0.0
     if clock.known == 0:
         return height, 0.0
     phase = block_phase(clock, time, grid.mode)
@@ -95,7 +99,7 @@ def read_window(
     high, wide = heights.shape
     for a in range(high):
         r = row + a * stride
-        block, newest, known = -1, 0, 0
+        block, newest, known, left = -1, 0, 0, 0.0
         phase = AT_REST
         for b in range(wide):
             c = column + b * stride
@@ -106,12 +110,16 @@ def read_window(
                 block = c >> BLOCK_SHIFT
                 clock = grid.clocks[r >> BLOCK_SHIFT, block]
                 newest, known = clock.newest, clock.known
+                if grid.mode == Mode.CORRECT:
+                    known, left = 0, remaining(clock, grid.shown, grid.settle)
                 phase = block_phase(clock, time, grid.mode)
             height, rise = grid.z + float(grid.heights[r, c]), 0.0
             if known:
                 velocity, acceleration = _motion_at(grid, r, c, newest, phase)
                 height += displacement(velocity, acceleration, phase)
                 rise = rise_of(velocity, acceleration, phase, ahead)
+            elif left > 0.0:
+                height += left * float(grid.offsets[r, c])
             heights[a, b], rises[a, b] = height, rise
 
 

@@ -27,22 +27,26 @@ MOST_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Where a surface lies, and its heights (rows, columns) [m], NaN = no ground."""
+    """Where a surface lies, its heights (rows, columns) [m], NaN = no ground, and the variances of these [m^2], None =
+    not told."""
 
     geometry: GridGeometry
     heights: FloatGrid
+    variances: FloatGrid | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class RasterConfig:
     """How values become heights, ``scale`` x value + ``offset`` [m], and where surfaces that do not say so lie.
 
-    ``layer``: the layer of a grid map. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left
+    ``layer``: the layer of a grid map that holds heights, ``variance_layer``: the one that holds their variances [m^2
+    before scaling], empty = none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left
     corner, and ``yaw`` [rad] place images and plain files; ``first_row`` says whether their first row is at the top
     (the largest y) or at the bottom. ``zero_is_hole``: in images and plain files zero means no ground.
     """
 
     layer: str = "elevation"
+    variance_layer: str = ""
     scale: float = 1.0
     offset: float = 0.0
     resolution: float = 0.1
@@ -98,8 +102,10 @@ def from_grid_map(
     centre: tuple[float, float],
     resolution: float,
     config: RasterConfig,
+    variances: NDArray[Any] | None = None,
 ) -> Raster:
-    """A layer of a grid map: ``cells`` (along -x, along -y), whose first row and column in space is ``start``.
+    """A layer of a grid map: ``cells`` (along -x, along -y), whose first row and column in space is ``start``, and one
+    of ``variances``.
 
     A grid map's storage is a circular buffer: it scrolls by moving ``start``, and its cells stay where they are.
     ``centre`` (x, y) [m] is the middle of the map; heights belong to the middles of cells.
@@ -107,12 +113,17 @@ def from_grid_map(
     along_x, along_y = cells.shape
     if not (0 <= start[0] < along_x and 0 <= start[1] < along_y):
         raise InputError("region", f"the circular buffer starts at {start}, outside its {along_x} x {along_y} cells")
-    unrolled = np.roll(cells, (-start[0], -start[1]), (0, 1))
-    heights = scaled(np.ascontiguousarray(unrolled[::-1, ::-1].T), config)
+    heights = scaled(_unrolled(cells, start), config)
+    certainty = None if variances is None else np.float32(config.scale**2) * _unrolled(variances, start)
     x = centre[0] - 0.5 * (along_x - 1) * resolution
     y = centre[1] - 0.5 * (along_y - 1) * resolution
     geometry = GridGeometry(rows=along_y, columns=along_x, resolution=resolution, origin=(x, y, 0.0))
-    return Raster(geometry, heights)
+    return Raster(geometry, heights, certainty)
+
+
+def _unrolled(cells: NDArray[Any], start: tuple[int, int]) -> NDArray[Any]:
+    """Cells of a grid map (along -x, along -y) as rows along +y and columns along +x."""
+    return np.ascontiguousarray(np.roll(cells, (-start[0], -start[1]), (0, 1))[::-1, ::-1].T)
 
 
 def occupancy_heights(cells: NDArray[np.int8], config: RasterConfig) -> FloatGrid:

@@ -46,6 +46,11 @@ def velocities_across(
     return velocities
 
 
+def correct_across(before: HeightMap, after: HeightMap) -> None:
+    """Has a map that came elsewhere, or on another grid, correct the one before it where both have ground."""
+    after.correct_from(before, cells_moved(before.geometry, after.geometry))
+
+
 def sliding(before: HeightMap, after: HeightMap) -> tuple[float, float]:
     """Horizontal velocity [m/s] of ground whose map came anew elsewhere; zero where it did not slide.
 

@@ -14,16 +14,17 @@ STAY, DIFFERENCE, CORRECTION, GIVEN = 0, 1, 2, 3
 
 
 @compiled
-def note_update(clock, time, given, max_interval):
+def note_update(clock, time, given, min_interval, max_interval):
     """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not; how its
     velocities are told, and what differences of heights are multiplied by for that [1/s]."""
     since = time - clock.time
-    recent = 0.0 < since <= max_interval
-    if since == 0.0 and not given:  # the same instant again
+    again = since == 0.0 or 0.0 < since < min_interval
+    recent = not again and 0.0 < since <= max_interval
+    if again and not given:
         if clock.known > 0 and clock.middle < clock.time:
             return CORRECTION, 0.5 / (clock.time - clock.middle)
         return STAY, 0.0
-    if since == 0.0 and clock.known > 0:
+    if again and clock.known > 0:
         return GIVEN, 0.0
     clock.time = time
     if not (given or recent):
@@ -50,13 +51,13 @@ def write_velocities(velocities, heights, new, given, told, inverse):
 
 
 @compiled
-def take_heights(heights, velocities, clocks, row, column, new, given, time, max_interval):
+def take_heights(heights, velocities, clocks, row, column, new, given, time, min_interval, max_interval):
     """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``),
     and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
 
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
-    are at rest. The same instant again is a correction: its difference is added to the velocity. Row by row, which
-    reads memory in its order.
+    are at rest. What comes less than ``min_interval`` [s] after the last is a correction of that instant: its difference
+    is added to the velocity. Row by row, which reads memory in its order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]

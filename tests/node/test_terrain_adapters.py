@@ -20,8 +20,8 @@ from smartmesh_ros.testing import Probe, assert_cannot_start, pose_message
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
-# Patches show the last map as it is.
-HOLD = {"terrain.motion": "hold"}
+# Patches show the last map as it is, at once.
+HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
 
 
 def surface(x: Any, y: Any) -> Any:

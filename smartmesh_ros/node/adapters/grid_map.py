@@ -16,12 +16,17 @@ OFF_GRID = 0.01
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """The layer ``config.layer``. The map's orientation and z are ignored, as grid_map itself does."""
+    """The layers ``config.layer`` and, if it has a name, ``config.variance_layer``.
+
+    The map's orientation and z are ignored, as grid_map itself does.
+    """
     info = message.info
-    if config.layer not in message.layers:
-        raise InputError(
-            "layer", f"there is no layer {config.layer!r}; raster.layer may be one of {', '.join(message.layers)}"
-        )
+    layers = list(message.layers)
+    for name, parameter in ((config.layer, "layer"), (config.variance_layer, "variance_layer")):
+        if name not in layers and (name or parameter == "layer"):
+            raise InputError(
+                "layer", f"there is no layer {name!r}; raster.{parameter} may be one of {', '.join(layers)}"
+            )
     require_length("the list of layers' data", len(message.data), len(message.layers))
     if not (np.isfinite(info.resolution) and info.resolution > 0.0):
         raise InputError("geometry", f"resolution is {info.resolution} m; it must be finite and greater than zero")
@@ -29,11 +34,14 @@ def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
     along_y = _cells(info.length_y, info.resolution)
     require_cells(along_x * along_y, max_samples)
     return from_grid_map(
-        _layer(message.data[list(message.layers).index(config.layer)], along_x, along_y),
+        _layer(message.data[layers.index(config.layer)], along_x, along_y),
         start=(message.outer_start_index, message.inner_start_index),
         centre=(info.pose.position.x, info.pose.position.y),
         resolution=info.resolution,
         config=config,
+        variances=_layer(message.data[layers.index(config.variance_layer)], along_x, along_y)
+        if config.variance_layer
+        else None,
     )
 
 

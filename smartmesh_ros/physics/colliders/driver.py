@@ -91,6 +91,7 @@ class Colliders:
 
     def __init__(self, client: Any) -> None:
         self.replacements = 0
+        self.exact = False  # whether every collider is to lie just where it should, since bodies were taken along
         self._client = client
         self._client_id: int = getattr(client, "_client", 0)
         self._pairs = Pairs(client)
@@ -140,7 +141,7 @@ class Colliders:
         """Makes the colliders those of the supports at ``time`` [s]."""
         self._changes[:], self._wanted[:] = NOTHING, -1
         limits = Limits(
-            SELECTION.carried * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
+            0.0 if self.exact else SELECTION.carried * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
             COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
         )  # fmt: skip
         if config.grid_kind == "heightfield":

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.matrix import changes, edges, moving_ground, rules, still_ground, touching
+from smartmesh_ros.studies.matrix import changes, edges, moving_ground, real_maps, rules, still_ground, touching
 from smartmesh_ros.studies.matrix.row import METHODS, Outcome, Row
 
 ROWS: tuple[Row, ...] = (
@@ -16,6 +16,7 @@ ROWS: tuple[Row, ...] = (
     *rules.ROWS,
     *touching.ROWS,
     *edges.ROWS,
+    *real_maps.ROWS,
 )
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 

@@ -1,0 +1,183 @@
+"""Bodies are taken along by corrections of the ground under them: their poses are set, their velocities kept.
+
+Under each body a plane is fitted to the ground as it was shown and one to what was corrected of it. The body is turned
+as the first plane turns and moved up or down as the second says, about the foot below its middle. So what lay on the
+ground lies on it again, as fast as before. A robot goes as a whole, by the ground under the links that stand on it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.selection import local_body
+from smartmesh_ros.patches.shapes import product, solid_of
+from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.patches.touchable import THIN, extents
+from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_world, triangle_weights
+
+# Bodies whose lowest point is no higher above the ground than this are taken along, so that stacks stay whole [m].
+NEAR = 1.0
+# Points on a side of the grid that is laid under a shape.
+POINTS = 5
+# Of a ball, how far that grid reaches from its middle [radii]: it stands on one point.
+BALL = 0.25
+# Weight of links that do not stand on the ground, beside those that do.
+HANGING = 1e-6
+# Sums over the points under a body: weights, and products with x, y, the height before and the correction.
+SUMS = 12
+
+
+class Carrying:
+    """Moves the bodies of a PyBullet world with corrections of the ground."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def carry(
+        self,
+        moves: list[tuple[int, MovingGrid, MovingGrid]],
+        followers: list[Follower],
+        shapes: Any,
+        states: FloatArray,
+        supports: Any,
+    ) -> None:
+        """Takes along what stands on tiles that were corrected; ``moves``: their indices, before and after."""
+        uids = list(dict.fromkeys(follower.body for follower in followers if follower.solid))
+        places = {uid: place for place, uid in enumerate(uids)}
+        owners = np.array([places[f.body] if f.solid else -1 for f in followers], np.int64)
+        poses = np.array([self._pose(uid) for uid in uids]).reshape(-1, 7)
+        sums = np.zeros((len(uids), SUMS))
+        for tile, before, after in moves:
+            gather(before, after, tile, owners, shapes, states, supports, poses, sums)
+        moved = np.empty(7)
+        for place, uid in enumerate(uids):
+            if sums[place, 0] > 0.0 and corrected_pose(sums[place], poses[place], moved):
+                self._put(uid, moved.tolist())
+
+    def _pose(self, uid: int) -> tuple[float, ...]:
+        position, turn = self._client.getBasePositionAndOrientation(uid)
+        return (*position, *turn)
+
+    def _put(self, uid: int, pose: list[float]) -> None:
+        client = self._client
+        if client.getDynamicsInfo(uid, -1)[0] == 0.0:  # fixed to the world
+            return
+        linear, angular = client.getBaseVelocity(uid)
+        client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
+        client.resetBaseVelocity(uid, linear, angular)
+
+
+@compiled
+def height_on(grid, row, column):
+    """Height of the ground at a fractional sample [m]; NaN beyond the map and over holes."""
+    rows, columns = grid.heights.shape
+    if not (0.0 <= row <= rows - 1.0 and 0.0 <= column <= columns - 1.0):
+        return math.nan
+    r, c, v, u, upper = triangle_weights(row, column, rows, columns)
+    corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
+    height = 0.0
+    for weight, a, b in (
+        (1.0 - max(u, v), r, c), (abs(u - v), corner_r, corner_c), (min(u, v), r + 1, c + 1)
+    ):  # fmt: skip
+        if weight > 0.0:
+            z, _ = sample_at(grid, a, b, grid.shown, 0.0)
+            height += weight * z
+    return height
+
+
+@compiled
+def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
+    """Adds the points under the followers on a tile to the ``sums`` (B, SUMS) of their bodies; ``owners`` (N,): their
+    bodies' places, -1 = stays where it is. ``poses`` (B, 7): of the bodies; points count from there."""
+    local = np.empty(13)
+    for i in range(len(owners)):
+        if owners[i] < 0:
+            continue
+        stands = supports[i].state != Support.NONE
+        if stands and supports[i].tile != tile:
+            continue
+        local_body(before, states[i], local)
+        solid = solid_of(shapes[i], local)
+        spacing = before.resolution
+        ground = height_on(before, solid.centre.y / spacing, solid.centre.x / spacing)
+        if not stands and not solid.centre.z - extents(solid).z - ground <= NEAR:
+            continue
+        share = BALL * solid.radius
+        ax, ay, bx, by = share, 0.0, 0.0, share
+        if not solid.ball:  # the two axes that lie flattest
+            u, v, w, half = solid.u, solid.v, solid.w, solid.half
+            if abs(u.z) >= abs(v.z) and abs(u.z) >= abs(w.z):
+                ax, ay, bx, by = v.x * half.y, v.y * half.y, w.x * half.z, w.y * half.z
+            elif abs(v.z) >= abs(w.z):
+                ax, ay, bx, by = u.x * half.x, u.y * half.x, w.x * half.z, w.y * half.z
+            else:
+                ax, ay, bx, by = u.x * half.x, u.y * half.x, v.x * half.y, v.y * half.y
+        weight = 1.0 if stands else HANGING
+        total, pose = sums[owners[i]], poses[owners[i]]
+        for m in range(POINTS):
+            for n in range(POINTS):
+                s, t = 2.0 * m / (POINTS - 1) - 1.0, 2.0 * n / (POINTS - 1) - 1.0
+                row, column = (solid.centre.y + s * ay + t * by) / spacing, (solid.centre.x + s * ax + t * bx) / spacing
+                old, new = height_on(before, row, column), height_on(after, row, column)
+                if math.isnan(old) or math.isnan(new):
+                    continue
+                x, y = to_world(before, row, column)
+                x, y, rise = x - pose[0], y - pose[1], new - old
+                total[0] += weight
+                total[1] += weight * x
+                total[2] += weight * y
+                total[3] += weight * x * x
+                total[4] += weight * x * y
+                total[5] += weight * y * y
+                total[6] += weight * old
+                total[7] += weight * x * old
+                total[8] += weight * y * old
+                total[9] += weight * rise
+                total[10] += weight * x * rise
+                total[11] += weight * y * rise
+
+
+@compiled
+def fitted(total, first):
+    """Mean and slopes along x and y of the plane fitted to the values whose sums start at ``first``."""
+    n, sx, sy, value = total[0], total[1], total[2], total[first]
+    sxx, sxy, syy = total[3] - sx * sx / n, total[4] - sx * sy / n, total[5] - sy * sy / n
+    sxz, syz = total[first + 1] - sx * value / n, total[first + 2] - sy * value / n
+    determinant = sxx * syy - sxy * sxy
+    if determinant <= THIN * (sxx + syy) * (sxx + syy):
+        return value / n, 0.0, 0.0
+    return value / n, (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
+
+
+@compiled
+def corrected_pose(total, pose, moved):
+    """Writes where a body at ``pose`` (7,) goes to ``moved`` (7,), by the sums of the points under it; whether it
+    does."""
+    x0, y0 = total[1] / total[0], total[2] / total[0]
+    height, hx, hy = fitted(total, 6)
+    rise, gx, gy = fitted(total, 9)
+    if rise == 0.0 and gx == 0.0 and gy == 0.0:
+        return False
+    # The foot: the point of the plane before that is nearest to the body's middle, as seen from there.
+    over = (pose[2] - (height - hx * x0 - hy * y0)) / (1.0 + hx * hx + hy * hy)
+    away_x, away_y, away_z = -hx * over, -hy * over, over
+    foot_x, foot_y = hx * over, hy * over
+    lift = rise + gx * (foot_x - x0) + gy * (foot_y - y0)
+    # The shortest turn from the normal before to the one after.
+    ax, ay, bx, by = -hx, -hy, -hx - gx, -hy - gy
+    x, y, z = ay - by, bx - ax, ax * by - ay * bx
+    w = math.sqrt((1.0 + ax * ax + ay * ay) * (1.0 + bx * bx + by * by)) + 1.0 + ax * bx + ay * by
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    turn = (x / length, y / length, z / length, w / length)
+    back = (-turn[0], -turn[1], -turn[2], turn[3])
+    arm = product(product(turn, (away_x, away_y, away_z, 0.0)), back)
+    moved[0], moved[1] = pose[0] + arm[0] - away_x, pose[1] + arm[1] - away_y
+    moved[2] = pose[2] + arm[2] - away_z + lift
+    moved[3], moved[4], moved[5], moved[6] = product(turn, (pose[3], pose[4], pose[5], pose[6]))
+    return True

@@ -1,0 +1,113 @@
+"""Maps as mappers publish them, over real topics: corrections, messages that overtake each other, rival publishers."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from rcl_interfaces.srv import GetParameters
+from smartmesh_msgs.msg import Heightmap
+
+from smartmesh_ros.node import parameters
+from smartmesh_ros.node.parameters import SPECS, settings_from
+from smartmesh_ros.node.rivals import Rivals
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message
+
+DEFAULTS = {spec.name: spec.default for spec in SPECS}
+GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
+LEVEL = np.zeros((21, 21), np.float32)
+
+
+@pytest.mark.parametrize(
+    ("said", "source", "meant"),
+    [
+        ("auto", "heightmap", "motion"),
+        ("auto", "grid_map", "correction"),
+        ("auto", "point_cloud", "correction"),
+        ("motion", "grid_map", "motion"),
+        ("correction", "heightmap", "correction"),
+    ],
+)
+def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
+    values = {**DEFAULTS, "terrain.changes": said, "terrain.input": source}
+    assert settings_from(values).motion.changes == meant
+
+
+def test_noise_settle_and_interval_reach_the_core() -> None:
+    said = {"terrain.noise": 0.01, "terrain.settle": 0.3, "terrain.min_interval": 0.01, "raster.variance_layer": "var"}
+    settings = settings_from({**DEFAULTS, **said})
+    motion = settings.motion
+    assert (motion.noise, motion.settle, motion.min_interval) == (0.01, 0.3, 0.01)
+    assert settings.raster.variance_layer == "var"
+    assert said.keys() <= parameters.NAMES
+
+
+def told(rivals: Rivals, height: Callable[[int], float], count: int = 12) -> bool:
+    for number in range(count):
+        rivals.take(GRID, LEVEL + np.float32(height(number)))
+    return rivals.found
+
+
+def test_maps_in_turns_that_disagree_are_of_rivals() -> None:
+    assert told(Rivals(), lambda number: 0.3 * (number % 2))
+    assert told(Rivals(), lambda number: 0.3 * (number % 3 == 0) + 0.001 * number)
+
+
+def test_maps_that_agree_or_go_on_are_not() -> None:
+    assert not told(Rivals(), lambda number: 0.005 * (number % 2))
+    assert not told(Rivals(), lambda number: 0.03 * number)
+    assert not told(Rivals(), lambda number: 0.3 * (number > 5))
+
+
+def test_rivals_that_stop_are_forgotten() -> None:
+    rivals = Rivals()
+    assert told(rivals, lambda number: 0.3 * (number % 2))
+    assert not told(rivals, lambda _: 0.0)
+
+
+def test_maps_of_different_places_do_not_disagree() -> None:
+    rivals = Rivals()
+    beside = GridGeometry(rows=21, columns=21, resolution=0.5, origin=(20.0, 0.0, 0.0))
+    for number in range(12):
+        rivals.take((GRID, beside)[number % 2], LEVEL + np.float32(number % 2))
+    assert not rivals.found
+
+
+def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(probe: Probe) -> None:
+    other = rclpy.create_node("second_mapper", context=probe.node.context)
+    try:
+        with probe.running():
+            second = other.create_publisher(Heightmap, f"{COLLIDER}/heightmap", 10)
+            probe.wait_for(second.get_subscription_count)
+
+            def warned() -> bool:
+                probe.publish_map(LEVEL)
+                second.publish(heightmap_message(LEVEL + 0.3, stamp=probe.now()))
+                message = probe.diagnostics("terrain")["message"]
+                return "disagree" in message and "/second_mapper" in message
+
+            probe.wait_for(warned)
+    finally:
+        other.destroy_node()
+
+
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(probe: Probe) -> None:
+    with probe.running():
+        now = probe.now()
+        newest = probe.publish_map(LEVEL, stamp=now)
+        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "1")
+        total = now.sec * 10**9 + now.nanosec - 100_000_000
+        probe.publish_map(LEVEL + 1.0, stamp=Time(sec=total // 10**9, nanosec=total % 10**9))
+        probe.publish_map(LEVEL, stamp=probe.now())
+        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "2")
+        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+        assert newest.header.stamp == now
+
+
+def test_the_parameters_are_served(probe: Probe) -> None:
+    with probe.running(parameters={"terrain.changes": "correction", "terrain.noise": 0.01}):
+        names = ["terrain.changes", "terrain.noise", "terrain.min_interval"]
+        values = probe.call("get_parameters", GetParameters, names=names).values
+        assert (values[0].string_value, values[1].double_value, values[2].double_value) == ("correction", 0.01, 0.004)
