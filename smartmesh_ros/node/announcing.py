@@ -12,8 +12,9 @@ from smartmesh_ros.node.parameter_files import files_of, mismatch
 from smartmesh_ros.node.settings import Settings
 
 
-def announce(node: Node, settings: Settings) -> None:
-    """Logs in one line what the node was started with, and warns of parameter files that are for others."""
+def announce(node: Node, settings: Settings, compiling: float) -> None:
+    """Logs in one line what the node was started with, and how long compiled functions took to be ready [s]; warns of
+    parameter files that are for others."""
     name = node.get_fully_qualified_name()
     files, strays = files_of(sys.argv), []
     for file in files:
@@ -21,7 +22,10 @@ def announce(node: Node, settings: Settings) -> None:
             strays.append(file)
             node.get_logger().warning(reason)
     taken = [str(file) for file in files if file not in strays]
-    node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
+    node.get_logger().info(
+        f"{name}: {summary(settings)}; compiled functions ready after {compiling:.1f} s; parameters: "
+        f"{', '.join(taken) or 'defaults'}"
+    )
 
 
 def summary(settings: Settings) -> str:

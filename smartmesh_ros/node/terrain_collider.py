@@ -45,7 +45,7 @@ class TerrainCollider(Node):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
-        self.get_logger().info(f"compiled functions are ready after {warm_up():.1f} s")
+        compiling = warm_up()
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)
@@ -66,7 +66,7 @@ class TerrainCollider(Node):
         session.clock.on_set_back(self._forget_stamps)
         self._namesakes = Namesakes(self)
         self._values = declaring.current_values(self, parameters.SPECS)
-        announce(self, self.settings)
+        announce(self, self.settings, compiling)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """As rclpy's, but a refusal says what would be right."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.correction import BLOCK, BLOCK_SHIFT
 from smartmesh_ros.terrain.motion import KEPT
-from smartmesh_ros.terrain.moving_grid import BLOCK, BLOCK_SHIFT
 
 # How the newest velocities of a block are told: not at all, they stay; by the difference to the heights before; by a
 # correction of these, which is added; or they are given.
@@ -56,8 +56,8 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
 
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
-    are at rest. What comes less than ``min_interval`` [s] after the last is a correction of that instant: its difference
-    is added to the velocity. Row by row, which reads memory in its order.
+    are at rest. What comes less than ``min_interval`` [s] after the last is a correction of that instant: its
+    difference is added to the velocity. Row by row, which reads memory in its order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]
@@ -65,7 +65,9 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     told, inverse = np.empty(end_block, np.int64), np.empty(end_block, np.float32)
     for block_row in range(row >> BLOCK_SHIFT, ((end_row - 1) >> BLOCK_SHIFT) + 1):
         for block in range(first_block, end_block):
-            told[block], inverse[block] = note_update(clocks[block_row, block], time, given.size > 0, max_interval)
+            told[block], inverse[block] = note_update(
+                clocks[block_row, block], time, given.size > 0, min_interval, max_interval
+            )
         for r in range(block_row << BLOCK_SHIFT, min((block_row + 1) << BLOCK_SHIFT, rows)):
             inside = row <= r < end_row
             for block in range(first_block, end_block):

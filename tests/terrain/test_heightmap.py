@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.moving_grid import BLOCK
+from smartmesh_ros.terrain.correction import BLOCK
 from tests.examples import examples
 
 
