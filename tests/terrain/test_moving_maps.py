@@ -10,10 +10,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import REST, MotionConfig, MotionMode
-from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.moving_grid import read_window
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
