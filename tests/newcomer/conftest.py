@@ -87,8 +87,9 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 @pytest.fixture(scope="session")
 def workspace(sources: Workspace) -> Workspace:
-    """The workspace, built with the README's command."""
+    """The workspace, built with the README's command, and its first compilation done."""
     build, _, _ = line_with("colcon", readme_block("ln -s")).partition(" && ")
     sources.run(build, sourced=False)
     assert Path(sys.prefix) in Path(shutil.which("colcon") or "").parents or shutil.which("ros2")
+    sources.run("python3 -c 'from smartmesh_ros.warm_up import warm_up; warm_up()'")
     return sources
