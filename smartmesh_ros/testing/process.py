@@ -9,6 +9,7 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -81,10 +82,16 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Sends a signal, waits for the end and returns the exit code."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+        """Sends a signal, waits for the end and returns the exit code.
+
+        It is sent again after a while: one that arrives while a node is still starting may be lost.
+        """
+        for _ in range(2):
+            if self.process.poll() is None:
+                self.process.send_signal(number)
+            with suppress(subprocess.TimeoutExpired):
+                return self.process.wait(PATIENCE / 3)
+        return self.process.wait(PATIENCE / 3)
 
     def close(self) -> None:
         """Ends it whatever it takes."""
