@@ -34,7 +34,7 @@ def test_messages_made_field_by_field() -> None:
 
 
 def test_spoilt_messages_over_the_wire(probe: Probe) -> None:
-    with probe.running(parameters={"terrain.motion": "hold"}) as process:
+    with probe.running(parameters={"terrain.motion": "hold", "frame_id": "map"}) as process:
         assert bombard(probe, process, 400, np.random.default_rng(13)) > 50
 
 
