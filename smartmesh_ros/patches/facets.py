@@ -203,6 +203,13 @@ def gap_to(facet: Facet, solid: Solid) -> Gap:
 
 
 @compiled
+def moved_by(solid: Solid, path: Point, share: float) -> Solid:
+    """A solid moved by a share of a path."""
+    centre = along(solid.centre, share, path)
+    return Solid(solid.ball, solid.radius, centre, solid.u, solid.v, solid.w, solid.half)
+
+
+@compiled
 def plane_of(facet: Facet) -> Plane:
     """The plane of a facet that is not upright."""
     n = cross(minus(facet.b, facet.a), minus(facet.c, facet.a))

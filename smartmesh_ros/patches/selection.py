@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, plane_normal, reach_along
+from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, moved_by, plane_normal, reach_along
 from smartmesh_ros.patches.rectangles import Rectangle, smallest_rectangle
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.supports import Support
@@ -170,10 +170,9 @@ def window_of(grid, shape, body, duration, rules):
 
 
 @compiled
-def moved_solid(solid: Solid, x: float, y: float) -> Solid:
-    """A solid moved by (-x, -y)."""
-    centre = Point(solid.centre.x - x, solid.centre.y - y, solid.centre.z)
-    return Solid(solid.ball, solid.radius, centre, solid.u, solid.v, solid.w, solid.half)
+def in_window(grid: MovingGrid, place: Place, solid: Solid) -> Solid:
+    """A solid of the grid's frame, seen from the first sample of a window."""
+    return moved_by(solid, Point(place.column * grid.resolution, place.row * grid.resolution, 0.0), -1.0)
 
 
 @compiled
@@ -181,7 +180,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     """Chooses the support of one solid from a window of samples."""
     before = support.state
     spacing = grid.resolution * place.stride
-    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    own = in_window(grid, place, solid)
     window = Window(heights, rises, spacing)
     leave = rules.leave if before != Support.NONE else 0.0
     travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)

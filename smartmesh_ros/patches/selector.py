@@ -193,13 +193,11 @@ class Selector:
 
     def _choose_fixed(self, chosen: IntArray, before: list[PatchBatch]) -> None:
         """Gives bodies patches of fixed extent."""
-        speeds = np.linalg.norm(self._bodies[:, 7:10], axis=1)
-        reach = self._shapes["radius"] + np.minimum(speeds, SELECTION.fastest) * self._duration
         for name, bodies in self._on_tiles(chosen):
             mesh = self.terrain.tiles[name]
             if isinstance(mesh, HeightMap):
                 heights = self._fixed.select(
-                    mesh, bodies, self._shapes, self._bodies, reach[bodies], self._time, self._duration, self.config,
+                    mesh, bodies, self._shapes, self._bodies, self._reach(bodies), self._time, self._duration, self.config,
                     self.supports, before,
                 )  # fmt: skip
                 for body, values in zip(bodies.tolist(), heights, strict=True):
@@ -209,12 +207,15 @@ class Selector:
 
     def _choose_on_mesh(self, name: str, chosen: IntArray, *, fixed: bool) -> None:
         """Gives bodies patches of a general mesh; ``fixed``: also those that cannot touch it."""
-        speeds = np.linalg.norm(self._bodies[chosen, 7:10], axis=1)
-        reach = self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration
         self.mesh_patches |= self._meshes[name].select(
-            chosen, self._shapes, self._bodies, reach, self._time, self._duration, self.config, self.supports,
+            chosen, self._shapes, self._bodies, self._reach(chosen), self._time, self._duration, self.config, self.supports,
             self.mesh_patches, self.gravity, fixed=fixed,
         )  # fmt: skip
+
+    def _reach(self, chosen: IntArray) -> FloatArray:
+        """How far from where they are bodies get, by their velocity (n,) [m]."""
+        speeds = np.linalg.norm(self._bodies[chosen, 7:10], axis=1)
+        return np.asarray(self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration)
 
     def _take_tiles(self) -> None:
         """Notices tiles that came, went or were replaced; bodies on them look for their tile anew."""

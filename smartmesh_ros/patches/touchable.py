@@ -209,6 +209,16 @@ def inside(solid: Solid, p: Point) -> Point:
 
 
 @compiled
+def fitted_slopes(sxx: float, sxy: float, syy: float, sxz: float, syz: float) -> tuple[bool, float, float]:
+    """Slopes along x and y of the plane fitted by least squares to points with such second moments about their mean;
+    first whether they tell them: they do not where they lie along a line."""
+    determinant = sxx * syy - sxy * sxy
+    if determinant <= THIN * (sxx + syy) * (sxx + syy):
+        return False, 0.0, 0.0
+    return True, (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
+
+
+@compiled
 def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[np.uint8]) -> tuple[Plane, Plane]:
     """The plane fitted to the ground under a box where it can touch it, and how that plane rises, by least squares.
 
@@ -234,11 +244,10 @@ def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[n
         return nearest_planes(window, touch)
     sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
     sxz, syz, sxr, syr = sxz - sx * sz / n, syz - sy * sz / n, sxr - sx * sr / n, syr - sy * sr / n
-    determinant = sxx * syy - sxy * sxy
-    if determinant <= THIN * (sxx + syy) * (sxx + syy):
+    known, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)
+    if not known:
         return nearest_planes(window, touch)
-    slope_x, slope_y = (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
-    rise_x, rise_y = (sxr * syy - syr * sxy) / determinant, (syr * sxx - sxr * sxy) / determinant
+    _, rise_x, rise_y = fitted_slopes(sxx, sxy, syy, sxr, syr)
     x, y = x0 + sx / n, y0 + sy / n
     return (
         Plane(sz / n - slope_x * x - slope_y * y, slope_x, slope_y),

@@ -19,9 +19,9 @@ CENTRE: Vector = (0.0, 0.0, 0.0)
 UNTURNED: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
-def ball(radius: float) -> Any:
-    """A ball about the body's centre."""
-    return _record(ShapeKind.BALL, (radius,) * 3, CENTRE, UNTURNED, radius)
+def ball(radius: float, offset: Vector = CENTRE) -> Any:
+    """A ball whose middle is at ``offset`` from the body's centre."""
+    return _record(ShapeKind.BALL, (radius,) * 3, offset, UNTURNED, radius)
 
 
 def shape_record(shape: Shape) -> Any:
@@ -29,11 +29,8 @@ def shape_record(shape: Shape) -> Any:
     if isinstance(shape, Sphere):
         return ball(shape.radius)
     if isinstance(shape, Box):
-        half = (0.5 * shape.x, 0.5 * shape.y, 0.5 * shape.z)
-        return _record(ShapeKind.BOX, half, CENTRE, UNTURNED, shape.bounding_radius)
-    end = shape.radius if isinstance(shape, Capsule) else 0.0
-    half = (shape.radius, shape.radius, 0.5 * shape.height + end)
-    return _record(ShapeKind.ROUND, half, CENTRE, UNTURNED, math.hypot(*half[1:]) if not end else half[2])
+        return _box((shape.x, shape.y, shape.z), CENTRE, UNTURNED)
+    return _round(shape.radius, shape.height, CENTRE, UNTURNED, capped=isinstance(shape, Capsule))
 
 
 def read_shape(client: Any, body: int, link: int = -1) -> Any:
@@ -57,23 +54,31 @@ def is_ball(shape: Any) -> bool:
     return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
 
 
+def _box(edges: Iterable[float], offset: Vector, turn: Quaternion) -> Any:
+    half = [0.5 * edge for edge in edges]
+    return _record(ShapeKind.BOX, half, offset, turn, math.hypot(*half))
+
+
+def _round(radius: float, height: float, offset: Vector, turn: Quaternion, *, capped: bool) -> Any:
+    """A cylinder, or ``capped`` with half balls a capsule, whose ``height`` [m] is without them."""
+    half = (radius, radius, 0.5 * height + (radius if capped else 0.0))
+    return _record(ShapeKind.ROUND, half, offset, turn, half[2] if capped else math.hypot(*half[1:]))
+
+
 def _record(kind: ShapeKind, half: Iterable[float], offset: Vector, turn: Quaternion, radius: float) -> Any:
-    return np.array((kind, *half, offset, turn, radius), SHAPE)
+    """A record of a shape that a ball of such a ``radius`` [m] about its own middle holds."""
+    return np.array((kind, *half, offset, turn, radius + math.hypot(*offset)), SHAPE)
 
 
 def _part(kind: int, size: Any, file: bytes, position: Vector, turn: Quaternion) -> Any:
     """One of a link's shapes, None where its size is unknown."""
-    away = math.hypot(*position)
     if kind == pb.GEOM_SPHERE:
-        return _record(ShapeKind.BALL, (size[0],) * 3, position, UNTURNED, size[0] + away)
+        return ball(size[0], position)
     if kind == pb.GEOM_BOX:
-        half = [0.5 * edge for edge in size]
-        return _record(ShapeKind.BOX, half, position, turn, math.hypot(*half) + away)
+        return _box(size, position, turn)
     if kind in (pb.GEOM_CYLINDER, pb.GEOM_CAPSULE):
         height, radius = size[0], size[1]
-        end = radius if kind == pb.GEOM_CAPSULE else 0.0
-        half = [radius, radius, 0.5 * height + end]
-        return _record(ShapeKind.ROUND, half, position, turn, (half[2] if end else math.hypot(*half[1:])) + away)
+        return _round(radius, height, position, turn, capped=kind == pb.GEOM_CAPSULE)
     return None
 
 
@@ -83,11 +88,8 @@ def _box_around(parts: list[Any]) -> Any:
     for part in parts:
         extent = _extent(part)
         low, high = np.minimum(low, part["offset"] - extent), np.maximum(high, part["offset"] + extent)
-    half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    x, y, z = middle.tolist()
-    return _record(
-        ShapeKind.BOX, half.tolist(), (x, y, z), UNTURNED, float(np.linalg.norm(half) + np.linalg.norm(middle))
-    )
+    x, y, z = (0.5 * (high + low)).tolist()
+    return _box((high - low).tolist(), (x, y, z), UNTURNED)
 
 
 def _extent(part: Any) -> FloatArray:

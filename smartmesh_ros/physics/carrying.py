@@ -16,10 +16,10 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.selection import local_body
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.patches.touchable import THIN, extents
+from smartmesh_ros.patches.touchable import extents, fitted_slopes
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_world, triangle_weights
+from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
 
 # Bodies whose lowest point is no higher above the ground than this are taken along, so that stacks stay whole [m].
 NEAR = 1.0
@@ -79,15 +79,7 @@ def height_on(grid, row, column):
     rows, columns = grid.heights.shape
     if not (0.0 <= row <= rows - 1.0 and 0.0 <= column <= columns - 1.0):
         return math.nan
-    r, c, v, u, upper = triangle_weights(row, column, rows, columns)
-    corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
-    height = 0.0
-    for weight, a, b in (
-        (1.0 - max(u, v), r, c), (abs(u - v), corner_r, corner_c), (min(u, v), r + 1, c + 1)
-    ):  # fmt: skip
-        if weight > 0.0:
-            z, _ = sample_at(grid, a, b, grid.shown, 0.0)
-            height += weight * z
+    height, _ = surface_at_sample(grid, row, column, grid.shown)
     return height
 
 
@@ -149,10 +141,8 @@ def fitted(total, first):
     n, sx, sy, value = total[0], total[1], total[2], total[first]
     sxx, sxy, syy = total[3] - sx * sx / n, total[4] - sx * sy / n, total[5] - sy * sy / n
     sxz, syz = total[first + 1] - sx * value / n, total[first + 2] - sy * value / n
-    determinant = sxx * syy - sxy * sxy
-    if determinant <= THIN * (sxx + syy) * (sxx + syy):
-        return value / n, 0.0, 0.0
-    return value / n, (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
+    _, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)  # level where the points lie along a line
+    return value / n, slope_x, slope_y
 
 
 @compiled

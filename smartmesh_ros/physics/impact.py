@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, scaled
-from smartmesh_ros.patches.selection import local_body, moved_solid, window_place
+from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, moved_by, scaled
+from smartmesh_ros.patches.selection import in_window, local_body, window_place
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.touchable import (
     UP,
@@ -44,13 +44,6 @@ class Impact(NamedTuple):
     share: float
     gap: float
     normal: Point
-
-
-@compiled
-def moved_by(solid: Solid, path: Point, share: float) -> Solid:
-    """A solid moved by a share of a path."""
-    centre = along(solid.centre, share, path)
-    return Solid(solid.ball, solid.radius, centre, solid.u, solid.v, solid.w, solid.half)
 
 
 @compiled
@@ -147,7 +140,7 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
     heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
     read_window(grid, place.row, place.column, place.stride, time, dt, heights, rises)
     window = Window(heights, rises, grid.resolution * place.stride)
-    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    own = in_window(grid, place, solid)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
     relative = Point(path.x, path.y, path.z - rise)
     clamped = clamped_path(window, own, relative, least, arrival, contact)
@@ -158,7 +151,7 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
     for axis in range(3):
         local[axis] += (path.x, path.y, path.z)[axis]
     spin(local, dt)
-    after = moved_solid(solid_of(shape, local), place.column * grid.resolution, place.row * grid.resolution)
+    after = in_window(grid, place, solid_of(shape, local))
     cut = along(cut, 1.0, to_arrival(window, moved_by(after, cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
@@ -176,7 +169,7 @@ def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
     heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
     read_window(grid, place.row, place.column, place.stride, time, 0.0, heights, rises)
     window = Window(heights, rises, grid.resolution * place.stride)
-    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    own = in_window(grid, place, solid)
     top = -math.inf
     for a in range(place.high):
         for b in range(place.wide):

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.grid import overlap
 
 FloatGrid = NDArray[np.float32]
 
@@ -93,12 +94,9 @@ def fuse(
 
 def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], elapsed: float) -> FusedMap:
     """What is known once a map was ``measured`` that lies by so many ``cells`` (rows, columns) further than the one
-    ``before`` it, ``elapsed`` [s] later."""
+    ``before`` it, of the same size, ``elapsed`` [s] later."""
     known = nothing_known(*measured.heights.shape)
-    (to_r, from_r), (to_c, from_c) = (
-        (slice(max(-by, 0), max(min(new, old - by), 0)), slice(max(by, 0), max(min(old, new + by), 0)))
-        for by, new, old in zip(cells, measured.heights.shape, before.heights.shape, strict=True)
-    )
+    (to_r, from_r), (to_c, from_c) = (overlap(by, size) for by, size in zip(cells, before.heights.shape, strict=True))
     known.heights[to_r, to_c] = before.heights[from_r, from_c]
     known.variances[to_r, to_c] = before.variances[from_r, from_c]
     fuse(known, measured.heights, measured.variances, elapsed, FusionConfig())

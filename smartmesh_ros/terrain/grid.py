@@ -102,3 +102,11 @@ class GridGeometry:
     def flat_index(self, rows: IntArray, columns: IntArray) -> IntArray:
         """Index of samples in the row-major height array (the report's ``i = x + C y``, Chapter 3)."""
         return rows * self.columns + columns
+
+
+def overlap(moved: int, size: int) -> tuple[slice, slice]:
+    """The samples that an axis of ``size`` shares with the one before it, by which it was ``moved`` by so many: in the
+    new axis, and in the old one."""
+    shared = max(size - abs(moved), 0)
+    new, old = (0, size - shared) if moved > 0 else (size - shared, 0)
+    return slice(new, new + shared), slice(old, old + shared)

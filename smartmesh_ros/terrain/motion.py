@@ -138,9 +138,9 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
     patience = PATIENCE * lifetime
     if lifetime <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if mode == 0:  # hold
+    if mode == Mode.HOLD:
         return 0.0, 0.0, 1.0 if age <= patience else 0.0, 0.0, 0.0, math.inf
-    if mode == 2:  # interpolate
+    if mode == Mode.INTERPOLATE:
         return min(max(age - lifetime, -lifetime), 0.0), 0.0, 1.0 if age < lifetime else 0.0, 0.0, 0.0, math.inf
     if age <= patience:
         age = max(age, -lifetime)
@@ -160,7 +160,7 @@ def block_phase(clock, time, mode):
     along, bend, rate, bend_rate, curve, left = phase_of(
         time, clock.time, clock.lifetime, clock.time - clock.middle, mode
     )
-    if clock.known < KEPT or mode != 1:
+    if clock.known < KEPT or mode != Mode.EXTRAPOLATE:
         return Phase(along, 0.0, rate, 0.0, 0.0, left, 0.0, 0.0)
     inverse, inverse_1 = 1.0 / (clock.middle - clock.middle_1), 1.0 / (clock.middle_1 - clock.middle_2)
     return Phase(along, bend, rate, bend_rate, curve, left, inverse, inverse_1)

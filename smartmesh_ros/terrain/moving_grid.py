@@ -138,6 +138,23 @@ def triangle_weights(row: float, column: float, rows: int, columns: int) -> tupl
 
 
 @compiled
+def surface_at_sample(grid: MovingGrid, row: float, column: float, time: float) -> tuple[float, float]:
+    """Height [m] and vertical velocity [m/s] of the ground at a fractional sample of the map; NaN over holes."""
+    rows, columns = grid.heights.shape
+    r, c, v, u, upper = triangle_weights(row, column, rows, columns)
+    corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
+    height, velocity = 0.0, 0.0
+    for weight, a, b in (
+        (1.0 - max(u, v), r, c), (abs(u - v), corner_r, corner_c), (min(u, v), r + 1, c + 1)
+    ):  # fmt: skip
+        if weight != 0.0:
+            z, rise = sample_at(grid, a, b, time, INSTANT)
+            height += weight * z
+            velocity += weight * rise / INSTANT
+    return height, velocity
+
+
+@compiled
 def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
     """Writes ``heights`` [m] and vertical ``velocities`` [m/s] of the ground under points ``xy`` (N, 2) [m], both (N,);
     NaN over holes. Outside the map the ground is that of the nearest point of its edge."""
@@ -148,17 +165,7 @@ def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray
             continue
         row, column = to_grid(grid, xy[i, 0], xy[i, 1])
         row, column = min(max(row, 0.0), rows - 1.0), min(max(column, 0.0), columns - 1.0)
-        r, c, v, u, upper = triangle_weights(row, column, rows, columns)
-        corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
-        height, velocity = 0.0, 0.0
-        for weight, a, b in (
-            (1.0 - max(u, v), r, c), (abs(u - v), corner_r, corner_c), (min(u, v), r + 1, c + 1)
-        ):  # fmt: skip
-            if weight != 0.0:
-                z, rise = sample_at(grid, a, b, time, INSTANT)
-                height += weight * z
-                velocity += weight * rise / INSTANT
-        heights[i], velocities[i] = height, velocity
+        heights[i], velocities[i] = surface_at_sample(grid, row, column, time)
 
 
 @compiled

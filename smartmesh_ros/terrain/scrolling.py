@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry, overlap
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 # How far from a whole number of cells a move may be, as a share of a cell.
@@ -38,7 +38,7 @@ def velocities_across(
     if moved is None or not 0.0 < interval <= before.motion.max_interval or not math.isfinite(interval):
         return None
     (new_rows, old_rows), (new_columns, old_columns) = (
-        _overlap(cells, size) for cells, size in zip(moved, heights.shape, strict=True)
+        overlap(cells, size) for cells, size in zip(moved, heights.shape, strict=True)
     )
     velocities = np.full(heights.shape, np.nan, np.float32)
     rise = heights[new_rows, new_columns] - before.heights[old_rows, old_columns]
@@ -67,8 +67,3 @@ def sliding(before: HeightMap, after: HeightMap) -> tuple[float, float]:
         return still
     x, y = (b - a for a, b in zip(before.geometry.origin[:2], after.geometry.origin[:2], strict=True))
     return (x / interval, y / interval) if math.hypot(x, y) <= after.motion.max_velocity * interval else still
-
-
-def _overlap(moved: int, size: int) -> tuple[slice, slice]:
-    """Which samples of the new axis are which of the old one."""
-    return slice(max(-moved, 0), size - max(moved, 0)), slice(max(moved, 0), size - max(-moved, 0))

@@ -15,7 +15,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
-from smartmesh_ros.patches.selection import local_body, moved_solid, travel_of, window_memory, window_place
+from smartmesh_ros.patches.selection import in_window, local_body, travel_of, window_memory, window_place
 from smartmesh_ros.patches.selector import Selector, rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE, solid_of
 from smartmesh_ros.patches.supports import Support
@@ -170,7 +170,7 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
     assert place.stride == 1
     heights, rises, touched = (part[: place.high, : place.wide] for part in window_memory(140))
     read_window(grid, place.row, place.column, 1, case.time, case.duration, heights, rises)
-    own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+    own = in_window(grid, place, solid)
     touch = touched_facets(Window(heights, rises, grid.resolution), own, travel, touched)
     if touch.facets == 0:
         return set()

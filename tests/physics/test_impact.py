@@ -11,13 +11,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
-from smartmesh_ros.patches.facets import Point, Solid
+from smartmesh_ros.patches.facets import Point, Solid, moved_by
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.patches.touchable import Window
 from smartmesh_ros.physics.guard import lift_of
-from smartmesh_ros.physics.impact import TOUCH, clamped_path, moved_by, nearest_gap, time_of_impact
+from smartmesh_ros.physics.impact import TOUCH, clamped_path, nearest_gap, time_of_impact
 from smartmesh_ros.physics.landing import clamp_one
 from smartmesh_ros.terrain.heightmap import HeightMap
 from tests.bodies import Form, random_turn, rotation

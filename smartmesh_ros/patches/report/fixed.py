@@ -16,7 +16,7 @@ from smartmesh_ros.patches.report.collect import BFS
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.grid_search import GridSearch
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.selection import Place, describe, local_body, moved_solid
+from smartmesh_ros.patches.selection import Place, describe, in_window, local_body
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.patches.touchable import Travel, Window, nearest_planes, touched_facets
@@ -145,7 +145,7 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         place = Place(support.row, support.column, support.rows, support.columns, support.stride)
         local_body(grid, bodies[chosen[k]], local)
         solid = solid_of(shapes[chosen[k]], local)
-        own = moved_solid(solid, place.column * grid.resolution, place.row * grid.resolution)
+        own = in_window(grid, place, solid)
         h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # of one type with `select`
         window = Window(h, r, grid.resolution * place.stride)
         touch = touched_facets(window, own, Travel(0.0, 0.0, 0.0, EVERYWHERE), touched)

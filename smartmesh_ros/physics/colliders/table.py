@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 
-# ``uid``, ``form``: PyBullet's body and collision shape. ``extent``: half of a box's edges [m], or how far a field's
+# ``extent``: half of a box's edges [m], or how far a field's
 # bounds reach above and below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
 # heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
 # ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at
@@ -18,7 +18,7 @@ from smartmesh_ros.compiled import compiled
 # [m/s], ``w*`` [rad/s]: its velocity. ``n*``: upward normal of a box's top.
 COLLIDER = np.dtype(
     [
-        *((name, np.int64) for name in ("uid", "form", "rows", "columns", "first", "there", "turned")),
+        *((name, np.int64) for name in ("rows", "columns", "first", "there", "turned")),
         *((name, np.float64) for name in ("extent", "spacing", "x", "y", "z", "yaw", "tilt_x", "tilt_y", "time")),
         *((name, np.float64) for name in ("vx", "vy", "vz", "wx", "wy", "wz", "nx", "ny", "nz")),
     ]

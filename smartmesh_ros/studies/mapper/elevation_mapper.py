@@ -14,7 +14,7 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.studies.mapper.poses import Pose
 from smartmesh_ros.studies.mapper.sensors import Scan
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, overlap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,16 +99,9 @@ class ElevationMapper:
 def _scrolled(cells: FloatArray, moved: tuple[int, int]) -> FloatArray:
     """A grid that has moved by (rows, columns) over its cells; NaN where it had none."""
     result = np.full_like(cells, np.nan)
-    new, old = zip(*(_overlap(by, size) for by, size in zip(moved, cells.shape, strict=True)), strict=True)
+    new, old = zip(*(overlap(by, size) for by, size in zip(moved, cells.shape, strict=True)), strict=True)
     result[new] = cells[old]
     return result
-
-
-def _overlap(moved: int, size: int) -> tuple[slice, slice]:
-    """Which cells of the new axis are which of the old one."""
-    shared = max(size - abs(moved), 0)
-    new, old = (0, size - shared) if moved > 0 else (size - shared, 0)
-    return slice(new, new + shared), slice(old, old + shared)
 
 
 @compiled
