@@ -233,6 +233,7 @@ class Publishing:
             map_age=None if session.map_taken is None else monotonic() - session.map_taken,
             maps=session.maps,
             map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
+            overtaken=session.overtaken,
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,

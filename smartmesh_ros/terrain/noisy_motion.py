@@ -32,10 +32,10 @@ class Doubt(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """Means of pairs of values on opposite sides of a sample, less that sample's own: how many, their sum and the sum
-    of their squares."""
+    """Means of pairs of values on opposite sides of a sample, less that sample's own: how many ``pairs``, the sum of
+    their means and that of the squares of these."""
 
-    count: int
+    pairs: int
     total: float
     squares: float
 
@@ -69,23 +69,24 @@ def share_of(power: float, noise: float) -> float:
 
 
 @compiled
-def standing_out(value: float, pairs: Spread, variance: float) -> float:
+def standing_out(value: float, around: Spread, variance: float) -> float:
     """A value as far as it stands out of noise of a ``variance``, by the values around it."""
     if variance == 0.0:
         return value
-    beyond = 2.0 * pairs.total / (2 * pairs.count + 1)
+    count = around.pairs
+    beyond = 2.0 * around.total / (2 * count + 1)
     mean = value + beyond
     # The mean of a pair has half the noise of a value.
-    scatter = 2.0 * (pairs.squares - pairs.total**2 / pairs.count) / (pairs.count - 1) if pairs.count > 1 else 0.0
-    around = share_of(mean * mean, variance / (2 * pairs.count + 1))
-    return around * mean - share_of(scatter, UNCERTAIN * variance) * beyond
+    scatter = 2.0 * (around.squares - around.total**2 / count) / (count - 1) if count > 1 else 0.0
+    together = share_of(mean * mean, variance / (2 * count + 1))
+    return together * mean - share_of(scatter, UNCERTAIN * variance) * beyond
 
 
 @compiled
-def widened(pairs: Spread, one: float, other: float) -> Spread:
+def widened(around: Spread, one: float, other: float) -> Spread:
     """A spread with one more pair, both values less the sample's own."""
     mean = 0.5 * (one + other)
-    return Spread(pairs.count + 1, pairs.total + mean, pairs.squares + mean * mean)
+    return Spread(around.pairs + 1, around.total + mean, around.squares + mean * mean)
 
 
 @compiled
