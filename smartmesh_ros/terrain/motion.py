@@ -45,13 +45,14 @@ KEPT = 3
 # enough for bursts of five and the gaps between them.
 LOOKED_BACK = 10
 
-# When a block of samples was updated. ``time`` [s]: last update; ``lifetime`` [s]: longest time to expect until the
-# next, 0 = at rest; ``middle``, ``middle_1``, ``middle_2`` [s]: instants that the velocities hold for, newest first;
-# ``known``: how many of them are known; ``newest``: where in the ring of KEPT velocities the newest is; ``intervals``
-# [s]: between the last ``count`` updates.
+# When a block of samples was updated. ``time`` [s]: last update; ``opened`` [s]: the first one that the newest
+# velocity is told by; ``lifetime`` [s]: longest time to expect until the next, 0 = at rest; ``middle``, ``middle_1``,
+# ``middle_2`` [s]: instants that the velocities hold for, newest first; ``known``: how many of them are known;
+# ``newest``: where in the ring of KEPT velocities the newest is; ``intervals`` [s]: between the last ``count`` updates.
 CLOCK = np.dtype(
     [
         ("time", np.float64),
+        ("opened", np.float64),
         ("lifetime", np.float64),
         ("middle", np.float64),
         ("middle_1", np.float64),
@@ -62,7 +63,7 @@ CLOCK = np.dtype(
         ("count", np.int64),
     ]
 )
-INSTANTS = ("time", "middle", "middle_1", "middle_2")  # its fields that are instants
+INSTANTS = ("time", "opened", "middle", "middle_1", "middle_2")  # its fields that are instants
 
 
 @dataclass(frozen=True, kw_only=True)

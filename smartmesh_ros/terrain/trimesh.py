@@ -137,7 +137,10 @@ class TriangleMesh:
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Notes the velocities that an update tells: those given, or the difference to the positions before."""
         motion, newest = self.motion, self._clock[0].newest
-        told = note_update(self._clock[0], float(time), speeds is not None, motion.min_interval, motion.max_interval)
+        whole = isinstance(target, slice)
+        told = note_update(
+            self._clock[0], float(time), speeds is not None, whole, motion.min_interval, motion.max_interval
+        )
         if told.how == STAY:
             return
         if self._clock[0].newest != newest:

@@ -50,11 +50,11 @@ def note_interval(clock, since):
 
 
 @compiled
-def note_update(clock, time, given, min_interval, max_interval):
-    """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not; what is `Told`
-    by that."""
+def note_update(clock, time, given, whole, min_interval, max_interval):
+    """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not, as a ``whole``
+    or in part; what is `Told` by that."""
     since = time - clock.time
-    again = since == 0.0 or 0.0 < since < min_interval
+    again = since == 0.0 or (0.0 < since < min_interval and not whole)
     recent = not again and 0.0 < since <= max_interval
     differs = clock.known > 0 and clock.middle < clock.time
     if again and not given:
@@ -62,14 +62,18 @@ def note_update(clock, time, given, min_interval, max_interval):
     if again and clock.known > 0:
         return Told(GIVEN, 0.0, 0.0)
     before, clock.time = clock.time, time
-    if not (given or recent):
-        clock.known, clock.lifetime, clock.count = 0, 0.0, 0
+    parts = recent and time - clock.opened < min_interval
+    if parts and not given and clock.known == 0:
         return Told(STAY, 0.0, 0.0)
-    if recent and not given and differs and since < SOON * usual_interval(clock):
+    if not (given or recent):
+        clock.opened, clock.known, clock.lifetime, clock.count = time, 0, 0.0, 0
+        return Told(STAY, 0.0, 0.0)
+    if recent and not given and differs and (parts or since < SOON * usual_interval(clock)):
         note_interval(clock, since)
         span = 2.0 * (before - clock.middle) + since
         clock.middle = time - 0.5 * span
         return Told(LONGER, 1.0 / span, 1.0 - since / span)
+    clock.opened = time
     clock.newest = (clock.newest + 1) % KEPT
     clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
     clock.middle = time if given else time - 0.5 * since
@@ -101,9 +105,9 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
 
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
-    are at rest for that interval. What comes less than ``min_interval`` [s] after the last is a correction of that
-    instant: its difference is added to the velocity. What comes soon after it by the intervals before (`SOON`) makes
-    the newest velocity one over both intervals. Row by row, which reads memory in its order.
+    are at rest for that interval. A part of a block that comes less than ``min_interval`` [s] after the last update is
+    a correction of that instant: its difference is added to the velocity. What comes so soon, or soon by the intervals
+    before (`SOON`), makes the newest velocity one over both intervals. Row by row, which reads memory in its order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]
@@ -115,8 +119,11 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     )
     for block_row in range(row >> BLOCK_SHIFT, ((end_row - 1) >> BLOCK_SHIFT) + 1):
         for block in range(first_block, end_block):
+            top, side = block_row << BLOCK_SHIFT, block << BLOCK_SHIFT
+            whole = row <= top and column <= side
+            whole = whole and end_row >= min(top + BLOCK, rows) and end_column >= min(side + BLOCK, columns)
             told[block], inverse[block], keep[block] = note_update(
-                clocks[block_row, block], time, given.size > 0, min_interval, max_interval
+                clocks[block_row, block], time, given.size > 0, whole, min_interval, max_interval
             )
         for r in range(block_row << BLOCK_SHIFT, min((block_row + 1) << BLOCK_SHIFT, rows)):
             inside = row <= r < end_row
