@@ -109,8 +109,8 @@ def drive(motion: MotionConfig, physics: PhysicsConfig, method: PatchConfig, map
                 known = ~np.isnan(told)
                 errors += over[known].tolist()
                 of_map += (told - found[:, 2] + over)[known].tolist()
-    rms = [1e3 * float(np.sqrt(np.nanmean(np.square(values)))) for values in (errors, of_map)]
-    return Drove(1e3 * float(np.nanmax(places)), *rms, fastest, len(lost))
+    error, error_of_map = (1e3 * float(np.sqrt(np.nanmean(np.square(values)))) for values in (errors, of_map))
+    return Drove(1e3 * float(np.nanmax(places)), error, error_of_map, fastest, len(lost))
 
 
 @cache

@@ -12,6 +12,7 @@ import numpy as np
 import pybullet_data
 
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
@@ -45,13 +46,22 @@ class Thrown(NamedTuple):
 
 
 class Site:
-    """One body at rest on ground of a slope [rad] along x. Use it as a context manager."""
+    """One body at rest on ground of a slope [rad] along x. ``motion``: what is made of its maps, by default that it is
+    corrected. Use it as a context manager."""
 
-    def __init__(self, method: PatchConfig, kind: str, slope: float = 0.0, noise: float = 0.0) -> None:
+    def __init__(
+        self,
+        method: PatchConfig,
+        kind: str,
+        slope: float = 0.0,
+        noise: float = 0.0,
+        motion: MotionConfig | None = None,
+        physics: PhysicsConfig | None = None,
+    ) -> None:
         self.level = inclined(slope)
-        motion = MotionConfig(changes="correction", noise=noise)
+        motion = motion or MotionConfig(changes="correction", noise=noise)
         self.heightmap = HeightMap(self.level, geometry=square(CELLS, RESOLUTION), motion=motion)
-        self.world = World(self.heightmap, WorldConfig(patch=method))
+        self.world = World(self.heightmap, WorldConfig(patch=method, physics=physics or PhysicsConfig()))
         away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
         state = BodyState(
             (-math.sin(slope) * away, 0.017, math.cos(slope) * away),

@@ -10,7 +10,6 @@ from smartmesh_ros.studies.matrix import (
     changes,
     edges,
     mapper_drive,
-    mapper_drive,
     moving_ground,
     real_maps,
     rules,

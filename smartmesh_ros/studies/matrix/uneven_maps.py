@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -31,7 +31,8 @@ class Ride(NamedTuple):
     rise: float
 
 
-def ride(frequency: int, kind: str, stamps: Sequence[float], noise: float, seed: int, method: PatchConfig) -> Ride:
+@cache
+def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: PatchConfig) -> Ride:
     """Sixteen bodies on waves that are told at so many ``stamps`` [s] with white ``noise`` [m]."""
     rng, due, depths, highest = np.random.default_rng(seed), list(stamps), [], 0.0
     shape, waves = BODIES[kind], WAVES[frequency]
@@ -52,33 +53,32 @@ def ride(frequency: int, kind: str, stamps: Sequence[float], noise: float, seed:
     return Ride(max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0), 100.0 * (highest + most) / (2.0 * most))
 
 
-def even(rate: float) -> list[float]:
+def even(rate: float) -> tuple[float, ...]:
     """Stamps at a rate [Hz]."""
-    return [number / rate for number in range(math.ceil(DURATION * rate))]
+    return tuple(number / rate for number in range(math.ceil(DURATION * rate)))
 
 
-def jittered(rate: float) -> list[float]:
+def jittered(rate: float) -> tuple[float, ...]:
     """Each up to an interval late."""
     late = np.random.default_rng(4).uniform(0.0, 1.0, math.ceil(DURATION * rate))
-    return [(number + by) / rate for number, by in enumerate(late.tolist())]
+    return tuple((number + by) / rate for number, by in enumerate(late.tolist()))
 
 
-def in_bursts(rate: float) -> list[float]:
+def in_bursts(rate: float) -> tuple[float, ...]:
     """Five in one interval, then none for four."""
-    return [(number // 5 * 5 + 0.2 * (number % 5)) / rate for number in range(math.ceil(DURATION * rate))]
+    return tuple((number // 5 * 5 + 0.2 * (number % 5)) / rate for number in range(math.ceil(DURATION * rate)))
 
 
-def with_drops(rate: float) -> list[float]:
+def with_drops(rate: float) -> tuple[float, ...]:
     """Every third is missing."""
-    return [stamp for number, stamp in enumerate(even(rate)) if number % 3 != 2]
+    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 3 != 2)
 
 
-def with_swaps(rate: float) -> list[float]:
+def with_swaps(rate: float) -> tuple[float, ...]:
     """Of every ten two come in the wrong order: the older one was overtaken, and is left out."""
-    return [stamp for number, stamp in enumerate(even(rate)) if number % 10 != 8]
+    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 10 != 8)
 
 
-@cache
 def even_ride(frequency: int, kind: str, rate: float, method: PatchConfig) -> Ride:
     """The same without noise and with even stamps."""
     return ride(frequency, kind, even(rate), 0.0, 0, method)
@@ -106,14 +106,14 @@ def _row(name: str, figure: Callable[[PatchConfig], float], limit: float, unit: 
     return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, skip=OTHERS)
 
 
-STAMPS: dict[str, Callable[[float], list[float]]] = {
+STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
     "jitter of an interval": jittered,
     "bursts of five": in_bursts,
     "every third dropped": with_drops,
     "two swapped": with_swaps,
 }
-# Stamps, rate of the maps [Hz], and how much more seldom the even ones are that they are compared with: nobody knows how
-# ground goes on that is not told for several intervals.
+# Stamps, rate of the maps [Hz], and how much more seldom the even ones are that they are compared with: nobody knows
+# how ground goes on that is not told for several intervals.
 RUNS = (
     *((name, 60.0, 5.0 if stamps is in_bursts else 1.0) for name, stamps in STAMPS.items()),
     *((name, 20.0, 2.0) for name, stamps in STAMPS.items() if stamps is not in_bursts),
