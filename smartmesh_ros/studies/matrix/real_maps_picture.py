@@ -60,7 +60,7 @@ def noisy(way: Way, noise: float, seconds: float, rate: float = 20.0, kind: str 
     return np.array(heights) - rest
 
 
-def draw(path: Path, by: float = 0.1, noise: float = 0.01, seconds: float = 5.0) -> None:
+def draw_box(path: Path, by: float = 0.1, noise: float = 0.01, seconds: float = 5.0) -> None:
     """A correction and noise, each in the three ways."""
     figure = Figure((9.0, 3.0), layout="constrained")
     FigureCanvasAgg(figure)
