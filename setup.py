@@ -30,6 +30,7 @@ setup(
         "files": ["pillow", "rasterio"],
         "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
+        "view": ["viser[urdf]"],
     },
     zip_safe=False,
     maintainer="smartmesh_ros maintainers",
@@ -42,6 +43,7 @@ setup(
         "console_scripts": [
             f"terrain_collider = {NAME}.node.starting:terrain_collider",
             f"terrain_source = {NAME}.node.terrain_source:main",
+            f"view = {NAME}.view.main:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",
         ],
