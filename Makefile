@@ -13,10 +13,10 @@ demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
 
 test:  ## lint, types, colcon build, and every test
-	@$(RUN) dev -- scripts/check
+	@$(RUN) dev view -- scripts/check
 
 lint:  ## ruff, the import rules and the type checker
-	@$(RUN) dev -- scripts/check lint
+	@$(RUN) dev view -- scripts/check lint
 
 prepare:  ## environment and install/ only
 	@scripts/workspace prepare

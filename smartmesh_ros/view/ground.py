@@ -70,11 +70,11 @@ class Ground:
 
     def __init__(self) -> None:
         self.tiles: dict[str, Relief | Mesh] = {}
-        self._waiting: list[tuple[Callable[[bytes], None], str, bytes]] = []
+        self._waiting: list[tuple[Callable[[bytes], None], str | None, bytes]] = []
 
     def take_map(self, data: bytes) -> None:
         """A Heightmap message; what waits for its tile is out of date."""
-        tile = CdrReader(data).stamped().tile
+        tile = _tile_of(data)
         self._waiting = [entry for entry in self._waiting if entry[1] != tile]
         self._waiting.append((self._put_map, tile, data))
 
@@ -116,7 +116,7 @@ class Ground:
         return found
 
     def _wait(self, take: Callable[[bytes], None], data: bytes) -> None:
-        self._waiting.append((take, CdrReader(data).stamped().tile, data))
+        self._waiting.append((take, _tile_of(data), data))
         if len(self._waiting) > MOST_WAITING:
             self.settle()
 
@@ -147,3 +147,11 @@ class Ground:
             vertices = tile.vertices.copy()
             vertices[slice(None) if new.indices is None else new.indices] = new.vertices
             self.tiles[new.start.tile] = Mesh(vertices, tile.triangles)
+
+
+def _tile_of(data: bytes) -> str | None:
+    """The tile of a terrain message; None where the bytes are none."""
+    try:
+        return CdrReader(data).stamped().tile
+    except InputError:
+        return None

@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
 
 from smartmesh_ros.node.cdr_reader import CdrReader
-from smartmesh_ros.view.sight import NO_TOUCH, Appearance, Pose, Touch
+from smartmesh_ros.view.sight import NO_TOUCH, Appearance, Pose, Sight, Touch
 
 
 def pose_of(message: Any) -> Pose:
@@ -43,6 +47,33 @@ def touch_of(message: Any) -> Touch:
     ]
     table = np.array(rows).reshape(-1, 7)
     return Touch(table[:, :3], table[:, 3:6], table[:, 6]) if rows else NO_TOUCH
+
+
+# Topics below the node that `take` reads, by their types; ~/odometry may bring several messages at a time.
+KINDS = {
+    "body_descriptions": BodyDescriptionArray,
+    "body_states": TrackedBodyArray,
+    "tracked_bodies": TrackedBodyArray,
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "contacts": ContactArray,
+}
+
+
+def take(sight: Sight, topic: str, data: bytes) -> None:
+    """Brings a sight up to a message of a topic of `KINDS`."""
+    message = deserialize_message(data, KINDS[topic])
+    if topic == "body_descriptions":
+        sight.appearances = appearances_of(message)
+        sight.poses = {name: pose for name, pose in sight.poses.items() if name in sight.appearances}
+    elif topic in ("body_states", "tracked_bodies"):
+        sight.poses.update(poses_of(message))
+    elif topic == "joint_states":
+        sight.joints = joints_of(message)
+    elif topic == "odometry":
+        sight.bases[message.child_frame_id] = pose_of(message.pose.pose)
+    else:
+        sight.touch = touch_of(message)
 
 
 def is_incremental(patches: bytes) -> bool:

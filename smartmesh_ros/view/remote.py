@@ -9,24 +9,19 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
-    BodyDescriptionArray,
     ColliderPatchArray,
-    ContactArray,
     Heightmap,
     HeightmapUpdate,
     TerrainMesh,
     TerrainMeshUpdate,
     Timing,
-    TrackedBodyArray,
 )
 
 from smartmesh_ros.client.messages import read_patches
@@ -34,7 +29,7 @@ from smartmesh_ros.client.patch import Patch
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.view import reading
 from smartmesh_ros.view.ground import Ground
-from smartmesh_ros.view.sight import Pose, Sight
+from smartmesh_ros.view.sight import Sight
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Of increments none may be missing; of the others the newest counts.
@@ -42,14 +37,11 @@ NEWEST, ALL = QoSProfile(depth=1), QoSProfile(depth=10)
 # Regions that may wait: each counts, for seconds at 60 Hz.
 REGIONS = QoSProfile(depth=200)
 OUTPUTS: dict[str, tuple[Any, QoSProfile]] = {
-    "body_states": (TrackedBodyArray, NEWEST),
+    **{topic: (kind, NEWEST) for topic, kind in reading.KINDS.items()},
+    "body_descriptions": (reading.KINDS["body_descriptions"], LATCHED),
+    "odometry": (reading.KINDS["odometry"], ALL),
     "collider_patches": (ColliderPatchArray, ALL),
-    "contacts": (ContactArray, NEWEST),
-    "body_descriptions": (BodyDescriptionArray, LATCHED),
-    "joint_states": (JointState, NEWEST),
-    "odometry": (Odometry, ALL),
     "timing": (Timing, ALL),
-    "tracked_bodies": (TrackedBodyArray, NEWEST),
 }
 # So often it is looked whether publishers of maps want another quality of service [s].
 LOOK_PERIOD = 1.0
@@ -133,38 +125,16 @@ class Remote:
         """Brings ``ground`` and ``sight`` up to what has come."""
         self.ground.settle()
         sight = self.sight
-        if message := self._newest("body_descriptions"):
-            sight.appearances = reading.appearances_of(message)
-        if message := self._newest("body_states"):
-            simulated = reading.poses_of(message)
-            tracked = {name: pose for name, pose in sight.poses.items() if self._is_tracked(name)}
-            sight.poses = {**tracked, **simulated}
-        if message := self._newest("tracked_bodies"):
-            sight.poses.update(reading.poses_of(message))
-        if message := self._newest("joint_states"):
-            sight.joints = reading.joints_of(message)
-        if message := self._newest("contacts"):
-            sight.touch = reading.touch_of(message)
-        sight.bases.update(self._bases())
+        for topic in reading.KINDS:
+            waiting = list(self._new.pop(topic, ()))
+            # One message tells all there is, but of robots, each of which has messages of its own.
+            count = max(sum(bool(known.urdf) for known in sight.appearances.values()), 1) if topic == "odometry" else 1
+            for data in waiting[-count:]:
+                reading.take(sight, topic, data)
         self._settle_patches()
         now = monotonic()
         for data in self._new.pop("timing", ()):
             self.timings.append((now, deserialize_message(data, Timing)))
-
-    def _is_tracked(self, name: str) -> bool:
-        known = self.sight.appearances.get(name)
-        return known is not None and known.tracked
-
-    def _newest(self, topic: str) -> Any:
-        waiting = self._new.pop(topic, None)
-        return deserialize_message(waiting[-1], OUTPUTS[topic][0]) if waiting else None
-
-    def _bases(self) -> dict[str, Pose]:
-        """Poses of the robots' base links: there is a message for each."""
-        robots = sum(bool(known.urdf) for known in self.sight.appearances.values())
-        newest = list(self._new.pop("odometry", ()))[-max(robots, 1) :]
-        messages = [deserialize_message(data, Odometry) for data in newest]
-        return {message.child_frame_id: reading.pose_of(message.pose.pose) for message in messages}
 
     def _settle_patches(self) -> None:
         waiting = list(self._new.pop("collider_patches", ()))

@@ -19,7 +19,7 @@ from smartmesh_ros.testing import Probe, Process
 from smartmesh_ros.testing.messages import pose_message
 from smartmesh_ros.view.looks import BODY_COLOURS, PatchLook
 
-WIDTH, HEIGHT = 1000, 640
+WIDTH, HEIGHT = 860, 560
 CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
 FIELD_OF_VIEW = math.radians(75.0)
 # Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
@@ -30,7 +30,7 @@ BOX = (0.5, 0.5, 0.3)
 @pytest.fixture(scope="module")
 def page(shown: tuple[Probe, Process], browser: Any) -> Iterator[Any]:
     """The page, looking down on the two places from a known camera."""
-    probe, view = shown
+    _, view = shown
     [url] = re.findall(r"shown at (\S+)", view.output)
     opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
@@ -73,7 +73,7 @@ def spawn(probe: Probe, name: str, xy: tuple[float, float]) -> None:
 
 
 def position(probe: Probe, name: str) -> tuple[float, float, float]:
-    [body] = [body for body in probe.latest("body_states").bodies if body.id == name]
+    [body, *_] = probe.wait_for(lambda: [body for body in probe.latest("body_states").bodies if body.id == name])
     return body.pose.position.x, body.pose.position.y, body.pose.position.z
 
 
@@ -87,14 +87,19 @@ def parameter(probe: Probe, name: str) -> Any:
     return probe.call("get_parameters", GetParameters, names=[name]).values[0]
 
 
-def wait(probe: Probe, page: Any, condition: Any) -> None:
-    """Until a condition holds, while the page and the probe go on."""
+def row(page: Any, name: str) -> Any:
+    """What stands beside the label of a parameter."""
+    return page.locator("label").get_by_text(name, exact=True).locator("xpath=ancestor::div[2]")
 
-    def holds() -> bool:
+
+def wait(probe: Probe, page: Any, condition: Any) -> Any:
+    """Until a condition holds, while the page and the probe go on; its value."""
+
+    def holds() -> Any:
         page.wait_for_timeout(100)
-        return bool(condition())
+        return condition()
 
-    probe.wait_for(holds)
+    return probe.wait_for(holds)
 
 
 def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Process], page: Any) -> None:
@@ -103,17 +108,23 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Pr
     spawn(probe, "waves", WAVES)
     kinds = {"flat": (ColliderPatch.PLANE, PatchLook.PLANE), "waves": (ColliderPatch.HEIGHTFIELD, PatchLook.FIELD_1)}
     purple = BODY_COLOURS[BodyDescription.BOX]
-    for name, (kind, look) in kinds.items():
+    for name, (kind, _) in kinds.items():
         wait(probe, page, lambda name=name, kind=kind: patch(probe, name)[0] == kind)
-        corners = patch(probe, name)[1]
-        wait(probe, page, lambda c=corners, look=look: count(hues(page), look.colour, c) > 30)
-        [other] = {look for _, look in kinds.values()} - {look}
-        assert count(hues(page), other.colour, corners) < 10, "the other kind's colour"
-        assert count(hues(page), purple, position(probe, name)) > 30
+    corners = {name: patch(probe, name)[1] for name in kinds}
+    seen = wait(
+        probe,
+        page,
+        lambda: all(count(p := hues(page), kinds[name][1].colour, corners[name]) > 30 for name in kinds) and [p],
+    )[0]
+    assert count(seen, PatchLook.FIELD_1.colour, corners["flat"]) < 10, "the other kind's colour"
+    assert count(seen, PatchLook.PLANE.colour, corners["waves"]) < 10, "the other kind's colour"
+    for name in kinds:
+        assert count(seen, purple, position(probe, name)) > 30
     for colour in (purple, PatchLook.PLANE.colour, PatchLook.FIELD_1.colour):
-        assert count(hues(page), colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
+        assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
     spawn(probe, "later", BARE)
-    wait(probe, page, lambda: count(hues(page), purple, position(probe, "later")) > 30)
+    place = position(probe, "later")
+    wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)
     assert probe.call("remove_body", RemoveBody, id="later").success
     wait(probe, page, lambda: count(hues(page), purple, (*BARE, 0.15), margin=40) == 0)
 
@@ -139,12 +150,10 @@ def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Pr
     probe, _ = shown
     before = parameter(probe, "physics.friction").double_value
     page.get_by_role("tab", name="Parameters").click()
-    page.get_by_label("friction").first.wait_for()
-    row = page.locator("div").filter(has=page.get_by_text("friction", exact=True)).last.locator("xpath=..")
-    row.get_by_role("slider").focus()
+    row(page, "friction").get_by_role("slider").focus()
     page.keyboard.press("ArrowRight")
     wait(probe, page, lambda: parameter(probe, "physics.friction").double_value > before)
-    field = page.get_by_label("gravity").first
+    field = row(page, "gravity").get_by_role("textbox")
     field.fill("[0.0, 1.0]")
     field.press("Enter")
     page.get_by_text("refused:").wait_for()
