@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from typing import Any
 
@@ -69,6 +70,11 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     if kind == BodyDescription.CAPSULE:
         return make.capsule(dimensions[1], dimensions[0], count=(SECTIONS, SECTIONS))
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
+
+
+def with_edges(mesh: Any) -> Any:
+    """A mesh with faces of its own on either side of each sharp edge, so that light does not go around it."""
+    return trimesh.graph.smooth_shade(mesh, angle=math.radians(40.0))
 
 
 def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:

@@ -56,24 +56,39 @@ class Robot:
 def _load(appearance: Appearance) -> yourdfpy.URDF:
     folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
 
-    def found(name: str) -> str:
-        if name.startswith("package://"):
-            package, _, rest = name.removeprefix("package://").partition("/")
-            try:
-                return str(Path(get_package_share_directory(package)) / rest)
-            except (PackageNotFoundError, ValueError):
-                return name
-        path = Path(name.removeprefix("file://"))
-        return str(path if folder is None or path.is_absolute() else folder / path)
+    def found(fname: str) -> str:
+        return str(_path(fname, folder))
 
-    return yourdfpy.URDF.load(io.BytesIO(_readable(appearance.urdf)), filename_handler=found, load_meshes=True)
+    text = _readable(appearance.urdf, folder)
+    return yourdfpy.URDF.load(io.BytesIO(text), filename_handler=found, load_meshes=True)
 
 
-def _readable(urdf: str) -> bytes:
-    """A description with zeros for places that are no numbers, as PyBullet takes them: xacro's, not expanded."""
+def _path(name: str, folder: Path | None) -> Path:
+    """The file of a mesh; one that may not be there where its package is not installed."""
+    if name.startswith("package://"):
+        package, _, rest = name.removeprefix("package://").partition("/")
+        try:
+            return Path(get_package_share_directory(package)) / rest
+        except (PackageNotFoundError, ValueError):
+            return Path(rest)
+    path = Path(name.removeprefix("file://"))
+    return path if folder is None or path.is_absolute() else folder / path
+
+
+def _readable(urdf: str, folder: Path | None) -> bytes:
+    """A description that can be shown here: with zeros for places that are no numbers, as PyBullet takes them, and
+    links whose meshes are not here as the simple shapes that they collide with."""
     root = ElementTree.fromstring(urdf)
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):
             if _NO_NUMBERS.search(origin.get(key, "")):
                 origin.set(key, "0 0 0")
+    for link in root.iter("link"):
+        for part in [*link.iterfind("visual"), *link.iterfind("collision")]:
+            mesh = part.find("geometry/mesh")
+            if mesh is not None and not _path(mesh.get("filename", ""), folder).is_file():
+                link.remove(part)
+        if link.find("visual") is None:
+            for part in link.iterfind("collision"):
+                part.tag = "visual"
     return bytes(ElementTree.tostring(root))

@@ -19,6 +19,8 @@ from smartmesh_ros.view.terrain_scene import TerrainScene
 # Patches are drawn so much above the ground that they lie on [m], and arrows are so many radii of a body long.
 LIFT = 0.006
 ARROW = 2.5
+# Light from the sky and from the sun, which stands low: slopes are told apart by their shade.
+SKY, SUN, TOWARDS_SUN = (225, 236, 255), (255, 240, 214), (-3.5, 7.0, 5.5)
 # Where nobody says how large bodies are [m].
 DEFAULT_RADIUS = 0.25
 
@@ -32,9 +34,9 @@ class Shape(NamedTuple):
 
 
 class Scene:
-    """Keeps a viser scene like what is to be seen."""
+    """Keeps a viser scene like what is to be seen. ``fine``: with shadows, for pictures."""
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, *, fine: bool = False) -> None:
         self._server, self._scene = server, server.scene
         self._terrain = TerrainScene(server.scene)
         self._bodies: dict[Shape, Any] = {}
@@ -43,7 +45,7 @@ class Scene:
         self._contacts: Any = None
         self.show_contacts = True
         self._selected: Any = None
-        self._light()
+        self._light(fine)
 
     def show(self, ground: Ground, sight: Sight) -> None:
         """Brings everything up to date."""
@@ -51,8 +53,8 @@ class Scene:
         with self._server.atomic():
             self._terrain.show(ground, positions, radii)
             self._show_patches(sight.patches)
-            self._show_bodies(sight)
             self._show_robots(sight)
+            self._show_bodies(sight)
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
 
     def mark(self, position: tuple[float, float, float] | None, radius: float = DEFAULT_RADIUS) -> None:
@@ -66,15 +68,15 @@ class Scene:
         if position is not None:
             self._selected.position, self._selected.scale = position, 1.4 * radius
 
-    def _light(self) -> None:
+    def _light(self, fine: bool) -> None:
         scene = self._scene
         scene.set_up_direction("+z")
-        scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere(
-            "/lights/sky", sky_color=(235, 242, 255), ground_color=(150, 140, 125), intensity=1.6
-        )
-        scene.add_light_directional("/lights/sun", color=(255, 246, 230), intensity=2.2, position=(-0.6, -0.8, 1.0))
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=(170, 158, 142), intensity=1.7)
+        scene.add_light_directional("/lights/sun", color=SUN, intensity=2.3, position=TOWARDS_SUN, cast_shadow=fine)
+        # Far ground fades into the page.
+        scene.configure_fog(near=40.0, far=160.0, color=(255, 255, 255))
 
     def _show_patches(self, patches: list[Patch]) -> None:
         groups: dict[PatchLook, list[Patch]] = defaultdict(list)
@@ -123,7 +125,7 @@ class Scene:
                 self._bodies[shape] = self._add_bodies(shape, positions, turns)
 
     def _add_bodies(self, shape: Shape, positions: NDArray[np.float32], turns: NDArray[np.float32]) -> Any:
-        mesh = looks.shape_mesh(shape.kind, shape.dimensions)
+        mesh = looks.with_edges(looks.shape_mesh(shape.kind, shape.dimensions))
         sizes = "_".join(f"{value:g}" for value in shape.dimensions)
         return self._scene.add_batched_meshes_simple(
             f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}", mesh.vertices, mesh.faces, turns, positions,

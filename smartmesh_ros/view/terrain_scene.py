@@ -147,4 +147,4 @@ class _Relief:
 
 
 def _add(scene: Any, path: str, vertices: NDArray[Any], triangles: NDArray[Any]) -> Any:
-    return scene.add_mesh_simple(path, vertices, triangles, color=GROUND, side="double", cast_shadow=False)
+    return scene.add_mesh_simple(path, vertices, triangles, color=GROUND, side="front", cast_shadow=False)
