@@ -16,7 +16,7 @@ from smartmesh_ros.view.browser import find_browser
 from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.looks import PatchLook, patch_look
 from smartmesh_ros.view.sight import Sight
-from smartmesh_ros.view.studio import Camera, Studio
+from smartmesh_ros.view.studio import Camera, Studio, places_in
 
 # Pixels of the picture and of a frame of the clip, and the frames that the strip and the clip have at most.
 PICTURE, SMALL = (1280, 640), (640, 360)
@@ -50,14 +50,18 @@ def draw_in_browser(snapshots: list[Snapshot], folder: Path) -> list[Path]:
 
 
 def best_of(snapshots: list[Snapshot]) -> Snapshot:
-    """The snapshot at a good time that has patches of the most kinds, and the most of them."""
+    """The snapshot at a good time that shows the most bodies and kinds of patches, none of them cut off."""
+    in_time = [snapshot for snapshot in snapshots if BEST_TIMES[0] <= snapshot.time <= BEST_TIMES[1]]
+    return max(in_time or snapshots, key=_worth)
 
-    def worth(snapshot: Snapshot) -> tuple[bool, int, int]:
-        patches = read_patches(snapshot.messages["collider_patches"]).patches
-        in_time = BEST_TIMES[0] <= snapshot.time <= BEST_TIMES[1]
-        return in_time, len({patch_look(patch.kind, patch.stride) for patch in patches}), len(patches)
 
-    return max(snapshots, key=worth)
+def _worth(snapshot: Snapshot) -> float:
+    ground, sight = scene_of(snapshot)
+    positions = np.array([pose.position for pose in sight.poses.values()])
+    away = np.abs(places_in(camera_of(ground, sight), positions, PICTURE[0] / PICTURE[1])).max(axis=1)
+    whole, cut = (away < 0.85).sum(), ((away >= 0.85) & (away < 1.15)).sum()
+    kinds = {patch_look(patch.kind, patch.stride) for patch in sight.patches}
+    return float(whole - 2 * cut + 2 * len(kinds))
 
 
 def scene_of(snapshot: Snapshot) -> tuple[Ground, Sight]:
@@ -96,7 +100,7 @@ def with_legend(picture: NDArray[np.uint8], sight: Sight) -> Image.Image:
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(size=19)
     there = {patch_look(patch.kind, patch.stride) for patch in sight.patches}
     shown = [look for look in PatchLook if look in there]
-    pen.rectangle((12, 12, 330, 24 + 30 * len(shown)), fill=(255, 255, 255))
+    pen.rounded_rectangle((12, 12, 300, 24 + 30 * len(shown)), radius=6, fill=(255, 255, 255))
     for line, look in enumerate(shown):
         top = 22 + 30 * line
         pen.rectangle((24, top, 44, top + 20), fill=look.colour)

@@ -9,11 +9,11 @@ import viser
 
 from smartmesh_ros.view.knob_panel import KnobPanel
 from smartmesh_ros.view.panel import Panel
-from smartmesh_ros.view.remote import Remote
+from smartmesh_ros.view.remote import OF_ROBOTS, OUTPUTS, Remote
 from smartmesh_ros.view.scene import Scene, bodies_of
 
 # Where a page looks from at first, in lengths of what there is to be seen.
-FROM = np.array([-0.75, -1.0, 0.75])
+FROM = np.array([-0.8, -1.0, 0.8])
 # Nearer things are not drawn [m]: the nearer, the less the depth of far things is told apart.
 NEAREST = 0.05
 
@@ -39,10 +39,10 @@ class Page:
     def refresh(self) -> None:
         """Brings the page up to date; without anybody who looks at it, there is nothing to do."""
         remote = self._remote
-        wanted = bool(self._server.get_clients())
-        remote.watch(wanted)
-        if not wanted:
+        if not self._server.get_clients():
+            remote.watch(set())
             return
+        remote.watch(self._wanted())
         remote.settle()
         self.scene.show(remote.ground, remote.sight)
         self._panel.update()
@@ -51,10 +51,19 @@ class Page:
             self._looked = True
             self._look()
 
+    def _wanted(self) -> set[str]:
+        """The outputs that there is something to see of."""
+        topics = set(OUTPUTS)
+        if not self.scene.show_contacts:
+            topics.discard("contacts")
+        if not any(known.urdf for known in self._remote.sight.appearances.values()):
+            topics -= OF_ROBOTS
+        return topics
+
     def _look(self) -> None:
         """Turns the cameras to the bodies."""
         positions, radii = bodies_of(self._remote.sight)
         middle = np.median(positions, axis=0)
         size = max(float(np.percentile(np.linalg.norm(positions - middle, axis=1), 80)), 6.0 * float(np.max(radii)))
         camera = self._server.initial_camera
-        camera.near, camera.position, camera.look_at = NEAREST, middle + 1.8 * size * FROM, middle
+        camera.near, camera.position, camera.look_at = NEAREST, middle + size * FROM, middle

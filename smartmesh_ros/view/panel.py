@@ -57,7 +57,7 @@ class Panel:
                 self._click = gui.add_dropdown("a click", (SELECT, *SPAWNS), initial_value=SELECT)
                 self._size = gui.add_slider("size [m]", 0.1, 3.0, 0.05, 0.5)
                 self._about = gui.add_markdown("Click on a body to see its name and its patch.")
-            with gui.add_folder("Median time of a stage [us]"):
+            with gui.add_folder("Median time of a stage [ms]"):
                 self._plot = self._make_plot()
             with gui.add_folder("Warnings and refusals"):
                 self._troubles = gui.add_markdown("none")
@@ -181,10 +181,10 @@ def selected_words(name: str, sight: Any) -> str:
 
 
 def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
-    """Seconds before ``now``, and the median of each of `STAGES` [us], of messages of ~/timing with their times [s]."""
+    """Seconds before ``now``, and the median of each of `STAGES` [ms], of messages of ~/timing with their times [s]."""
     recent = [(came, message) for came, message in timings if came > now - MINUTE]
     times = np.array([came - now for came, _ in recent])
-    medians = [{stage.stage: stage.p50_us for stage in message.stages} for _, message in recent]
+    medians = [{stage.stage: 1e-3 * stage.p50_us for stage in message.stages} for _, message in recent]
     return (times, *(np.array([of_stages.get(stage, np.nan) for of_stages in medians]) for stage in STAGES))
 
 

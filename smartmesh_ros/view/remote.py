@@ -43,8 +43,13 @@ OUTPUTS: dict[str, tuple[Any, QoSProfile]] = {
     "collider_patches": (ColliderPatchArray, ALL),
     "timing": (Timing, ALL),
 }
+# Of these only robots have something to tell.
+OF_ROBOTS = {"joint_states", "odometry"}
 # So often it is looked whether publishers of maps want another quality of service [s].
 LOOK_PERIOD = 1.0
+# Whole maps of more bytes are taken so seldom [s]: to hand them to one more process takes the machine, and so the node,
+# a tenth of a second and more. Regions of them are shown as they come.
+LARGE, REST = 16_000_000, 5.0
 # Lines of the node's log, and messages of ~/timing, that are kept.
 LOG_LINES, TIMINGS = 6, 600
 
@@ -73,9 +78,10 @@ class Remote:
         self._services: dict[str, Any] = {}
         self._new: dict[str, deque[bytes]] = {}
         self._patches: dict[str, Patch] = {}
-        self._outputs: list[Any] = []
+        self._outputs: dict[str, Any] = {}
         self._maps: dict[str, tuple[Any, tuple[bool, bool]]] = {}  # subscriptions, latched or not, reliable or not
         self._look_due = 0.0
+        self._rest_until = 0.0  # no whole maps until then
         self._base = name.rpartition("/")[2]
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -89,21 +95,19 @@ class Remote:
     def spin(self, seconds: float) -> None:
         """Handles messages for so long."""
         self._look()
+        if monotonic() < self._rest_until and "heightmap" in self._maps:
+            self.node.destroy_subscription(self._maps.pop("heightmap")[0])
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
-    def watch(self, wanted: bool) -> None:
-        """Listens to the outputs, or stops: what nobody listens to costs the node nothing."""
-        if wanted == bool(self._outputs):
-            return
-        if wanted:
-            self._outputs = [self._listen(topic, *how) for topic, how in OUTPUTS.items()]
-            return
-        for subscription in self._outputs:
-            self.node.destroy_subscription(subscription)
-        self._outputs = []
-        self._new.clear()
+    def watch(self, topics: set[str]) -> None:
+        """Listens to these of `OUTPUTS` and no others: what nobody listens to costs the node nothing."""
+        for topic in set(self._outputs) - topics:
+            self.node.destroy_subscription(self._outputs.pop(topic))
+            self._new.pop(topic, None)
+        for topic in topics - set(self._outputs):
+            self._outputs[topic] = self._listen(topic, *OUTPUTS[topic])
 
     @property
     def there(self) -> bool:
@@ -165,10 +169,16 @@ class Remote:
             return
         self._look_due = now + LOOK_PERIOD
         ground = self.ground
-        self._listen_to_maps("heightmap", Heightmap, ground.take_map, NEWEST)
+        if now >= self._rest_until:
+            self._listen_to_maps("heightmap", Heightmap, self._on_map, NEWEST)
         self._listen_to_maps("heightmap_update", HeightmapUpdate, ground.take_region, REGIONS)
         self._listen_to_maps("terrain_mesh", TerrainMesh, ground.take_mesh, ALL)
         self._listen_to_maps("terrain_mesh_update", TerrainMeshUpdate, ground.take_mesh_update, REGIONS)
+
+    def _on_map(self, data: bytes) -> None:
+        self.ground.take_map(data)
+        if len(data) > LARGE:
+            self._rest_until = monotonic() + REST
 
     def _listen_to_maps(self, topic: str, kind: Any, take: Callable[[bytes], None], qos: QoSProfile) -> None:
         name = f"{self.name}/{topic}"

@@ -83,12 +83,25 @@ class Studio:
         return next(iter(clients.values()))
 
 
+def places_in(camera: Camera, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
+    """Where points (n, 3) [m] are in a picture (n, 2): 0 in its middle, -1 and 1 at its edges, right and up; beyond
+    where they are behind the camera."""
+    right, down, forward = _axes(camera)
+    away = points - np.asarray(camera.position)
+    depth = np.maximum(away @ forward, 1e-6) * np.tan(0.5 * camera.field_of_view)
+    return np.stack([away @ right / (aspect * depth), -(away @ down) / depth], axis=1)
+
+
 def wxyz_of(camera: Camera) -> tuple[float, float, float, float]:
     """The turn of a camera that looks at its target, upright: its z points there, and its y down."""
+    w, x, y, z = viser.transforms.SO3.from_matrix(np.stack(_axes(camera), axis=1)).wxyz.tolist()
+    return w, x, y, z
+
+
+def _axes(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors to the right, down and forward."""
     forward = np.subtract(camera.target, camera.position)
     forward = forward / np.linalg.norm(forward)
     right = np.cross(forward, (0.0, 0.0, 1.0))
     right = right / np.linalg.norm(right)
-    turn = np.stack([right, np.cross(forward, right), forward], axis=1)
-    w, x, y, z = viser.transforms.SO3.from_matrix(turn).wxyz.tolist()
-    return w, x, y, z
+    return right, np.cross(forward, right), forward

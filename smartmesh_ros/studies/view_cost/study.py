@@ -29,10 +29,14 @@ from smartmesh_ros.studies.load.driver import Driver
 from smartmesh_ros.studies.load.processes import Watch, environment, node_command
 from smartmesh_ros.studies.tables import table
 
+_REGIONS = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0, markers=False)
 CASES = {
-    "regions": Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0, markers=False),
-    "large": Case(side=4096, bodies=100, mode="full", map_rate=1.0, physics_rate=240.0, markers=False),
+    "regions": _REGIONS,
+    "large": replace(_REGIONS, side=4096),
+    "whole": replace(_REGIONS, side=4096, mode="full", map_rate=1.0),
 }
+# The outputs that a page listens to; --rate has the node publish them so often.
+OUTPUTS = ("collider_patches", "body_states", "contacts")
 # Each turn settles before it is measured [s].
 SETTLE = 3.0
 
@@ -40,10 +44,11 @@ SETTLE = 3.0
 class Measuring:
     """A node, somebody who sends it terrain, and the view of it, in this DDS domain. A context manager."""
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: Case, rate: float | None) -> None:
         self._folder = tempfile.TemporaryDirectory()
+        rates = {} if rate is None else {f"publish.{topic}": rate for topic in OUTPUTS}
         parameters = Path(self._folder.name) / "parameters.yaml"
-        parameters.write_text(yaml.safe_dump({"/**": {"ros__parameters": case.parameters()}}))
+        parameters.write_text(yaml.safe_dump({"/**": {"ros__parameters": {**case.parameters(), **rates}}}))
         variables = environment()
         quiet: dict[str, Any] = {"stderr": subprocess.DEVNULL, "env": variables}
         self._node = subprocess.Popen(node_command(case, parameters), stdout=subprocess.DEVNULL, **quiet)
@@ -96,13 +101,13 @@ class Measuring:
         return found
 
 
-def measure(case: Case, turns: int, seconds: float) -> dict[str, dict[str, float]]:
+def measure(case: Case, turns: int, seconds: float, rate: float | None) -> dict[str, dict[str, float]]:
     """Medians over the turns, with the view closed and open."""
     found: dict[str, list[dict[str, float]]] = {"closed": [], "open": []}
     with isolated():
         rclpy.init()
         try:
-            with Measuring(case) as measuring:
+            with Measuring(case, rate) as measuring:
                 for number in range(turns):
                     order = ("closed", "open") if number % 2 else ("open", "closed")
                     for name in order:
@@ -119,7 +124,8 @@ def report(found: dict[str, dict[str, float]]) -> str:
         ("step of the node, median [us]", "total", 0), ("step, 99 % [us]", "total_p99", 0),
         ("publishing, median [us]", "publish", 0), ("real-time factor", "real_time_factor", 3),
         ("processor of the node [cores]", "node_cpu", 3), ("processor of the view [cores]", "view_cpu", 3),
-        ("moves of bodies that the page gets [Hz]", "moves_hz", 1), ("longest time without one [s]", "longest_s", 2), ("changes of the ground [Hz]", "ground_hz", 1),
+        ("moves of bodies that the page gets [Hz]", "moves_hz", 1), ("longest time without one [s]", "longest_s", 2),
+        ("changes of the ground [Hz]", "ground_hz", 1),
         ("data to the page [MB/s]", "mb_s", 1),
     ]  # fmt: skip
     return table(
@@ -134,13 +140,16 @@ def report(found: dict[str, dict[str, float]]) -> str:
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", choices=CASES, default="regions", help="1024^2 with regions, or 4096^2 whole maps")
+    parser.add_argument(
+        "--case", choices=CASES, default="regions", help="1024^2 or 4096^2 with regions, or whole 4096^2"
+    )
     parser.add_argument("--turns", type=int, default=6, help="of each kind (%(default)s)")
     parser.add_argument("--seconds", type=float, default=6.0, help="of each turn (%(default)s)")
+    parser.add_argument("--rate", type=float, help="at which the node publishes what a page shows [Hz]; else its own")
     options = parser.parse_args()
     case = replace(CASES[options.case], seconds=options.seconds)
     print(f"{case.bodies} bodies, {case.side}^2, {case.mode} at {case.map_rate:g} Hz; {psutil.cpu_count()} cores")
-    print(report(measure(case, options.turns, options.seconds)))
+    print(report(measure(case, options.turns, options.seconds, options.rate)))
 
 
 if __name__ == "__main__":
