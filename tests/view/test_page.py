@@ -146,6 +146,16 @@ def test_a_click_tells_the_name_of_a_body_and_its_patch(shown: tuple[Probe, Proc
     page.get_by_text("patch: heightfield, stride 1").wait_for()
 
 
+def test_a_click_spawns_a_ball_where_it_met_the_ground(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    page.locator("input[value='shows what it is']").first.click()
+    page.get_by_role("option", name="spawns a ball").click()
+    page.mouse.click(*pixel((*BARE, 0.0)))
+    x, y, _ = position(probe, "ball_1")
+    assert math.dist((x, y), BARE) < 0.05
+    assert probe.call("remove_body", RemoveBody, id="ball_1").success
+
+
 def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Process], page: Any) -> None:
     probe, _ = shown
     before = parameter(probe, "physics.friction").double_value
