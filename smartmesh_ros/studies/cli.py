@@ -12,6 +12,7 @@ STUDIES = {
     "bench": ("smartmesh_ros.studies.bench", "running times against the report's tables"),
     "consumer": ("smartmesh_ros.studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "load": ("smartmesh_ros.studies.load.study", "the node under load over DDS"),
+    "view-cost": ("smartmesh_ros.studies.view_cost.study", "what the view costs the node that it shows"),
     "soak": ("smartmesh_ros.studies.load.soak", "the node for minutes or hours of everything changing"),
 }
 
