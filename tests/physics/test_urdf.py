@@ -109,7 +109,8 @@ ROLLER = """<robot name="r"><link name="base"><inertial><mass value="1"/><inerti
 ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.13"/></geometry></collision></link>
 <link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
 <collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
-<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0 0.2 0"/><axis xyz="0 1 0"/></joint></robot>"""
+<joint name="axle" type="continuous"><parent link="base"/>
+<child link="wheel"/><origin xyz="0 0.2 0"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 @pytest.mark.parametrize(
