@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.node.array_message import ArrayMessage, by_length
 from smartmesh_ros.node.cdr import text_rows
 from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.states import StateTable
+from smartmesh_ros.physics.state_table import StateTable
 
 
 class BodyStates:

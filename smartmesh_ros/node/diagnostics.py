@@ -74,7 +74,7 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
 
 def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
     below = world.below_ground()
-    batches = world.ground.batches
+    batches = world.shown_batches()
     kinds: Counter[str] = Counter()
     for batch in batches:
         kinds[batch.kind] += len(batch.bodies)
@@ -82,10 +82,10 @@ def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
     known = [batch.deviation[~np.isnan(batch.deviation)] for batch in batches]
     deviation = max((float(of_batch.max()) for of_batch in known if of_batch.size), default=0.0)
     values = {
-        "simulated": sum(not body.tracked for body in world.bodies.values()),
+        "simulated": sum(body.simulated for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
         "patches": patches,
-        "without ground": len(world.ground.followers) - patches,
+        "without ground": int((~world.followers.guest).sum()) - patches,
         "below ground": len(below),
         "put back onto the ground": world.rescues,
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},

@@ -129,7 +129,7 @@ class TerrainCollider(Node):
         world = self.session.world
         if spawned:
             for body in list(world.bodies.values()):
-                if not body.tracked and body.name not in self._initial.names:
+                if body.simulated and body.name not in self._initial.names:
                     world.remove(body.name)
         if time:
             world.reset_time()

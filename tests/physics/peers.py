@@ -1,0 +1,90 @@
+"""Several worlds that tell each other the states of their bodies after each step, late by so many steps."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.physics.guests import GuestConfig
+from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.state_table import StateTable
+from smartmesh_ros.physics.states import simulated_states
+
+RATE = 240.0
+
+
+class Start(NamedTuple):
+    """A body: its shape, mass [kg], where and how fast along x it starts [m, m/s]."""
+
+    shape: Shape
+    mass: float
+    x: float
+    speed: float
+    z: float
+
+
+def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> World:
+    """A world on flat ground."""
+    ground = HeightMap(np.zeros((41, 161)), resolution=0.25, origin=(-20.0, -5.0))
+    return World(ground, WorldConfig(physics=physics, guests=guests or GuestConfig()))
+
+
+class Peers:
+    """Worlds that step together and tell each other of their bodies ``late`` steps after."""
+
+    def __init__(self, count: int, late: int, physics: PhysicsConfig, guests: GuestConfig | None = None) -> None:
+        self.worlds = [flat_world(physics, guests) for _ in range(count)]
+        self._late = late
+        self._mail: deque[list[tuple[StateTable, float]]] = deque()
+
+    def step(self, count: int = 1) -> None:
+        """Steps all worlds."""
+        for _ in range(count):
+            self.tell()
+            for world in self.worlds:
+                world.step()
+
+    def tell(self) -> None:
+        """Has each world hear what the others told so many steps ago."""
+        self._mail.append([(simulated_states(world), world.time) for world in self.worlds])
+        if len(self._mail) <= self._late:
+            return
+        for teller, (states, time) in enumerate(self._mail.popleft()):
+            for hearer, world in enumerate(self.worlds):
+                if hearer != teller:
+                    assert world.guests.take(f"world {teller}", states, time) == []
+
+    def state(self, name: str) -> BodyState:
+        """A body as its owner has it."""
+        [world] = [world for world in self.worlds if name in world.bodies and world.bodies[name].simulated]
+        return world.state(name)
+
+
+@contextmanager
+def peers(
+    starts: list[list[Start]], late: int, physics: PhysicsConfig | None = None, guests: GuestConfig | None = None
+) -> Iterator[Peers]:
+    """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through."""
+    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests)
+    number = 0
+    for world, bodies in zip(made.worlds, starts, strict=True):
+        for body in bodies:
+            spawn(world, f"b{number}", body)
+            number += 1
+    try:
+        yield made
+    finally:
+        for world in made.worlds:
+            world.close()
+
+
+def spawn(world: World, name: str, body: Start) -> None:
+    """Adds a body, a ball rolling."""
+    spin = body.speed / body.shape.inner_radius if type(body.shape).__name__ == "Sphere" else 0.0
+    state = BodyState((body.x, 0.0, body.z), linear=(body.speed, 0.0, 0.0), angular=(0.0, spin, 0.0))
+    world.spawn(name, body.shape, body.mass, state)
