@@ -79,6 +79,7 @@ class Settings:
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
+    peers: tuple[str, ...] = ()
     map_depth: int = 2
     update_depth: int = 100
     output_durability: Durability = "volatile"

@@ -67,9 +67,9 @@ class Guest:
 
 @dataclass(eq=False)
 class _Owner:
-    """Another world: its last ``states``, the ``time`` they hold for [s], how ``late`` they come [s], whether they were
-    taken to the guests yet, its guests by name, and which rows may not be guests since their names, ``shared``, are also
-    others'."""
+    """Another world: its last ``states``, the ``time`` they hold for [s], how ``late`` they come [s], whether they are
+    ``new`` to its ``guests`` by name, the ``rows`` of its bodies by name, and which of them are ``barred`` from being
+    guests, since others have bodies of those ``shared`` names too."""
 
     states: StateTable
     time: float
@@ -251,7 +251,7 @@ class Guests:
             self._put(drawing, drawn_to(states, self._now(known, drawing), share))
 
     def _age(self, known: _Owner) -> float:
-        return min(self._world.time - known.time, self.config.farthest)
+        return max(min(self._world.time - known.time, self.config.farthest), -self.config.farthest)
 
     def _now(self, known: _Owner, guests: list[Guest]) -> FloatArray:
         """States of guests' owners, moved on to now (n, 13)."""

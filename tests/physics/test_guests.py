@@ -168,7 +168,7 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
         for one in (world, other):
             one.spawn("twin", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
         other.spawn("single", BALL, 1.0, BodyState((1.0, 0.0, 0.2)))
-        world.spawn("mine", BALL, 1.0, BodyState((0.0, 1.0, 0.2)))
+        world.spawn("mine", BALL, 1.0, BodyState((0.0, 0.8, 0.2)))
         world.step()
         states = simulated_states(other)
         [objection] = world.guests.take("/fleet/b", states, world.time)
