@@ -10,8 +10,9 @@ the state of its owner by a share a step, so that both worlds agree on where thi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -26,6 +27,11 @@ if TYPE_CHECKING:
 
 # Of a contact as PyBullet tells it: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
+# States that wait until they are old enough: a world that is behind by a quarter of a second has as many at 240 Hz.
+MOST_TOLD = 64
+# Times that differ by rounding only are equal [s].
+INSTANT = 1e-9
+NOBODY = np.zeros(0, bool)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,20 +71,27 @@ class Guest:
     touched: tuple[float, float] | None = None
 
 
-@dataclass(eq=False)
-class _Owner:
-    """Another world: its last ``states``, the ``time`` they hold for [s], how ``late`` they come [s], whether they are
-    ``new`` to its ``guests`` by name, the ``rows`` of its bodies by name, and which of them are ``barred`` from being
-    guests, since others have bodies of those ``shared`` names too."""
+class _Told(NamedTuple):
+    """States of all bodies of an owner, and the time that they hold for [s]."""
 
     states: StateTable
     time: float
-    late: float
-    new: bool
-    guests: dict[str, Guest]
-    rows: dict[str, int]
-    barred: BoolArray
-    shared: set[str]
+
+
+@dataclass(eq=False)
+class _Owner:
+    """Another world: what it ``told`` and is too young to be used, and what is used ``now``, None before the first;
+    whether its ``guests`` have not been set to that yet; how ``late`` it comes [s]; the names of its bodies, those
+    ``shared`` with others, and by the rows of ``now`` which may not be guests for that."""
+
+    told: deque[_Told] = field(default_factory=lambda: deque(maxlen=MOST_TOLD))
+    now: _Told | None = None
+    new: bool = False
+    late: float = 0.0
+    guests: dict[str, Guest] = field(default_factory=dict)
+    names: frozenset[str] = frozenset()
+    shared: frozenset[str] = frozenset()
+    barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
 
 
 class Guests:
@@ -93,31 +106,25 @@ class Guests:
     @property
     def counts(self) -> dict[str, tuple[int, int, float]]:
         """By owner: its bodies, how many are guests, and how late its states come [s]."""
-        return {name: (len(o.states.names), len(o.guests), o.late) for name, o in self._owners.items()}
+        return {name: (len(known.names), len(known.guests), known.late) for name, known in self._owners.items()}
 
     def owner_of(self, name: str) -> str:
         """The other world that simulates a body, empty if none that is known does."""
-        return next((owner for owner, known in self._owners.items() if name in known.rows), "")
+        return next((owner for owner, known in self._owners.items() if name in known.names), "")
 
     def take(self, owner: str, states: StateTable, time: float) -> list[InputError]:
         """Takes the states that all bodies of an owner have at ``time`` [s]. Raises `InputError` if one is impossible;
         returns the objections to bodies whose name is another's, which are left out."""
         require_sound(states)
-        known = self._owners.get(owner)
+        known = self._owners.setdefault(owner, _Owner())
         late = max(self._world.time - time, 0.0)
-        if known is not None:
-            late = max(late, known.late + self.config.forget * (late - known.late))
-        if known is None or not states.same_bodies(known.states):
-            self._dismiss_changed(known, states)
-            rows = {name: row for row, name in enumerate(states.names)}
-            guests, shared = ({}, set()) if known is None else (known.guests, known.shared)
-            for name, guest in guests.items():
-                guest.row = rows[name]
-            barred = np.zeros(len(rows), bool)
-            known = self._owners[owner] = _Owner(states, time, late, True, guests, rows, barred, shared)
-            return self._bar(owner, known)
-        known.states, known.time, known.late, known.new = states, time, late, True
-        return self._bar(owner, known) if known.shared else []
+        known.late = max(late, known.late + self.config.forget * (late - known.late))
+        same = bool(known.told) and states.names is known.told[-1].states.names
+        known.told.append(_Told(states, time))
+        if same and not known.shared:
+            return []
+        known.names = frozenset(states.names)
+        return self._share(owner, known)
 
     def forget(self, owner: str) -> None:
         """Takes the guests of an owner away, and what is known of it."""
@@ -139,10 +146,16 @@ class Guests:
 
     def come(self) -> None:
         """Brings guests to where they are now, before a step."""
+        latest = self._world.time - self.config.apart * self._world.config.physics.dt
         for owner, known in self._owners.items():
-            self._invite_and_dismiss(owner, known)
-            if known.guests:
-                self._follow(known)
+            newest = None
+            while known.told and known.told[0].time <= latest + INSTANT:
+                newest = known.told.popleft()
+            if newest is not None:
+                self._use(known, newest)
+            if known.now is not None:
+                self._invite_and_dismiss(owner, known, known.now)
+                self._follow(known, known.now)
 
     def note_contacts(self) -> None:
         """Notes which guests touched another body in the step that was made."""
@@ -162,56 +175,55 @@ class Guests:
                 first, _ = guests[uid].touched or (world.time, 0.0)
                 guests[uid].touched = first, world.time
 
-    def _bar(self, owner: str, known: _Owner) -> list[InputError]:
-        """Bars the bodies whose names are also those of other worlds' bodies, or of this world's."""
+    def _share(self, owner: str, known: _Owner) -> list[InputError]:
+        """Finds the bodies whose names are also those of other worlds' bodies, or of this world's; objections to those
+        that were not known yet."""
         rivals: dict[str, list[str]] = {}
-        for name in known.states.names:
-            body = self._world.bodies.get(name)
-            others = ["this node"] if body is not None and not body.owner else []
-            for other, of in self._owners.items():
-                if other != owner and name in of.rows:
-                    others.append(other)
-                    of.barred[of.rows[name]] = True
-                    of.shared.add(name)
-            if others:
-                rivals[name] = others
-        known.barred[:] = [name in rivals for name in known.states.names]
-        before, known.shared = known.shared, set(rivals)
+        for other, of in self._owners.items():
+            common = known.names & of.names if other != owner else frozenset()
+            for name in common:
+                rivals.setdefault(name, []).append(other)
+            of.shared |= common
+        for name, body in self._world.bodies.items():
+            if name in known.names and not body.owner:
+                rivals.setdefault(name, []).append("this node")
+        before, known.shared = known.shared, frozenset(rivals)
         return [
             InputError(
                 "two_owners",
-                f"{name!r} is simulated by {' and by '.join([owner, *others])}; remove it from all but one of them",
+                f"{name!r} is simulated by {' and by '.join([owner, *rivals[name]])}; remove it from all but one",
             )
-            for name, others in rivals.items()
-            if name not in before
+            for name in sorted(known.shared - before)
         ]
 
-    def _dismiss_changed(self, known: _Owner | None, states: StateTable) -> None:
-        """Takes away those guests that are not among the ``states`` any more as what they were."""
-        if known is None or not known.guests:
-            return
-        rows = {name: row for row, name in enumerate(states.names)}
-        old = known.states
-        with self._world.together():
-            for name, guest in list(known.guests.items()):
-                row = rows.get(name)
-                if row is None or not (
-                    old.kinds[guest.row] == states.kinds[row]
-                    and old.masses[guest.row] == states.masses[row]
-                    and (old.dimensions[guest.row] == states.dimensions[row]).all()
-                ):
-                    del known.guests[name]
-                    self._world.dismiss(name)
+    def _use(self, known: _Owner, newest: _Told) -> None:
+        """Has guests follow newer states; those that are not among them any more as what they were are taken away."""
+        states, before = newest.states, known.now
+        known.now, known.new = newest, True
+        if before is None or not states.same_bodies(before.states):
+            rows = {name: row for row, name in enumerate(states.names)}
+            with self._world.together():
+                for name, guest in list(known.guests.items()):
+                    row = rows.get(name)
+                    assert before is not None
+                    if row is None or not states.same_body(row, before.states, guest.row):
+                        del known.guests[name]
+                        self._world.dismiss(name)
+                    else:
+                        guest.row = row
+        known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
-    def _invite_and_dismiss(self, owner: str, known: _Owner) -> None:
+    def _invite_and_dismiss(self, owner: str, known: _Owner, now: _Told) -> None:
         """Makes guests of the bodies that come near, and takes those away that go."""
-        world, states, ground = self._world, known.states, self._world.ground
+        world, states, ground = self._world, now.states, self._world.ground
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
         near = near_any(
-            states.numbers, self._age(known), states.radii, ground.positions_w, ground.radii, world.followers.own,
+            states.numbers, self._age(now), states.radii, ground.positions_w, ground.radii, world.followers.own,
             margins,
-        ) & ~known.barred  # fmt: skip
+        )  # fmt: skip
+        if known.barred.size:
+            near &= ~known.barred
         if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
             return
         with world.together():
@@ -226,7 +238,7 @@ class Guests:
                     known.guests[name] = Guest(row, uid)
         known.new = True
 
-    def _follow(self, known: _Owner) -> None:
+    def _follow(self, known: _Owner, now: _Told) -> None:
         """Sets guests to their owner's states if there are new ones, or draws them there; or leaves them alone."""
         dt = self._world.config.physics.dt
         hold = known.late + self.config.apart * dt
@@ -237,25 +249,25 @@ class Guests:
                     setting.append(guest)
                 continue
             first, last = guest.touched
-            if known.time >= last + hold:
+            if now.time >= last + hold:
                 guest.touched = None
                 setting.append(guest)
-            elif known.time >= first + hold:
+            elif now.time >= first + hold:
                 drawing.append(guest)
         known.new = False
         if setting:
-            self._put(setting, self._now(known, setting))
+            self._put(setting, self._moved_on(now, setting))
         if drawing:
             share = 1.0 - math.exp(-dt / max(self.config.settle, known.late))
             states = self._calls.states([guest.uid for guest in drawing])
-            self._put(drawing, drawn_to(states, self._now(known, drawing), share))
+            self._put(drawing, drawn_to(states, self._moved_on(now, drawing), share))
 
-    def _age(self, known: _Owner) -> float:
-        return max(min(self._world.time - known.time, self.config.farthest), -self.config.farthest)
+    def _age(self, told: _Told) -> float:
+        return min(self._world.time - told.time, self.config.farthest)
 
-    def _now(self, known: _Owner, guests: list[Guest]) -> FloatArray:
+    def _moved_on(self, now: _Told, guests: list[Guest]) -> FloatArray:
         """States of guests' owners, moved on to now (n, 13)."""
-        return moved_on(known.states.numbers[[guest.row for guest in guests]], self._age(known))
+        return moved_on(now.states.numbers[[guest.row for guest in guests]], self._age(now))
 
     def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
         """Puts guests into states (n, 13)."""

@@ -32,6 +32,14 @@ class StateTable(NamedTuple):
         """The shape of a body."""
         return shape_of(SolidKind(int(self.kinds[row])), self.dimensions[row].tolist())
 
+    def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
+        """Whether two bodies have the same shape and mass."""
+        return bool(
+            self.kinds[row] == other.kinds[other_row]
+            and self.masses[row] == other.masses[other_row]
+            and (self.dimensions[row] == other.dimensions[other_row]).all()
+        )
+
     def same_bodies(self, other: StateTable) -> bool:
         """Whether they are the same bodies, wherever they are."""
         return (

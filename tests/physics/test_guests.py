@@ -60,6 +60,19 @@ def test_without_the_rule_late_states_undo_impacts(monkeypatch: pytest.MonkeyPat
     assert worst > 0.1
 
 
+@pytest.mark.parametrize("impact", IMPACTS)
+def test_an_owner_that_is_ahead_does_not_undo_an_impact_that_is_yet_to_be_found(impact: str) -> None:
+    """The second world hears of its peer's future, the first one of its peer's past."""
+    (v, m), (w, n) = IMPACTS[impact]
+    one, other = ball(-1.0, v, m), ball(0.8, w, n)
+    together = speeds_after([[one, other]], 0, SMOOTH)
+    with peers([[one], [other]], 0, SMOOTH) as made:
+        made.worlds[0].step(5)
+        made.step(240)
+        apart = np.array([made.state(name).linear[0] for name in ("b0", "b1")])
+    assert np.allclose(apart, together, atol=0.01 * (v - w))
+
+
 @pytest.mark.parametrize("late", [0, 1, 6])
 def test_a_row_of_balls_over_four_worlds_passes_the_impact_on(late: int) -> None:
     row = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))]
@@ -177,7 +190,7 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
         assert world.guests.take("/fleet/b", states, world.time) == []  # said once
         [objection] = world.guests.take("/fleet/c", states._replace(names=["other", "single"]), world.time)
         assert "/fleet/c and by /fleet/b" in str(objection)
-        world.step(2)
+        world.step(4)
         assert {name: body.owner for name, body in world.bodies.items()} == {
             "twin": "", "mine": "", "other": "/fleet/c",
         }  # fmt: skip
@@ -189,7 +202,7 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
         assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
         world.guests.forget("/fleet/c")
         assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
-        world.step(2)
+        world.step(4)
         assert {name: body.owner for name, body in world.bodies.items()} == {"mine": "", "single": "/fleet/b"}
 
 
