@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
 
-.PHONY: help demo test lint prepare bench studies before-after load soak fuzz clean
+.PHONY: help demo test lint prepare fleet fleet-study bench studies before-after load soak fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -20,6 +20,9 @@ lint:  ## ruff, the import rules and the type checker
 
 prepare:  ## environment and install/ only
 	@scripts/workspace prepare
+
+fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
 
 bench:  ## running times against the report's tables
 	@$(RUN) studies -- $(STUDIES) bench

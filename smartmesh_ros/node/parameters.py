@@ -153,6 +153,8 @@ SPECS = (
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
     Spec("publish.incremental", _D.incremental, "~/patches and ~/collider_patches hold only the patches that changed, "
          "and all of them when a subscriber joins and every 5 s."),
+    Spec("publish.marker_namespace", _D.marker_namespace, "The ns of the markers on ~/patches, where several nodes "
+         "publish on one topic.", read_only=True),
     Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
     Spec(
         "publish.durability", _D.output_durability, "QoS durability of the outputs; transient_local keeps the last "
@@ -230,6 +232,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         output_durability=v["publish.durability"],
         output_depth=v["publish.depth"],
         incremental=v["publish.incremental"],
+        marker_namespace=v["publish.marker_namespace"],
         most_tiles=v["terrain.max_tiles"],
         most_bodies=v["bodies.most"],
         longest_name=v["bodies.longest_name"],

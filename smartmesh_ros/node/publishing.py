@@ -100,7 +100,7 @@ class Publishing:
     def __init__(self, session: Session, peers: PeerBodies) -> None:
         self._session, self._peers = session, peers
         self._node, self._world = session.node, session.world
-        self._markers = patch_outputs.PatchMarkers()
+        self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()

@@ -85,6 +85,7 @@ class Settings:
     output_durability: Durability = "volatile"
     output_depth: int = 10
     incremental: bool = False
+    marker_namespace: str = "patches"
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
