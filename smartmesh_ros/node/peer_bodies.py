@@ -142,9 +142,9 @@ class PeerBodies:
         if not math.isclose(new.rate, physics.rate, rel_tol=SAME):
             raise InputError("rate", f"{name} steps at {new.rate:g} Hz, this node at {physics.rate:g} Hz; set one rate")
         if math.dist(new.gravity, physics.gravity) > SAME * max(1.0, math.hypot(*physics.gravity)):
+            theirs, ours = (", ".join(f"{value:g}" for value in values) for values in (new.gravity, physics.gravity))
             raise InputError(
-                "gravity",
-                f"{name} has gravity {new.gravity}, this node {physics.gravity}; set the same physics.gravity",
+                "gravity", f"{name} has gravity ({theirs}) m/s^2, this node ({ours}) m/s^2; set one physics.gravity"
             )
         return True
 

@@ -16,7 +16,7 @@ from smartmesh_ros.physics.shapes import Shape, kind_of, shape_of
 from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any
 from smartmesh_ros.physics.states import simulated_states
 from tests.bodies import random_turn, rotation, turn_about
-from tests.physics.peers import RATE, Peers, Start, flat_world, peers
+from smartmesh_ros.studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 
 BALL = Sphere(0.2)
 SMOOTH = PhysicsConfig(rate=RATE, restitution=0.97, friction=0.0)
