@@ -23,9 +23,9 @@ from smartmesh_msgs.msg import BodySpecification, Timing
 from smartmesh_msgs.srv import SpawnBodies
 
 from smartmesh_ros.domains import isolated_unless_chosen
+from smartmesh_ros.fleet_commands import FleetPlan
 from smartmesh_ros.fleet_layout import front_of
 from smartmesh_ros.node.dds import use_large_message_profile
-from smartmesh_ros.fleet_commands import FleetPlan
 
 # The scene: waves that bodies ride on, on maps as a lidar brings them.
 SOURCE = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}

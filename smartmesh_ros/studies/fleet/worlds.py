@@ -1,4 +1,4 @@
-"""Several worlds that tell each other the states of their bodies after each step, late by so many steps."""
+"""Several worlds in one process that tell each other the states of their bodies, late by so many steps, if at all."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ RATE = 240.0
 
 
 class Start(NamedTuple):
-    """A body: its shape, mass [kg], where and how fast along x it starts [m, m/s]."""
+    """A body: its shape, mass [kg], where and how fast along x it starts [m, m/s], without spin."""
 
     shape: Shape
     mass: float
     x: float
     speed: float
     z: float
+    y: float = 0.0
 
 
 def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> World:
@@ -35,9 +36,20 @@ def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> Wor
 
 
 class Peers:
-    """Worlds that step together and tell each other of their bodies ``late`` steps after."""
+    """Worlds that step together and tell each other of their bodies ``late`` steps after, but for a share of ``loss``
+    of the messages."""
 
-    def __init__(self, count: int, late: int, physics: PhysicsConfig, guests: GuestConfig | None = None) -> None:
+    def __init__(
+        self,
+        count: int,
+        late: int,
+        physics: PhysicsConfig,
+        guests: GuestConfig | None = None,
+        *,
+        loss: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._loss, self._rng = loss, np.random.default_rng(seed)
         self.worlds = [flat_world(physics, guests) for _ in range(count)]
         self._late = late
         self._mail: deque[list[tuple[StateTable, float]]] = deque()
@@ -56,8 +68,8 @@ class Peers:
             return
         for teller, (states, time) in enumerate(self._mail.popleft()):
             for hearer, world in enumerate(self.worlds):
-                if hearer != teller:
-                    assert world.guests.take(f"world {teller}", states, time) == []
+                if hearer != teller and self._rng.random() >= self._loss:
+                    world.guests.take(f"world {teller}", states, time)
 
     def state(self, name: str) -> BodyState:
         """A body as its owner has it."""
@@ -67,14 +79,24 @@ class Peers:
 
 @contextmanager
 def peers(
-    starts: list[list[Start]], late: int, physics: PhysicsConfig | None = None, guests: GuestConfig | None = None
+    starts: list[list[Start]],
+    late: int,
+    physics: PhysicsConfig | None = None,
+    guests: GuestConfig | None = None,
+    *,
+    loss: float = 0.0,
+    seed: int = 0,
+    phases: bool = False,
 ) -> Iterator[Peers]:
-    """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through."""
-    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests)
+    """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through. ``phases``: whether the worlds
+    step at different instants, as nodes do; bodies start where they would be then."""
+    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests, loss=loss, seed=seed)
     number = 0
-    for world, bodies in zip(made.worlds, starts, strict=True):
+    share = np.random.default_rng(seed).random(len(starts)) if phases else np.zeros(len(starts))
+    for world, bodies, phase in zip(made.worlds, starts, share.tolist(), strict=True):
+        world.time = phase * world.config.physics.dt
         for body in bodies:
-            spawn(world, f"b{number}", body)
+            spawn(world, f"b{number}", body._replace(x=body.x + body.speed * world.time))
             number += 1
     try:
         yield made
@@ -84,7 +106,6 @@ def peers(
 
 
 def spawn(world: World, name: str, body: Start) -> None:
-    """Adds a body, a ball rolling."""
-    spin = body.speed / body.shape.inner_radius if type(body.shape).__name__ == "Sphere" else 0.0
-    state = BodyState((body.x, 0.0, body.z), linear=(body.speed, 0.0, 0.0), angular=(0.0, spin, 0.0))
+    """Adds a body."""
+    state = BodyState((body.x, body.y, body.z), linear=(body.speed, 0.0, 0.0))
     world.spawn(name, body.shape, body.mass, state)
