@@ -22,6 +22,8 @@ from smartmesh_ros.node.session import Session
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # How often peers are looked for [s].
 LOOKING = 1.0
+# A loop that took longer for a step has stood still [s].
+STALL = 0.1
 # Single precision keeps gravity and rate to this share.
 SAME = 1e-5
 KIND = "smartmesh_msgs/msg/TrackedBodyArray"
@@ -48,6 +50,7 @@ class PeerBodies:
         self._named = [name for name in session.settings.peers if name not in (AUTO, self._own)]
         self._peers: dict[str, _Peer] = {}
         self._due = 0.0
+        self._refreshed = math.inf
         if session.settings.peers:
             PeerReader().read(_nobody(), 0, 0)  # compiled before the first message comes
         for name in self._named:
@@ -56,7 +59,11 @@ class PeerBodies:
     def refresh(self) -> None:
         """Takes away the guests of peers that are not heard any more, and looks for new ones now and then."""
         now = self._session.clock.pace()
+        # While this node itself stood still nobody could be heard.
+        pause, self._refreshed = max(now - self._refreshed - STALL, 0.0), now
         for name, peer in self._peers.items():
+            if peer.heard is not None and pause:
+                peer.heard += pause
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
                 peer.heard, peer.clock = None, StampClock()
                 self._session.world.guests.forget(name)

@@ -128,6 +128,18 @@ def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again
     assert world.ledger.respawned == 1
 
 
+def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
+    world = World()
+    world.spawn("body")
+    world.go_on(1.0)
+    duties = world.ledger.look(world.time + 30.0)
+    assert duties == Duties([], [], [], [])
+    world.time += 30.0
+    world.go_on(1.0)
+    assert world.ledger.respawned == 0
+    assert world.all_living() == Counter({"body": 1})
+
+
 def test_bodies_that_nodes_add_and_remove_by_themselves_are_known() -> None:
     world = World()
     world.bodies["a"].append("own")

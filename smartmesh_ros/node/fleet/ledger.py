@@ -104,6 +104,7 @@ class Ledger:
         self.members = {node: Member() for node in nodes}
         self.bodies: dict[str, Entry] = {}
         self.respawned = 0
+        self._looked = math.inf  # when it was last looked after the nodes [s]
 
     @property
     def living(self) -> list[str]:
@@ -167,7 +168,10 @@ class Ledger:
     def look(self, time: float) -> Duties:
         """What is to be done now, ``time`` [s]."""
         duties = Duties([], [], [], [])
+        # While the front itself stood still nobody could be heard.
+        pause, self._looked = max(time - self._looked - self.config.restart, 0.0), time
         for node, member in self.members.items():
+            member.heard += pause
             alive = time - member.heard <= self.config.timeout
             if alive and not member.alive:
                 duties.joined.append(node)

@@ -12,8 +12,8 @@ from smartmesh_ros.studies.fleet.watcher import Site, load, site
 
 # Moving terrain as a mapper brings it.
 SOURCE = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
-# Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of the
-# terrain, whose bodies share a node.
+# Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
+# the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.5, 16
 
 
@@ -30,7 +30,9 @@ def places(count: int, first: int) -> list[tuple[float, float]]:
 def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) -> dict[str, Any]:
     """Adds bodies until the slowest node of a fleet falls behind real time: the real-time factors at each number, and
     what the network carried, in bytes a second of a node."""
-    plan = FleetPlan(count=nodes, source=SOURCE, front={"spread": "tiles", "tile_size": APART * SIDE})
+    # What is measured is how late nodes are: none is taken for dead for it.
+    front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
+    plan = FleetPlan(count=nodes, source=SOURCE, front=front, parameters={"bodies.timeout": 20.0})
     runs = []
     with site(plan) as fleet:
         count = 0
