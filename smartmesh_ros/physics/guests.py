@@ -226,16 +226,22 @@ class Guests:
             near &= ~known.barred
         if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
             return
+        going = [name for name, guest in known.guests.items() if not near[guest.row]]
+        # A body that has just changed its owner may still be here as the guest of another, or as an own one.
+        coming = [
+            (row, name)
+            for row in np.flatnonzero(near).tolist()
+            if (name := states.names[row]) not in known.guests and name not in world.bodies
+        ]
+        if not going and not coming:
+            return
         with world.together():
-            for name, guest in list(known.guests.items()):
-                if not near[guest.row]:
-                    del known.guests[name]
-                    world.dismiss(name)
-            for row in np.flatnonzero(near).tolist():
-                name = states.names[row]
-                if name not in known.guests:
-                    uid = world.invite(name, owner, states.shape(row), float(states.masses[row]))
-                    known.guests[name] = Guest(row, uid)
+            for name in going:
+                del known.guests[name]
+                world.dismiss(name)
+            for row, name in coming:
+                uid = world.invite(name, owner, states.shape(row), float(states.masses[row]))
+                known.guests[name] = Guest(row, uid)
         known.new = True
 
     def _follow(self, known: _Owner, now: _Told) -> None:

@@ -206,6 +206,32 @@ def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
         assert {name: body.owner for name, body in world.bodies.items()} == {"mine": "", "single": "/fleet/b"}
 
 
+def test_a_body_changes_its_owner_while_older_states_are_in_use() -> None:
+    with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
+        other.spawn("body", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
+        with_it = simulated_states(other)
+        other.remove("body")
+        without = simulated_states(other)
+        for _ in range(5):
+            world.guests.take("a", with_it, world.time)
+            world.step()
+        world.guests.take("a", without, world.time)  # too young to be used yet
+        world.spawn("body", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
+        world.step(5)
+        assert world.bodies["body"].simulated
+        world.remove("body")
+        world.spawn("mine", BALL, 1.0, BodyState((0.0, 0.5, 0.2)))
+        for _ in range(5):
+            world.guests.take("a", with_it, world.time)
+            world.step()
+        world.guests.take("a", without, world.time)
+        world.guests.take("b", with_it, world.time - 1.0)  # old enough to be used at once
+        world.step()
+        assert world.bodies["body"].owner == "a"
+        world.step(5)
+        assert world.bodies["body"].owner == "b"
+
+
 def test_worlds_with_guests_are_saved_and_reset_without_them() -> None:
     with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
         made.step(5)

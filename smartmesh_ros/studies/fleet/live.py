@@ -45,6 +45,7 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) ->
             runs.append({"bodies": count, **run})
             print(
                 f"{nodes} nodes, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
+                f"{run['busy']:.2f} s of processor time a simulated second, "
                 f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {load():.1f}",
                 flush=True,
             )
@@ -54,13 +55,17 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) ->
 
 
 def measure(fleet: Site, seconds: float) -> dict[str, float]:
-    """Runs a fleet for so long: the slowest node's real-time factor, and bytes a second that a node sent and got."""
+    """Runs a fleet for so long: the slowest node's real-time factor, the most processor time that one took for a
+    simulated second [s], which other work on the machine hardly changes, and bytes a second that a node sent and got.
+    """
     watcher, machines = fleet.watcher, fleet.machines
     for timings in watcher.timings.values():
         timings.clear()
     before, start = [machine.traffic() for machine in machines], monotonic()
+    used = [machine.processor_time() for machine in machines]
     watcher.spin(seconds)
     span = monotonic() - start
+    taken = [(machine.processor_time() - was) / span for machine, was in zip(machines, used, strict=True)]
     factors = []
     for timings in watcher.timings.values():
         window = sum(timing.window_s for timing in timings)
@@ -68,7 +73,8 @@ def measure(fleet: Site, seconds: float) -> dict[str, float]:
         factors.append(simulated / window if window else 0.0)
     pairs = [(machine.traffic(), was) for machine, was in zip(machines, before, strict=True)]
     sent, received = (sum(now[way] - was[way] for now, was in pairs) / span / len(machines) for way in (0, 1))
-    return {"real_time": min(factors), "sent": sent, "received": received}
+    busy = max(cpu / max(factor, 1e-9) for cpu, factor in zip(taken, factors, strict=True))
+    return {"real_time": min(factors), "busy": busy, "sent": sent, "received": received}
 
 
 def carried(runs: list[dict[str, Any]]) -> float:

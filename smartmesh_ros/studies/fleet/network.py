@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 INSIDE = "SMARTMESH_FLEET_NETWORK"
 BRIDGE, ADDRESS = "switch", "10.77.0.{}/24"
 # UDP only, in a domain of its own network, found beyond one machine.
@@ -81,6 +83,11 @@ class Machine:
         [link] = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
         ours = link["stats64"]  # of the end at the bridge, which receives what is sent
         return int(ours["rx"]["bytes"]), int(ours["tx"]["bytes"])
+
+    def processor_time(self) -> float:
+        """Processor time of the command so far [s]."""
+        assert self.process is not None
+        return float(sum(psutil.Process(self.process.pid).cpu_times()[:2]))
 
     def close(self) -> None:
         """Ends it."""
