@@ -93,8 +93,9 @@ def carried(runs: list[dict[str, Any]]) -> float:
 
 
 def faults(times: int, bodies: int = 30) -> dict[str, Any]:
-    """A node of three is killed and started again, then another is cut off and joined again, so many times; how long
-    it takes each time until every body is on one node that is heard [s], and how many bodies there were in the end."""
+    """Of three nodes that with the most bodies is killed and started again, then that with the most is cut off and
+    joined again, so many times; how long it takes each time until every body is on one node that is heard [s], and the
+    fewest bodies that there were after it."""
     plan = FleetPlan(count=3, source={**SOURCE, "wave.amplitude": 0.0}, parameters={"bodies.timeout": 2.0})
     found: dict[str, list[float]] = {"kill": [], "join": [], "cut": [], "heal": []}
     least = bodies
@@ -103,7 +104,7 @@ def faults(times: int, bodies: int = 30) -> dict[str, Any]:
         watcher.spawn(places(bodies, 0), 0)
         watcher.wait_for(lambda: watcher.each_once(bodies), "bodies")
         for number in range(times):
-            victim, cut = number % 3, (number + 1) % 3
+            victim = watcher.fullest()
 
             def without(index: int) -> bool:
                 heard = monotonic() - watcher.heard[watcher.nodes[index]]
@@ -113,6 +114,7 @@ def faults(times: int, bodies: int = 30) -> dict[str, Any]:
             found["kill"].append(watcher.wait_for(lambda: without(victim), "bodies of the killed node"))  # noqa: B023
             fleet.start_node(victim)
             found["join"].append(watcher.wait_for(lambda: joined(fleet, victim), "node that joins"))  # noqa: B023
+            cut = watcher.fullest()
             fleet.machines[cut].connect(on=False)
             found["cut"].append(watcher.wait_for(lambda: without(cut), "bodies of the node that is cut off"))  # noqa: B023
             fleet.machines[cut].connect(on=True)

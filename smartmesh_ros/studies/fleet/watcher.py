@@ -15,6 +15,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBodies
@@ -74,6 +75,10 @@ class Watcher(Node):
         owners = self.owners()
         return len(owners) == count and set(owners.values()) <= {1}
 
+    def fullest(self) -> int:
+        """The node with the most bodies."""
+        return max(range(len(self.nodes)), key=lambda index: len(self._bodies(self.nodes[index])))
+
     def spawn(self, places: list[tuple[float, float]], first: int, height: float = 0.6) -> None:
         """Has the front spawn a ball at each place, numbered from ``first`` on."""
         request = SpawnBodies.Request()
@@ -89,8 +94,6 @@ class Watcher(Node):
             raise RuntimeError(f"bodies were not spawned: {future.result().message}")
 
     def _bodies(self, node: str) -> list[str]:
-        from rclpy.serialization import deserialize_message
-
         data = self._states.get(node)
         return [] if data is None else [body.id for body in deserialize_message(data, TrackedBodyArray).bodies]
 
