@@ -6,7 +6,7 @@ STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
 # The demo's pictures are the view's where there is a browser to draw them.
 VIEW := $(if $(shell command -v chromium || command -v chromium-browser || command -v google-chrome),view)
 
-.PHONY: help demo view pictures test lint prepare bench studies before-after load soak fuzz clean
+.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -28,6 +28,12 @@ lint:  ## ruff, the import rules and the type checker
 
 prepare:  ## environment and install/ only
 	@scripts/workspace prepare
+
+fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
+
+fleet-study:  ## what fleets carry, how their bodies meet, and faults (about 40 minutes; ARGS=--quick: two)
+	@$(RUN) load -- $(STUDIES) fleet $(ARGS)
 
 bench:  ## running times against the report's tables
 	@$(RUN) studies -- $(STUDIES) bench

@@ -46,6 +46,8 @@ setup(
     entry_points={
         "console_scripts": [
             f"terrain_collider = {NAME}.node.starting:terrain_collider",
+            f"fleet_front = {NAME}.node.fleet.front:main",
+            f"smartmesh-fleet = {NAME}.node.fleet.command:main",
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",

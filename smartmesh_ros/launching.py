@@ -13,6 +13,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from smartmesh_ros import fleet_layout
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 # Topics of the RViz view, which follow the node into its namespace.
@@ -45,6 +46,55 @@ def description(
     return LaunchDescription([*_arguments(), *more, OpaqueFunction(function=act)])
 
 
+def fleet() -> LaunchDescription:
+    """Colliders that share one terrain and meet each other's bodies, their front, and a terrain to try them with."""
+
+    def act(context: Any) -> list[Any]:
+        def value(name: str) -> str:
+            return str(LaunchConfiguration(name).perform(context))
+
+        return [*_settings_of_dds(value), *_fleet_nodes(value), *_rviz(value, fleet_layout.FRONT)]
+
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=words)
+        for name, default, words in (
+            ("nodes", "4", "How many colliders share the terrain."),
+            ("spread", "fewest", "Which node a new body goes to: fewest, or tiles."),
+            ("respawn", "elsewhere", "Bodies of a node that dies are spawned again elsewhere, or on the same."),
+            ("scene", "waves", "Scene of terrain_source; empty = the terrain is yours."),
+        )
+    ]
+    return LaunchDescription([*_arguments(preset=fleet_layout.PRESET), *arguments, OpaqueFunction(function=act)])
+
+
+def _fleet_nodes(value: Values) -> list[Any]:
+    space, count = value("namespace"), int(value("nodes"))
+    common: dict[str, Any] = {"package": PACKAGE, "output": "screen"}
+    time = {"use_sim_time": is_true(value("use_sim_time"))}
+    level = ["--ros-args", "--log-level", value("log_level")]
+    files = parameter_files([value("preset")], value("config"))
+    nodes = []
+    for index in range(count):
+        own = {name: v for name, v in fleet_layout.parameters_of(index, count, space).items() if v != []}
+        nodes.append(
+            Node(
+                **common, executable=NODE, namespace=fleet_layout.namespace_of(index, space),
+                parameters=[*files, own, time], remappings=fleet_layout.remappings(space), arguments=level,
+                respawn=True,
+            )
+        )  # fmt: skip
+    front = {**fleet_layout.front_parameters(count, space), "spread": value("spread"), "respawn": value("respawn")}
+    nodes.append(Node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
+    if value("scene"):
+        nodes.append(
+            Node(
+                **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
+                remappings=fleet_layout.source_remappings(space),
+            )
+        )  # fmt: skip
+    return nodes
+
+
 def is_true(text: str) -> bool:
     """A launch argument that is a truth value."""
     return text.strip().lower() in ("true", "1", "yes", "on")
@@ -71,12 +121,12 @@ def share() -> Path:
     return Path(get_package_share_directory(PACKAGE))
 
 
-def _arguments() -> list[Any]:
+def _arguments(preset: str = "") -> list[Any]:
     profile = os.environ.get(PROFILE, str(share() / "config" / "fastdds.xml"))
     return [
         DeclareLaunchArgument(name, default_value=default, description=words)
         for name, default, words in (
-            ("preset", "", "Name of a parameter file in config/; empty = the node's own defaults."),
+            ("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
             ("config", "", "Path of a parameter file of yours, read after the preset."),
             ("namespace", "", "Namespace of the nodes."),
             ("use_sim_time", "false", "Whether the time is that of /clock."),
@@ -108,11 +158,11 @@ def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> A
     )
 
 
-def _rviz(value: Values) -> list[Any]:
+def _rviz(value: Values, node: str = NODE) -> list[Any]:
     if not is_true(value("rviz")):
         return []
     namespace = value("namespace").strip("/")
-    there = f"/{namespace}/{NODE}" if namespace else f"/{NODE}"
+    there = f"/{namespace}/{node}" if namespace else f"/{node}"
     return [
         Node(
             package="rviz2",

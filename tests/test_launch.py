@@ -14,6 +14,7 @@ import yaml
 
 ROOT = Path(__file__).parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+FLEET = ROOT / "launch" / "fleet.launch.py"
 EXECUTABLES = set(re.findall(r'f"(\w+) = \{NAME\}', (ROOT / "setup.py").read_text()))
 ARGUMENTS = {"preset", "config", "namespace", "use_sim_time", "log_level", "rviz", "dds"}
 
@@ -68,7 +69,13 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Recorded]]:
     return kinds
 
 
-@pytest.fixture(params=LAUNCH_FILES, ids=lambda path: path.name)
+@pytest.fixture
+def fleet(stand_ins: dict[str, type[Recorded]]) -> Iterator[Launch]:
+    yield Launch(FLEET, stand_ins)
+    sys.modules.pop("smartmesh_ros.launching", None)
+
+
+@pytest.fixture(params=[path for path in LAUNCH_FILES if path != FLEET], ids=lambda path: path.name)
 def launch(request: pytest.FixtureRequest, stand_ins: dict[str, type[Recorded]]) -> Iterator[Launch]:
     yield Launch(request.param, stand_ins)
     sys.modules.pop("smartmesh_ros.launching", None)  # it is made of stand-ins
@@ -110,6 +117,27 @@ def test_arguments_reach_every_node(launch: Launch, tmp_path: Path) -> None:
 def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch, arguments: dict[str, str]) -> None:
     with pytest.raises(FileNotFoundError, match=r"/nowhere/mine.yaml|config/rovr.yaml; the presets are .*rover"):
         launch.of("Node", **arguments)
+
+
+def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch) -> None:
+    assert set(fleet.defaults) >= ARGUMENTS
+    *colliders, front, source, rviz = fleet.of("Node", nodes="3", namespace="site", rviz="true", use_sim_time="true")
+    names = [f"/site/fleet/node_{index}/terrain_collider" for index in range(3)]
+    assert [f"{node.kwargs['namespace']}/terrain_collider" for node in colliders] == names
+    for node, name in zip(colliders, names, strict=True):
+        preset, own, time = node.kwargs["parameters"]
+        assert Path(preset).name == "fleet.yaml"
+        assert {name, *own["bodies.peers"]} == set(names)
+        assert time == {"use_sim_time": True}
+        assert ("~/heightmap", "/site/fleet/heightmap") in node.kwargs["remappings"]
+        assert ("~/patches", "/site/fleet/patches") in node.kwargs["remappings"]
+    assert len({node.kwargs["parameters"][1]["publish.marker_namespace"] for node in colliders}) == 3
+    assert front.kwargs["parameters"][0]["nodes"] == names
+    assert front.kwargs["namespace"] == source.kwargs["namespace"] == "site"
+    assert ("terrain_collider/heightmap", "/site/fleet/heightmap") in source.kwargs["remappings"]
+    assert ("/terrain_collider/patches", "/site/fleet/patches") in rviz.kwargs["remappings"]
+    assert {node.kwargs["executable"] for node in (*colliders, front, source)} <= EXECUTABLES
+    assert len(fleet.of("Node", nodes="1", scene="")) == 2
 
 
 def test_rviz_shows_topics_of_the_node() -> None:

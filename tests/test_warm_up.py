@@ -17,6 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from smartmesh_ros import (
     BodyState, Box, Capsule, Cylinder, HeightMap, PatchConfig, Sphere, Terrain, World, WorldConfig
 )
+from smartmesh_ros.physics.states import simulated_states
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from smartmesh_ros.warm_up import warm_up
 
@@ -44,9 +45,11 @@ def spawn(world):
 
 
 def run(terrain, patch, change):
-    with World(terrain, WorldConfig(patch=patch)) as world:
+    with World(terrain, WorldConfig(patch=patch)) as world, World() as other:
         spawn(world)
+        other.spawn("guest", Sphere(0.3), 1.0, BodyState((5.0, 4.0, 0.5)))
         for step in range(100):
+            world.guests.take("peer", simulated_states(other), world.time)
             if step % 4 == 0:
                 change(world, step)
             world.step()

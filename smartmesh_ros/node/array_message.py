@@ -27,8 +27,14 @@ class ArrayMessage:
         self._added: list[Hashable] = []
         self._before: list[Hashable] = []
 
-    def start(self, key: Hashable, empty: Callable[[], Any], header: Header | None = None) -> None:
-        """Begins a message with what comes before the sequence, and its header's stamp if it has one.
+    def start(
+        self,
+        key: Hashable,
+        empty: Callable[[], Any],
+        header: Header | None = None,
+        fields: dict[str, Any] | None = None,
+    ) -> None:
+        """Begins a message with what comes before the sequence: its header's stamp if it has one, and other ``fields``.
 
         ``empty``: makes the message with an empty sequence, called once per ``key``; None = never the same again.
         """
@@ -36,7 +42,9 @@ class ArrayMessage:
         if key is not None:
             self._layouts["empty", key] = layout
         self._make_room(0, layout.size_bound(1))
-        self._end = layout.put(self._buffer[4:], 0, 1, {} if header is None else stamp_fields(header))
+        self._end = layout.put(
+            self._buffer[4:], 0, 1, {**({} if header is None else stamp_fields(header)), **(fields or {})}
+        )
         self._before, self._added = self._added, [self._end]
         self._count_at = self._end - 4  # the sequence's length comes last
         self._count = 0

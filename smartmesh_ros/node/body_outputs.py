@@ -10,8 +10,9 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.node.array_message import ArrayMessage, by_length
 from smartmesh_ros.node.cdr import text_rows
+from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.states import StateTable
+from smartmesh_ros.physics.state_table import StateTable
 
 
 class BodyStates:
@@ -20,17 +21,28 @@ class BodyStates:
     def __init__(self) -> None:
         self._message = ArrayMessage()
 
-    def write(self, header: Header, states: StateTable) -> bytes:
-        """The TrackedBodyArray."""
+    def write(self, header: Header, states: StateTable, physics: PhysicsConfig, ahead: float) -> bytes:
+        """The TrackedBodyArray of states that hold so much later than the header's stamp [s]."""
         message = self._message
-        message.start(header.frame_id, lambda: TrackedBodyArray(header=header), header)
+        message.start(
+            (header.frame_id, physics.rate, physics.gravity),
+            lambda: TrackedBodyArray(header=header, rate=physics.rate, gravity=np.array(physics.gravity, np.float32)),
+            header,
+            {"ahead": ahead},
+        )
         # Order of spawning: neighbours with names of equal length go together.
         lengths = np.array([len(name.encode()) for name in states.names], np.int64)
         starts = np.flatnonzero(np.diff(lengths, prepend=-1))
         ends = np.append(starts[1:], len(lengths))[: len(starts)]
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
             length = int(lengths[start])
-            fields: dict[str, Any] = {"id": text_rows(states.names[start:end]), "radius": states.radii[start:end]}
+            fields: dict[str, Any] = {
+                "id": text_rows(states.names[start:end]),
+                "radius": states.radii[start:end],
+                "shape": states.kinds[start:end],
+                "dimensions": states.dimensions[start:end],
+                "mass": states.masses[start:end],
+            }
             for column, path in enumerate(_STATE_FIELDS):
                 fields[path] = states.numbers[start:end, column]
             message.add(length, lambda: TrackedBody(id="x" * length), end - start, fields)  # noqa: B023  # called at once

@@ -30,6 +30,11 @@ class CdrReader:
         self._data = memoryview(data)[4:]
         self._at = 0
 
+    @property
+    def at(self) -> int:
+        """How many bytes after the first four were read."""
+        return self._at
+
     def number(self, code: str) -> Any:
         """One number, by its `struct` code."""
         size = struct.calcsize(code)

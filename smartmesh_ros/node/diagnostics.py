@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,8 @@ class Health:
     ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
     publishers on the topics that bring them. ``publishers``: those that the node is connected to, by topic.
     ``rival_clocks``: other publishers of ``/clock``. ``rival_maps``: those whose maps disagree.
-    ``incompatible``: peers whose QoS does not fit, by topic.
+    ``incompatible``: peers whose QoS does not fit, by topic. ``peers``: what there is to say of each node whose bodies
+    may be guests; ``silent_peers``: those that are not heard although parameters name them.
     """
 
     map_age: float | None
@@ -38,13 +39,15 @@ class Health:
     rival_clocks: list[str]
     rival_maps: list[str]
     incompatible: dict[str, str]
+    peers: dict[str, str] = field(default_factory=dict)
+    silent_peers: list[str] = field(default_factory=list)
 
 
 def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
     """One status per task: terrain, bodies, physics, inputs, connections."""
     return [
         _status(node_name, "terrain", *_terrain(world, health)),
-        _status(node_name, "bodies", *_bodies(world)),
+        _status(node_name, "bodies", *_bodies(world, health)),
         _status(node_name, "physics", *_physics(health)),
         _status(node_name, "inputs", *_inputs(health)),
         _status(node_name, "connections", *_connections(health)),
@@ -74,9 +77,9 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     return DiagnosticStatus.OK, "maps arrive", values
 
 
-def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
+def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     below = world.below_ground()
-    batches = world.ground.batches
+    batches = world.shown_batches()
     kinds: Counter[str] = Counter()
     for batch in batches:
         kinds[batch.kind] += len(batch.bodies)
@@ -84,10 +87,10 @@ def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
     known = [batch.deviation[~np.isnan(batch.deviation)] for batch in batches]
     deviation = max((float(of_batch.max()) for of_batch in known if of_batch.size), default=0.0)
     values = {
-        "simulated": sum(not body.tracked for body in world.bodies.values()),
+        "simulated": sum(body.simulated for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
         "patches": patches,
-        "without ground": len(world.ground.followers) - patches,
+        "without ground": int((~world.followers.guest).sum()) - patches,
         "below ground": len(below),
         "put back onto the ground": world.rescues,
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
@@ -95,8 +98,13 @@ def _bodies(world: World) -> tuple[bytes, str, dict[str, Any]]:
         "colliders replaced": world.ground.replacements,
         "colliders leaked": world.ground.leaked,
     }
+    if health.peers:
+        values["guests"] = int(world.followers.guest.sum())
+        values |= {f"peer {name}": words for name, words in health.peers.items()}
     if below:
         return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+    if health.silent_peers:
+        return DiagnosticStatus.WARN, f"not heard: {', '.join(health.silent_peers)}", values
     if deviation > world.config.patch.tolerance:
         return DiagnosticStatus.WARN, f"patches lie up to {deviation:.4f} m from the terrain", values
     return DiagnosticStatus.OK, f"{patches} patches", values

@@ -24,7 +24,7 @@ def select(world: World, filters: Any, bounds: Any) -> list[str]:
         pattern = re.compile(filters.filter)
     except re.error as error:
         raise InputError("filter", f"{filters.filter!r} is not a regular expression: {error}") from None
-    names = [name for name in world.bodies if pattern.search(name)]
+    names = [body.name for body in world.bodies.values() if not body.owner and pattern.search(body.name)]
     if filters.bounds.type == bounds.TYPE_EMPTY:
         return names
     points = np.array([(point.x, point.y, point.z) for point in filters.bounds.points])

@@ -20,6 +20,7 @@ from smartmesh_ros.node.body_sources import body_sources
 from smartmesh_ros.node.clock import require_one_clock
 from smartmesh_ros.node.declaring import Spec
 from smartmesh_ros.node.pacing import DeadlinePolicy
+from smartmesh_ros.node.peer_names import peer_names
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.settings import (
     Durability,
@@ -33,6 +34,7 @@ from smartmesh_ros.node.settings import (
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.guests import GuestConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
@@ -133,6 +135,10 @@ SPECS = (
     Spec("bodies.odometry", [], "Topics of nav_msgs/Odometry, each of one tracked body: 'name=topic', or a topic "
          "alone.", read_only=True),
     Spec("bodies.frames", [], "TF frames that are tracked bodies: 'name=frame', or a frame alone.", read_only=True),
+    Spec("bodies.peers", [], "Other terrain_collider nodes, by full name, whose bodies meet those of this one; auto = "
+         "all that are found on the same terrain frame.", read_only=True),
+    Spec("bodies.peer_margin", _D.world.guests.margin, "Bodies of peers that come so near to an own one are simulated "
+         "here as well, as guests [m].", 0.01, 1000.0),
     Spec("robot.description", _D.robot.description, "URDF of a robot, or the path of a URDF file; empty = the robot "
          "that ~/robot_description brings, if any.", read_only=True),
     Spec("robot.name", _D.robot.name, "What that robot is called.", read_only=True),
@@ -147,6 +153,8 @@ SPECS = (
     Spec("publish.timing", _D.publish.timing, "Rate of ~/timing [Hz].", 0.0, 1000.0),
     Spec("publish.incremental", _D.incremental, "~/patches and ~/collider_patches hold only the patches that changed, "
          "and all of them when a subscriber joins and every 5 s."),
+    Spec("publish.marker_namespace", _D.marker_namespace, "The ns of the markers on ~/patches, where several nodes "
+         "publish on one topic.", read_only=True),
     Spec("publish.clock", _D.publish.clock, "Rate of /clock, with simulated time [Hz]; 0 = never.", 0.0, 10_000.0),
     Spec(
         "publish.durability", _D.output_durability, "QoS durability of the outputs; transient_local keeps the last "
@@ -189,7 +197,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         carry_velocity=v["patch.carry_velocity"],
     )
     return Settings(
-        world=WorldConfig(physics=physics, patch=patch),
+        world=WorldConfig(physics=physics, patch=patch, guests=GuestConfig(margin=v["bodies.peer_margin"])),
         motion=MotionConfig(
             mode=v["terrain.motion"],
             max_interval=v["terrain.max_interval"],
@@ -218,11 +226,13 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             zero_is_hole=v["raster.zero_is_hole"],
         ),
         **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
+        peers=peer_names(v["bodies.peers"]),
         map_depth=v["terrain.map_depth"],
         update_depth=v["terrain.update_depth"],
         output_durability=v["publish.durability"],
         output_depth=v["publish.depth"],
         incremental=v["publish.incremental"],
+        marker_namespace=v["publish.marker_namespace"],
         most_tiles=v["terrain.max_tiles"],
         most_bodies=v["bodies.most"],
         longest_name=v["bodies.longest_name"],

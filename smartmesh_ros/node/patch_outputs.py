@@ -33,7 +33,8 @@ COLOUR = (0.95, 0.55, 0.15, 0.85)
 class PatchMarkers:
     """``~/patches``: one TRIANGLE_LIST marker per patch, with a stable id per body, DELETE when it goes."""
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str = "patches") -> None:
+        self._namespace = namespace
         self._message = ArrayMessage()
         self._ids: dict[str, int] = {}
         self._id_of = np.empty(0, np.int64)  # by the batches' indices
@@ -67,10 +68,10 @@ class PatchMarkers:
             points[size].append(vertices.take(group.triangles.ravel(), axis=1))
         for size, parts in points.items():
             fields = {**stamp, "id": np.concatenate(ids[size]), "points": np.concatenate(parts)}
-            make = partial(_marker, header.frame_id, Marker.ADD, size)
+            make = partial(_marker, self._namespace, header.frame_id, Marker.ADD, size)
             message.add((header.frame_id, size), make, len(fields["id"]), fields)
         gone = self._gone(np.sort(np.concatenate(shown)))
-        make = partial(_marker, header.frame_id, Marker.DELETE, 0)
+        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETE, 0)
         message.add((header.frame_id, "gone"), make, len(gone), {**stamp, "id": gone})
         if only_changed:
             self._sent.end()
@@ -167,8 +168,8 @@ class ColliderPatches:
 _TWIST_FIELDS = tuple(f"surface_twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
 
 
-def _marker(frame_id: str, action: int, points: int) -> Marker:
-    marker = Marker(ns="patches", type=Marker.TRIANGLE_LIST, action=action)
+def _marker(namespace: str, frame_id: str, action: int, points: int) -> Marker:
+    marker = Marker(ns=namespace, type=Marker.TRIANGLE_LIST, action=action)
     marker.header.frame_id = frame_id
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = COLOUR

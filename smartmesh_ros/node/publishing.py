@@ -25,6 +25,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.node import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.clock_publishing import ClockPublishing
+from smartmesh_ros.node.peer_bodies import PeerBodies
 from smartmesh_ros.node.peers import incompatible_peers, publishers_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import simulated_states
@@ -97,10 +98,10 @@ class _Output(NamedTuple):
 class Publishing:
     """The node's outputs."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, peers: PeerBodies) -> None:
+        self._session, self._peers = session, peers
         self._node, self._world = session.node, session.world
-        self._markers = patch_outputs.PatchMarkers()
+        self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
@@ -189,18 +190,21 @@ class Publishing:
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
-            self._header(), world.ground.batches, world.follower_names(), only_changed=only_changed
+            self._header(), world.shown_batches(), world.follower_names(), only_changed=only_changed
         )
 
     def _make_collider_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("collider_patches")
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
-            self._header(), world.ground.batches, world.follower_names(), carried, only_changed=only_changed
+            self._header(), world.shown_batches(), world.follower_names(), carried, only_changed=only_changed
         )
 
     def _make_body_states(self) -> bytes:
-        return self._body_states.write(self._header(), simulated_states(self._world))
+        physics = self._world.config.physics
+        return self._body_states.write(
+            self._header(), simulated_states(self._world), physics, self._session.ahead_of_stamps()
+        )
 
     def _make_contacts(self) -> bytes:
         return self._contacts.write(self._header(), self._world.contacts())
@@ -241,6 +245,8 @@ class Publishing:
             deadline_misses=session.pacer.misses,
             paused=session.paused,
             refusals=session.refusals.counts,
+            peers=self._peers.summaries(),
+            silent_peers=self._peers.silent(),
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,

@@ -135,6 +135,10 @@ class Session:
             return self.pacer.simulated_at(0.0, self.world.time) - age
         return self.pacer.simulated_at(age, self.world.time)
 
+    def ahead_of_stamps(self) -> float:
+        """By how much simulated time, as the bodies are now, is ahead of the stamp of what is published now [s]."""
+        return 0.0 if self.settings.publish.clock else self.world.time - self.time_at(0.0)
+
     def pace_at(self, age: float) -> float:
         """The loop's own clock ``age`` [s] ago [s]."""
         return self.clock.pace() - age

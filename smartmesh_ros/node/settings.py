@@ -79,11 +79,13 @@ class Settings:
     poses: tuple[BodySource, ...] = ()
     odometry: tuple[BodySource, ...] = ()
     frames: tuple[BodySource, ...] = ()
+    peers: tuple[str, ...] = ()
     map_depth: int = 2
     update_depth: int = 100
     output_durability: Durability = "volatile"
     output_depth: int = 10
     incremental: bool = False
+    marker_namespace: str = "patches"
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ from smartmesh_ros.node.dds import send_without_waiting
 from smartmesh_ros.node.helping import answer
 from smartmesh_ros.node.initial_bodies import InitialBodies
 from smartmesh_ros.node.namesakes import Namesakes
+from smartmesh_ros.node.peer_bodies import PeerBodies
 from smartmesh_ros.node.publishing import Publishing
 from smartmesh_ros.node.robot_description import RobotDescription
 from smartmesh_ros.node.running import run
@@ -50,7 +51,8 @@ class TerrainCollider(Node):
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
-        self._outputs = Publishing(session)
+        self._peers = PeerBodies(session)
+        self._outputs = Publishing(session, self._peers)
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
         self._bodies = BodyInputs(session)
         self._body_services = BodyServices(session)
@@ -87,6 +89,7 @@ class TerrainCollider(Node):
         session = self.session
         with session.lock:
             self._bodies.refresh()
+            self._peers.refresh()
             session.tracking.expire(session.clock.pace())
             if session.paused:
                 session.world.refresh()
@@ -130,7 +133,7 @@ class TerrainCollider(Node):
         world = self.session.world
         if spawned:
             for body in list(world.bodies.values()):
-                if not body.tracked and body.name not in self._initial.names:
+                if body.simulated and body.name not in self._initial.names:
                     world.remove(body.name)
         if time:
             world.reset_time()
@@ -164,6 +167,7 @@ class TerrainCollider(Node):
         """Accepts whatever stamps come next, and starts the loop's beat anew."""
         self._terrain.forget_stamps()
         self._bodies.forget_stamps()
+        self._peers.forget_stamps()
         self._restart()
 
     def _restart(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -49,6 +49,11 @@ class PatchBatch:
     def may_have_holes(self) -> bool:
         """Whether any vertex is without ground."""
         return bool(np.isnan(self.vertices_w[..., 2]).any())
+
+    def of(self, members: IntArray) -> PatchBatch:
+        """Only the patches ``members`` (m,) of it."""
+        names = ("bodies", "rows", "columns", "stride", "deviation", "vertices_w", "centres_w", "linear_w", "angular_w")
+        return replace(self, **{name: getattr(self, name)[members] for name in names})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
@@ -14,8 +16,8 @@ from smartmesh_ros.physics.base_frames import InertialFrame
 from smartmesh_ros.physics.body_shapes import read_shape
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
-from smartmesh_ros.physics.limits import MASSES, require_between
-from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, SolidKind, Sphere, kind_of
 from smartmesh_ros.physics.state import BodyState
 
 # PyBullet rounds the edges of boxes and cylinders by its margin, usually 1 mm: standing on one, a box would be 0.4 mm
@@ -34,7 +36,8 @@ class Surface(NamedTuple):
 
 @dataclass(eq=False)
 class Body:
-    """One thing in the world: simulated (moves by physics) or tracked (its pose is dictated)."""
+    """One thing in the world: simulated (moves by physics), tracked (its pose is dictated), or a guest that ``owner``,
+    another world, simulates."""
 
     name: str
     uid: int
@@ -50,6 +53,18 @@ class Body:
     restitution: float = 0.0
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
+    owner: str = ""
+    hull: Box | None = None  # of a robot: about its base's centre of mass, around all links where they were at first
+
+    @property
+    def simulated(self) -> bool:
+        """Whether this world decides how it moves."""
+        return not self.tracked and not self.owner
+
+    @cached_property
+    def form(self) -> tuple[SolidKind, list[float]]:
+        """Kind and dimensions [m] of what others may take it for."""
+        return kind_of(self.shape or self.hull or Sphere(self.radius))
 
     @property
     def is_robot(self) -> bool:
@@ -141,6 +156,9 @@ class BodyFactory:
             urdf=urdf,
         )
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
+        body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
+        self.place(body, BodyState())
+        body.hull = self._hull(body)
         self.place(body, state)
         return body
 
@@ -154,6 +172,13 @@ class BodyFactory:
         self.move(body, state)
         for joint in body.joints.values():
             self._client.resetJointState(body.uid, joint, 0.0, 0.0)
+
+    def _hull(self, body: Body) -> Box:
+        """The box around the links of a robot that is at the origin; as deep below its centre as they are."""
+        bounds = np.abs(np.array([self._client.getAABB(body.uid, link) for link in body.links]))
+        x, y = bounds[:, :, :2].max(axis=(0, 1)).tolist()
+        z = float(bounds[:, 0, 2].max())
+        return Box(*(min(max(2.0 * half, SIZES[0]), SIZES[1]) for half in (x, y, z)))
 
     def _shape(self, shape: Shape) -> int:
         if shape not in self._shapes:

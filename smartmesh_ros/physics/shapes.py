@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -111,6 +113,38 @@ class Capsule(_Shape):
 
 
 Shape = Sphere | Box | Cylinder | Capsule
+
+
+class SolidKind(IntEnum):
+    """Kinds of shapes as numbers, as messages have them."""
+
+    NONE = 0
+    BOX = 1
+    SPHERE = 2
+    CYLINDER = 3
+    CAPSULE = 4
+
+
+_KINDS: dict[SolidKind, type[Shape]] = {
+    SolidKind.BOX: Box,
+    SolidKind.SPHERE: Sphere,
+    SolidKind.CYLINDER: Cylinder,
+    SolidKind.CAPSULE: Capsule,
+}
+# How many dimensions the shapes of each kind have.
+DIMENSIONS = np.array([len(fields(_KINDS[kind])) if kind in _KINDS else 0 for kind in SolidKind])
+
+
+def kind_of(shape: Shape) -> tuple[SolidKind, list[float]]:
+    """The kind of a shape and its dimensions in the order of its class, zeros after them (3,) [m]."""
+    [kind] = [kind for kind, made in _KINDS.items() if isinstance(shape, made)]
+    dimensions = [float(value) for value in astuple(shape)]
+    return kind, dimensions + [0.0] * (3 - len(dimensions))
+
+
+def shape_of(kind: SolidKind, dimensions: Sequence[float]) -> Shape:
+    """The shape that `kind_of` tells."""
+    return _KINDS[kind](*dimensions[: int(DIMENSIONS[kind])])
 
 
 def support(shape: Shape, orientation: tuple[float, float, float, float], normal: FloatArray) -> float:

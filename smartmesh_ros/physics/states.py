@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 import pybullet as pb
-from numpy.typing import NDArray
 
+from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.physics.world import World
-
-
-class StateTable(NamedTuple):
-    """n bodies: names, radii (n,) [m], and position [m], orientation (x, y, z, w), velocity [m/s] and angular velocity
-    [rad/s] as columns (n, 13)."""
-
-    names: list[str]
-    radii: NDArray[np.float64]
-    numbers: NDArray[np.float64]
 
 
 def simulated_states(world: World) -> StateTable:
@@ -26,9 +16,14 @@ def simulated_states(world: World) -> StateTable:
 
     Straight from PyBullet: an object for each body takes five times as long.
     """
-    bodies = [body for body in world.bodies.values() if not body.tracked]
+    bodies = [body for body in world.bodies.values() if body.simulated]
     client = world.client._client
     pose, velocity = pb.getBasePositionAndOrientation, pb.getBaseVelocity
     rows = chain.from_iterable(chain(*pose(body.uid, client), *velocity(body.uid, client)) for body in bodies)
     numbers = np.fromiter(rows, np.float64, 13 * len(bodies)).reshape(-1, 13)
-    return StateTable([body.name for body in bodies], np.array([body.radius for body in bodies]), numbers)
+    forms = [body.form for body in bodies]
+    return StateTable(
+        [body.name for body in bodies], numbers, np.array([body.radius for body in bodies]),
+        np.array([kind for kind, _ in forms], np.uint8), np.array([sizes for _, sizes in forms]).reshape(-1, 3),
+        np.array([body.mass for body in bodies]),
+    )  # fmt: skip

@@ -14,14 +14,16 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
-from smartmesh_ros.physics.follower_index import index_followers
+from smartmesh_ros.physics.follower_index import FollowerIndex, index_followers
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
+from smartmesh_ros.physics.guests import GuestConfig, Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
@@ -32,15 +34,17 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.update_schedule import UpdateSchedule
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
-    """Settings of a world: its physics and its patches."""
+    """Settings of a world: its physics, its patches, and the bodies of other worlds."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     patch: PatchConfig = field(default_factory=PatchConfig)
+    guests: GuestConfig = field(default_factory=GuestConfig)
 
 
 class World:
@@ -79,6 +83,7 @@ class World:
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
+        self.guests = Guests(self, self.config.guests)
         self._indexes = True  # not within `together`, which indexes its followers at its end
 
     @property
@@ -103,6 +108,7 @@ class World:
         self.config = config
         set_up(self.client, config.physics)
         self._factory.config = config.physics
+        self.guests.config = config.guests
         self.ground.configure(config.patch)
 
     def close(self) -> None:
@@ -164,13 +170,30 @@ class World:
             self._factory.place(body, state)
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the world; raises `InputError` if there is none of that name."""
-        body = self._body(name)
-        self.ground.detach(body.uid)
-        self.client.removeBody(body.uid)
-        self._motors.forget(body.uid)
-        del self.bodies[name]
-        self._index_followers()
+        """Takes a body out of the world; raises `InputError` if there is none of that name, or it is a guest."""
+        self._own_body(name)
+        self._remove(name)
+
+    def invite(self, name: str, owner: str, shape: Shape, mass: float) -> int:
+        """Adds a guest, which ``owner`` simulates, and returns its PyBullet body; `Guests` says where it is."""
+        body = self._factory.simulated(name, shape, mass, BodyState())
+        body.owner = owner
+        self._add(body)
+        return body.uid
+
+    def dismiss(self, name: str) -> None:
+        """Takes a guest out of the world."""
+        if name in self.bodies:
+            self._remove(name)
+
+    def put(self, uids: list[int], numbers: FloatArray) -> None:
+        """Says that guests were put into states (n, 13): none was thrown there."""
+        ground = self.ground
+        chosen = [self._index.first[uid] for uid in uids]
+        moved = numbers[:, :3] - ground.positions_w[chosen]
+        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= ground.radii[chosen] ** 2)).tolist():
+            ground.placed(uids[row])
+        ground.will_move(chosen, numbers[:, 7:10] * self.config.physics.dt)
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = its limit."""
@@ -213,11 +236,13 @@ class World:
         """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
+                self.guests.come()
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"):
                 self._step()
             self.time += self.config.physics.dt
+            self.guests.note_contacts()
             self.stopwatch.lap()
 
     def skip(self, steps: int) -> None:
@@ -233,7 +258,8 @@ class World:
         self.reset_bodies()
 
     def reset_time(self) -> None:
-        """Sets the time to zero; bodies and terrain stay as they are."""
+        """Sets the time to zero; bodies and terrain stay as they are, and guests come again with their next states."""
+        self.guests.clear()
         self.terrain.shift_time(-self.time)
         self.ground.stand_still(-self.time)
         self.time = 0.0
@@ -241,14 +267,14 @@ class World:
     def reset_bodies(self) -> None:
         """Puts every simulated body back where it was spawned. What drives its joints goes on."""
         for body in self.bodies.values():
-            if not body.tracked:
+            if body.simulated:
                 self._factory.place(body, body.initial)
         self.ground.placed()
         self.ground.configure(self.config.patch)  # what was chosen for them elsewhere has no say any more
 
     def move(self, name: str, state: BodyState) -> None:
         """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
-        body = self._body(name)
+        body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
@@ -272,7 +298,11 @@ class World:
         """The bodies as they are now."""
         return Snapshot(
             time=self.time,
-            bodies=tuple(body_snapshot(self.client, body, self.state(name)) for name, body in self.bodies.items()),
+            bodies=tuple(
+                body_snapshot(self.client, body, self.state(name))
+                for name, body in self.bodies.items()
+                if not body.owner
+            ),
         )
 
     def save(self) -> Snapshot:
@@ -301,24 +331,39 @@ class World:
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
 
+    @property
+    def followers(self) -> FollowerIndex:
+        """What has patches, by the indices that the batches use."""
+        return self._index
+
     def follower_names(self) -> list[str]:
         """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
         return self._index.names
 
+    def shown_batches(self) -> list[PatchBatch]:
+        """Patches as of the last update, but those of guests, which are their owners' to show."""
+        batches, guest = self.ground.batches, self._index.guest
+        if not guest.any():
+            return batches
+        kept = (batch.of(np.flatnonzero(~guest[batch.bodies])) for batch in batches)
+        return [batch for batch in kept if batch.bodies.size]
+
     def contacts(self) -> list[GroundContact]:
         """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
-        return ground_contacts(self.client, self.ground, self._index.names)
+        found = ground_contacts(self.client, self.ground, self._index.names)
+        return found if not self._index.guest.any() else [c for c in found if not self._is_guest(c.body)]
 
     def wrenches(self) -> list[GroundWrench]:
         """What the ground exerted in the last step on each simulated body and link that can touch it."""
-        return wrenches_of_step(self.client, self.ground.followers, self._index.names)
+        found = wrenches_of_step(self.client, self.ground.followers, self._index.names)
+        return found if not self._index.guest.any() else [w for w in found if not self._is_guest(w.body)]
 
     def below_ground(self) -> list[str]:
         """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
         positions = self.ground.positions_w
         heights = self.terrain.at(positions[:, :2], self.time).heights
         below = np.flatnonzero(positions[:, 2] < heights)
-        return [self._index.names[index] for index in below if self.ground.followers[index].solid]
+        return [self._index.names[index] for index in below if self._index.own[index]]
 
     def _step(self) -> None:
         """Steps PyBullet, bodies being clamped before impact where that is asked for."""
@@ -340,8 +385,11 @@ class World:
             return False
         there = (np.abs(positions) <= FARTHEST).all(axis=1)
         for name in self._index.bodies_of(np.flatnonzero(~there)):
-            self.remove(name)
-            self.lost.append(name)
+            if self._is_guest(name):
+                self.guests.dropped(name)
+            else:
+                self.lost.append(name)
+            self._remove(name)
         return True
 
     def _body(self, name: str) -> Body:
@@ -350,9 +398,29 @@ class World:
         except KeyError:
             raise InputError("unknown_body", f"there is no body {name!r}") from None
 
+    def _own_body(self, name: str) -> Body:
+        """A body that is no guest."""
+        body = self._body(name)
+        if body.owner:
+            raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")
+        return body
+
+    def _is_guest(self, name: str) -> bool:
+        return bool(self.bodies[name.partition("/")[0]].owner)
+
+    def _remove(self, name: str) -> None:
+        body = self._body(name)
+        self.ground.detach(body.uid)
+        self.client.removeBody(body.uid)
+        self._motors.forget(body.uid)
+        del self.bodies[name]
+        self._index_followers()
+
     def _require_free(self, name: str) -> None:
         if not name or "/" in name:
             raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        if owner := self.guests.owner_of(name):
+            raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
         if name in self.bodies:
             raise InputError(
                 "duplicate_id", f"there is a body {name!r} already; remove it first or choose another name"

@@ -255,6 +255,7 @@ def _publishers_by_topic(message: DiagnosticArray, collider: str) -> dict[str, i
     for status in message.status:
         if status.name.endswith(": connections"):
             counts = {pair.key: int(pair.value) for pair in status.values if pair.key.startswith(_PUBLISHERS)}
-            if any(key.startswith(f"{_PUBLISHERS}{collider}/") for key in counts):
+            # Peers of the collider listen to its states, and to nothing else of it.
+            if any(key.startswith(f"{_PUBLISHERS}{collider}/") and not key.endswith("/body_states") for key in counts):
                 return counts
     return {}

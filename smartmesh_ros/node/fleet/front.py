@@ -1,0 +1,260 @@
+"""The node ``fleet_front``: several terrain_collider nodes on one terrain as one.
+
+It gives each body that ~/spawn_body or ~/spawn_bodies asks for to one of the nodes, finds the node of a body that is to
+be removed, and spawns the bodies of a node that dies again, in their last known states. ~/timing is of all nodes
+together; the nodes themselves publish on the one topic of patches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from time import monotonic
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.utilities import try_shutdown
+from smartmesh_msgs.msg import BodyFailure, Timing, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.fleet_layout import FRONT, marker_namespace, node_names
+from smartmesh_ros.node.declaring import Spec, declare
+from smartmesh_ros.node.fleet import timing
+from smartmesh_ros.node.fleet.calls import Calls
+from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.requests import place_of, specification_of
+from smartmesh_ros.node.helping import answer
+from smartmesh_ros.node.peer_bodies import NEWEST
+from smartmesh_ros.node.peer_states import PeerReader
+from smartmesh_ros.node.session import SERVICES
+
+_D = LedgerConfig()
+SPECS = (
+    Spec("nodes", node_names(2), "Full names of the nodes of the fleet.", read_only=True),
+    Spec("spread", _D.spread, "Which node a new body goes to: that with the fewest, or that of the tile it starts on.",
+         choices=("fewest", "tiles"), read_only=True),
+    Spec("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6, read_only=True),
+    Spec("timeout", _D.timeout, "A node that is not heard for so long is dead [s].", 0.1, 3600.0, read_only=True),
+    Spec("respawn", _D.respawn, "Bodies of a dead node are spawned again elsewhere, or on it once it is back.",
+         choices=("elsewhere", "same"), read_only=True),
+)  # fmt: skip
+# How often the nodes are looked after, and how often the diagnostics and the timing are published [s].
+LOOK, REPORT = 0.25, 1.0
+# Bodies and characters of a name that a node may tell of; it keeps narrower bounds itself.
+MOST, LONGEST = 1_000_000, 65_535
+
+
+class Front(Node):
+    """Speaks for the nodes of a fleet."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(FRONT, **node_options)
+        values = declare(self, SPECS)
+        config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
+        self.ledger = Ledger(values["nodes"], config)
+        self._group = ReentrantCallbackGroup()
+        self._calls = Calls(self, self.ledger.members, self._group)
+        self._readers = {node: PeerReader() for node in self.ledger.members}
+        self._raw: dict[str, bytes] = {}
+        self._timings: dict[str, Timing] = {}
+        self._listening: list[Any] = []
+        for node in self.ledger.members:
+            take = partial(self._on_states, node)
+            self.create_subscription(TrackedBodyArray, f"{node}/body_states", take, NEWEST, raw=True)
+        for kind, name, act in (
+            (SpawnBody, "spawn_body", self._on_spawn),
+            (SpawnBodies, "spawn_bodies", self._on_spawn_all),
+            (RemoveBody, "remove_body", self._on_remove),
+            (RemoveBodies, "remove_bodies", self._on_remove_all),
+        ):
+            self.create_service(kind, f"~/{name}", act, callback_group=self._group, qos_profile=SERVICES)
+        self._patches = self.create_publisher(MarkerArray, "~/patches", QoSProfile(depth=10))
+        self._timing = self.create_publisher(Timing, "~/timing", QoSProfile(depth=10))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self.create_timer(LOOK, self._look, callback_group=self._group)
+        self.create_timer(REPORT, self._report, callback_group=self._group)
+
+    def _on_states(self, node: str, data: bytes) -> None:
+        self._raw[node] = data
+        self.ledger.hear(node, monotonic())
+
+    async def _look(self) -> None:
+        """Looks after the nodes: spawns again what was lost with one, and has one remove what another has."""
+        for node, data in self._raw.items():
+            try:
+                self.ledger.learn(node, self._readers[node].read(data, MOST, LONGEST).bodies)
+            except InputError as error:
+                self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=5.0)
+        self._raw.clear()
+        duties = self.ledger.look(monotonic())
+        self._say(duties)
+        for node in duties.died:
+            self._calls.give_up(node)
+        for target in {respawning.node for respawning in duties.spawn}:
+            await self._respawn(target, [again for again in duties.spawn if again.node == target])
+        for node, name in duties.remove:
+            await self._calls.remove(node, name)
+
+    async def _respawn(self, node: str, lost: list[Respawning]) -> None:
+        """Has a node spawn lost bodies, and those that it does not object to if it does to some."""
+        refused: set[str] = set()
+        success = False
+        for _ in range(2):
+            bodies = [specification_of(one) for one in lost if one.name not in refused]
+            response = await self._calls.spawn_all(node, bodies)
+            success = response.success
+            if success or not response.failures:
+                break
+            refused |= {failure.id for failure in response.failures}
+            self.get_logger().warning(f"not spawned again yet: {response.message}", throttle_duration_sec=5.0)
+        for one in lost:
+            self._note(success and one.name not in refused, one.name)
+
+    def _say(self, duties: Duties) -> None:
+        for node in duties.joined:
+            self.get_logger().info(f"{node} is there")
+        for node in duties.died:
+            self.get_logger().error(f"{node} is not heard any more; its bodies are spawned again {self._where()}")
+            # Nobody else takes its markers away.
+            gone = Marker(ns=marker_namespace(node), action=Marker.DELETEALL)
+            self._patches.publish(MarkerArray(markers=[gone]))
+
+    def _where(self) -> str:
+        return "elsewhere" if self.ledger.config.respawn == "elsewhere" else "when it is back"
+
+    async def _on_spawn(self, request: Any, response: Any) -> Any:
+        try:
+            node = self.ledger.choose(request.id, *place_of(request), request)
+        except InputError as error:
+            response.message = str(error)
+            return response
+        answered = await self._calls.spawn(node, request)
+        self._note(answered.success, request.id)
+        return answered
+
+    async def _on_spawn_all(self, request: Any, response: Any) -> Any:
+        chosen: dict[str, list[Any]] = {}
+        failures = []
+        for body in request.bodies:
+            try:
+                chosen.setdefault(self.ledger.choose(body.id, *place_of(body), body), []).append(body)
+            except InputError as error:
+                failures.append(BodyFailure(id=body.id, reason=str(error)))
+        added: list[tuple[str, str]] = []
+        for node, bodies in chosen.items():
+            answered = None if failures else await self._calls.spawn_all(node, bodies)
+            success = answered is not None and answered.success
+            if answered is not None:
+                failures += answered.failures
+                if not success and not answered.failures:
+                    failures += [BodyFailure(id=body.id, reason=answered.message) for body in bodies]
+            for body in bodies:
+                self._note(success, body.id)
+                if success:
+                    added.append((node, body.id))
+        if failures:  # all or none
+            for node, name in added:
+                await self._calls.remove(node, name)
+                self.ledger.removed(name)
+        response.success, response.failures = not failures, failures
+        if failures:
+            response.message = f"{len(failures)} bodies are refused, so nothing was changed: {failures[0].reason}"
+        return response
+
+    async def _on_remove(self, request: Any, response: Any) -> Any:
+        try:
+            node = self.ledger.node_of(request.id)
+        except InputError as error:
+            response.message = str(error)
+            return response
+        answered = await self._calls.remove(node, request.id)
+        if answered.success:
+            self.ledger.removed(request.id)
+        return answered
+
+    async def _on_remove_all(self, request: Any, response: Any) -> Any:
+        chosen: dict[str, list[str]] = {}
+        for name in request.ids:
+            try:
+                chosen.setdefault(self.ledger.node_of(name), []).append(name)
+            except InputError as error:
+                response.failures.append(BodyFailure(id=name, reason=str(error)))
+        for node, names in {} if response.failures else chosen.items():
+            answered = await self._calls.remove_all(node, names)
+            response.failures += answered.failures
+            for name in names if answered.success else ():
+                self.ledger.removed(name)
+        response.success = not response.failures
+        if response.failures:
+            response.message = f"{len(response.failures)} bodies are refused: {response.failures[0].reason}"
+        return response
+
+    def _note(self, success: bool, name: str) -> None:
+        if success:
+            self.ledger.spawned(name, monotonic())
+        else:
+            self.ledger.not_spawned(name)
+
+    def _report(self) -> None:
+        self._publish_timing()
+        counts: dict[str, int] = dict.fromkeys(self.ledger.members, 0)
+        for entry in self.ledger.bodies.values():
+            counts[entry.node] += 1
+        living, waiting = self.ledger.living, self.ledger.waiting
+        values = {node: f"{count} bodies" if node in living else "not heard" for node, count in counts.items()}
+        values |= {"bodies": str(len(self.ledger.bodies)), "spawned again": str(self.ledger.respawned)}
+        values["waiting to be spawned again"] = str(len(waiting))
+        dead = [node for node in counts if node not in living]
+        level, text = DiagnosticStatus.OK, f"{len(living)} nodes"
+        if dead:
+            level, text = DiagnosticStatus.ERROR, f"not heard: {', '.join(dead)}"
+        elif waiting:
+            level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
+        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+        status = DiagnosticStatus(level=level, name=f"{self.get_name()}: nodes", message=text, values=pairs)
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _publish_timing(self) -> None:
+        """Listens to the nodes' timing as long as somebody listens to that of all."""
+        if not self._timing.get_subscription_count():
+            for subscription in self._listening:
+                self.destroy_subscription(subscription)
+            self._listening.clear()
+            self._timings.clear()
+            return
+        if not self._listening:
+            for node in self.ledger.members:
+                take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
+                self._listening.append(self.create_subscription(Timing, f"{node}/timing", take, 10))
+        if self._timings:
+            message = timing.together(self._timings)
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._timing.publish(message)
+            self._timings.clear()
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Runs the front until SIGINT or SIGTERM."""
+    answer("fleet_front", __doc__, SPECS, None if args is None else list(args))
+    rclpy.init(args=args)
+    executor = SingleThreadedExecutor()
+    try:
+        node = Front()
+        executor.add_node(node)
+        executor.spin()
+    except InputError as error:
+        raise SystemExit(f"cannot start: {error}") from None
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        try_shutdown()

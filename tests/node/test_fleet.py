@@ -1,0 +1,140 @@
+"""Two nodes on one terrain: their bodies meet, one outlives the other, and who does not fit is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Twist, Vector3
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros import fleet_layout as layout
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.peer_names import peer_names
+from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
+
+BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+NODES = layout.node_names(2)
+PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction": 0.0, "bodies.timeout": 2.0}
+
+
+class Fleet:
+    """A probe of a fleet: what its nodes say, by their index."""
+
+    def __init__(self, probe: Probe) -> None:
+        self.probe = probe
+        self.states = [probe.listen(f"{name}/body_states", TrackedBodyArray) for name in NODES]
+        self.maps = probe.node.create_publisher(Heightmap, "/fleet/heightmap", 10)
+
+    def show_ground(self) -> None:
+        """Publishes flat ground until every node has it, which names its frame."""
+        flat = np.zeros((41, 161))
+
+        def known() -> bool:
+            self.maps.publish(heightmap_message(flat, resolution=0.25, origin=(-20.0, -5.0, 0.0)))
+            self.probe.spin(0.1)
+            return all(states and states[-1].header.frame_id for states in self.states)
+
+        self.probe.wait_for(known)
+
+    def complete(self) -> bool:
+        """Whether the front hears all nodes."""
+        newest = self.probe.received["/diagnostics"][-9:]
+        said = [status for message in newest for status in message.status if status.name == "fleet: nodes"]
+        return bool(said) and said[-1].message == f"{len(NODES)} nodes"
+
+    def speeds(self, node: int) -> dict[str, float]:
+        """Velocities along x of the bodies that a node simulates, by name [m/s]."""
+        newest = self.states[node][-1] if self.states[node] else TrackedBodyArray()
+        return {body.id: body.twist.linear.x for body in newest.bodies}
+
+    def spawn(self, name: str, x: float, speed: float = 0.0) -> Any:
+        """Has the front spawn a ball that slides along x."""
+        return self.probe.call(
+            "/fleet/spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose_message((x, 0.0, 0.2)),
+            twist=Twist(linear=Vector3(x=speed)),
+        )  # fmt: skip
+
+
+@contextmanager
+def node(index: int, **parameters: Any) -> Iterator[Process]:
+    names = [("__ns", layout.namespace_of(index)), *layout.remappings()]
+    arguments = ["--ros-args", *(part for old, new in names for part in ("-r", f"{old}:={new}")), "--"]
+    own = layout.parameters_of(index, len(NODES))
+    with Process("terrain_collider", {**own, **PHYSICS, **parameters}, arguments) as process:
+        yield process
+
+
+@pytest.fixture
+def fleet(no_shared_memory: None, probe: Probe) -> Fleet:
+    return Fleet(probe)
+
+
+def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
+    probe = fleet.probe
+    patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
+    with ExitStack() as stack:
+        processes = [stack.enter_context(node(index)) for index in range(2)]
+        stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": 2.0}))
+        fleet.show_ground()
+        probe.wait_for(fleet.complete)
+        assert fleet.spawn("still", 0.0).success
+        assert not fleet.spawn("still", 5.0).success
+        # The front gives the second one to the other node, where it hits the first one as a guest.
+        assert fleet.spawn("fast", -1.5, 2.0).success
+        probe.wait_for(lambda: fleet.speeds(0).keys() == {"still"} and fleet.speeds(1).keys() == {"fast"})
+        probe.wait_for(lambda: fleet.speeds(0)["still"] > 1.6 and abs(fleet.speeds(1)["fast"]) < 0.4)
+        many = [
+            BodySpecification(id=f"more_{k}", shape=BALL, mass=1.0, pose=pose_message((-8.0, k, 0.2))) for k in (-2, 2)
+        ]
+        assert probe.call("/fleet/spawn_bodies", SpawnBodies, bodies=many).success
+        twice = probe.call("/fleet/spawn_bodies", SpawnBodies, bodies=[many[0]])
+        assert [failure.id for failure in twice.failures] == ["more_-2"]
+        assert probe.call("/fleet/remove_body", RemoveBody, id="still").success
+        probe.wait_for(lambda: len(fleet.speeds(0)) == 1 and len(fleet.speeds(1)) == 2)
+        probe.wait_for(lambda: len({marker.ns for message in patches[-9:] for marker in message.markers}) == 2)
+        probe.wait_for(lambda: timing)
+        assert {stage.stage.partition("/")[0] for message in timing for stage in message.stages} <= {"node_0", "node_1"}
+
+        last = {body.id: body.pose.position for body in fleet.states[1][-1].bodies}
+        processes[1].process.kill()
+        probe.wait_for(lambda: fleet.speeds(0).keys() >= last.keys())
+        now = {body.id: body.pose.position for body in fleet.states[0][-1].bodies}
+        for name, position in last.items():
+            assert abs(now[name].x - position.x) < 1.5, "it goes on from its last known state"
+            assert abs(now[name].y - position.y) < 0.05
+        gone = layout.marker_namespace(NODES[1])
+        cleared = [marker.ns for message in patches for marker in message.markers if marker.action == Marker.DELETEALL]
+        assert cleared == [gone]
+
+        # It comes back, and is given what comes next.
+        stack.enter_context(node(1))
+        fleet.states[1].clear()
+        fleet.show_ground()
+        probe.wait_for(fleet.complete)
+        assert fleet.spawn("late", 5.0).success
+        probe.wait_for(lambda: fleet.speeds(1).keys() == {"late"})
+
+
+def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> None:
+    probe = fleet.probe
+    with node(0) as one, node(1, **{"physics.gravity": [0.0, 0.0, -1.62]}) as other:
+        fleet.show_ground()
+        probe.wait_for(lambda: "has gravity (0, 0, -1.62) m/s^2, this node (0, 0, -9.81)" in one.output)
+        probe.wait_for(lambda: "set one physics.gravity" in other.output)
+        assert f"{NODES[1]}/body_states refused" in one.output
+
+
+@pytest.mark.parametrize(
+    ("peers", "words"),
+    [(["auto", "/a"], "alone"), (["a"], "starts with '/'"), (["/a b"], "bodies.peers has entry '/a b'")],
+)
+def test_peers_are_full_names_of_nodes_or_auto_alone(peers: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        peer_names(peers)

@@ -1,0 +1,192 @@
+"""Bodies of a fleet are on one node each, and none is lost with a node."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig
+from smartmesh_ros.physics.state_table import StateTable
+
+NODES = ["a", "b", "c"]
+EVENTS = ["die", "cut", "come", "spawn", "wait"]
+
+
+class World:
+    """Nodes as the ledger sees them: which live, and which bodies they have."""
+
+    def __init__(self, config: LedgerConfig | None = None) -> None:
+        self.ledger = Ledger(NODES, config)
+        self.bodies: dict[str, list[str]] = {node: [] for node in NODES}
+        self.alive = set(NODES)
+        self.time = 0.0
+        self.go_on(0.5)
+
+    def go_on(self, seconds: float) -> None:
+        """Has the nodes talk for a while, and does what the ledger asks for."""
+        end = self.time + seconds
+        while self.time < end:
+            self.time += 0.25
+            for node in sorted(self.alive):
+                self.ledger.hear(node, self.time)
+                self.ledger.learn(node, table(self.bodies[node]))
+            self.do(self.ledger.look(self.time))
+
+    def do(self, duties: Duties) -> None:
+        for again in duties.spawn:
+            if again.node in self.alive and again.name not in self.bodies[again.node]:
+                self.bodies[again.node].append(again.name)
+                self.ledger.spawned(again.name, self.time)
+            else:
+                self.ledger.not_spawned(again.name)
+        for node, name in duties.remove:
+            if node in self.alive:
+                self.bodies[node].remove(name)
+
+    def spawn(self, name: str, x: float = 0.0) -> str:
+        node = self.ledger.choose(name, x, 0.0, object())
+        self.bodies[node].append(name)
+        self.ledger.spawned(name, self.time)
+        return node
+
+    def die(self, node: str) -> None:
+        self.alive.discard(node)
+        self.bodies[node] = []
+
+    def all_living(self) -> Counter[str]:
+        return Counter(name for node in self.alive for name in self.bodies[node])
+
+
+def table(names: list[str]) -> StateTable:
+    n = len(names)
+    numbers = np.zeros((n, 13))
+    return StateTable(list(names), numbers, np.ones(n), np.full(n, 2, np.uint8), np.ones((n, 3)), np.ones(n))
+
+
+def test_bodies_are_spread_evenly_and_names_are_taken_once() -> None:
+    world = World()
+    counts = Counter(world.spawn(f"body_{k}") for k in range(12))
+    assert set(counts.values()) == {4}
+    with pytest.raises(InputError, match="there is a body"):
+        world.ledger.choose("body_3", 0.0, 0.0)
+
+
+def test_bodies_of_one_tile_share_a_node() -> None:
+    world = World(LedgerConfig(spread="tiles", tile_size=10.0))
+    nodes = [world.spawn(f"body_{k}", x) for k, x in enumerate((1.0, 9.0, 11.0, 19.0, math.nan))]
+    assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
+
+
+def test_bodies_of_a_node_that_dies_go_elsewhere_and_stay_there_when_it_heals() -> None:
+    world = World()
+    for k in range(6):
+        world.spawn(f"body_{k}")
+    world.go_on(1.0)
+    kept = list(world.bodies["a"])
+    world.alive.discard("a")  # cut off: it goes on with its bodies
+    world.go_on(3.0)
+    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(6)})
+    assert world.ledger.respawned == 2
+    world.alive.add("a")
+    world.go_on(1.0)
+    assert kept
+    assert world.bodies["a"] == []
+    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(6)})
+
+
+def test_bodies_wait_for_their_node_where_that_is_asked_for() -> None:
+    world = World(LedgerConfig(respawn="same"))
+    for k in range(6):
+        world.spawn(f"body_{k}")
+    world.go_on(1.0)
+    world.die("b")
+    world.go_on(4.0)
+    assert len(world.ledger.waiting) == 2
+    assert len(world.all_living()) == 4
+    world.alive.add("b")
+    world.go_on(1.0)
+    assert len(world.bodies["b"]) == 2
+    assert len(world.all_living()) == 6
+
+
+def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again() -> None:
+    world = World()
+    for k in range(3):
+        world.spawn(f"body_{k}")
+    world.go_on(1.0)
+    world.die("c")
+    world.go_on(0.75)
+    world.alive.add("c")
+    world.go_on(1.0)
+    assert len(world.bodies["c"]) == 1
+    assert world.ledger.respawned == 1
+
+
+def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
+    world = World()
+    world.spawn("body")
+    world.go_on(1.0)
+    duties = world.ledger.look(world.time + 30.0)
+    assert duties == Duties([], [], [], [])
+    world.time += 30.0
+    world.go_on(1.0)
+    assert world.ledger.respawned == 0
+    assert world.all_living() == Counter({"body": 1})
+
+
+def test_bodies_that_nodes_add_and_remove_by_themselves_are_known() -> None:
+    world = World()
+    world.bodies["a"].append("own")
+    world.go_on(0.5)
+    assert world.ledger.node_of("own") == "a"
+    world.bodies["a"].remove("own")
+    world.go_on(0.5)
+    assert world.ledger.bodies == {}
+    world.die("a")
+    world.go_on(3.0)
+    assert world.ledger.living == ["b", "c"]
+
+
+def test_without_a_node_that_lives_nothing_is_spawned_but_nothing_is_forgotten() -> None:
+    world = World()
+    world.spawn("body")
+    world.go_on(0.5)
+    for node in NODES:
+        world.die(node)
+    world.go_on(3.0)
+    with pytest.raises(InputError, match="none of a, b, c is heard"):
+        world.ledger.choose("other", 0.0, 0.0)
+    world.alive.add("c")
+    world.go_on(1.0)
+    assert world.bodies["c"] == ["body"]
+
+
+@given(
+    events=st.lists(st.tuples(st.sampled_from(EVENTS), st.sampled_from(NODES)), max_size=14),
+    respawn=st.sampled_from(["elsewhere", "same"]),
+)  # fmt: skip
+def test_whatever_dies_and_comes_back_every_body_is_there_once_in_the_end(
+    events: list[tuple[str, str]], respawn: str
+) -> None:
+    world = World(LedgerConfig(respawn=respawn))  # type: ignore[arg-type]
+    spawned = 0
+    for event, node in events:
+        if event == "die":
+            world.die(node)
+        elif event == "cut":
+            world.alive.discard(node)
+        elif event == "come":
+            world.alive.add(node)
+        elif event == "spawn" and world.ledger.living and set(world.ledger.living) <= world.alive:
+            world.spawn(f"body_{spawned}")
+            spawned += 1
+        world.go_on(0.5 if event == "wait" else 2.75)
+    world.alive.update(NODES)
+    world.go_on(8.0)
+    assert world.all_living() == Counter({f"body_{k}": 1 for k in range(spawned)})
