@@ -30,6 +30,7 @@ setup(
         "files": ["pillow", "rasterio"],
         "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
+        "tune": ["matplotlib", "optuna", "rosbags"],
     },
     zip_safe=False,
     maintainer="smartmesh_ros maintainers",
@@ -44,6 +45,7 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",
+            f"tune = {NAME}.tune.cli:main",
         ],
     },
 )
