@@ -17,7 +17,7 @@ class Topic(NamedTuple):
 
     name: str
     type_name: str
-    count: int
+    messages: int
 
 
 class Bag:
@@ -30,12 +30,12 @@ class Bag:
     @property
     def contents(self) -> str:
         """What is in the bag, in words."""
-        lines = [f"  {topic.name}  {topic.type_name}  {topic.count} messages" for topic in self.topics]
+        lines = [f"  {topic.name}  {topic.type_name}  {topic.messages} messages" for topic in self.topics]
         return "\n".join([f"The bag {self.path} has", *lines]) if lines else f"The bag {self.path} has no topic."
 
     def of_type(self, type_name: str) -> list[str]:
         """Topics of a type that have messages."""
-        return [topic.name for topic in self.topics if topic.type_name == type_name and topic.count]
+        return [topic.name for topic in self.topics if topic.type_name == type_name and topic.messages]
 
     def require(self, topic: str, type_name: str, what: str) -> str:
         """A topic that must be there with messages of a type; raises `InputError` saying what there is instead."""
@@ -44,7 +44,7 @@ class Bag:
             raise self.refusal("topic", f"{what}: there is no topic {topic}")
         if found[0].type_name != type_name:
             raise self.refusal("topic", f"{what}: {topic} has {found[0].type_name}, and must have {type_name}")
-        if not found[0].count:
+        if not found[0].messages:
             raise self.refusal("topic", f"{what}: {topic} has no message")
         return topic
 

@@ -16,6 +16,7 @@ from smartmesh_ros.node.spawning import Entry, entry_from_text, spawn
 from smartmesh_ros.node.urdf import with_package_paths
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import Vector
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tune.bag import Bag
 from smartmesh_ros.tune.case import Case, Ground, Span
 from smartmesh_ros.tune.events import BodiesCame, Event, MapCame, Start
@@ -27,12 +28,16 @@ from smartmesh_ros.tune.truth import Truth
 
 @dataclass(frozen=True, kw_only=True)
 class BagLimits:
-    """``search`` [s]: so much of a bag is searched on at the most, and half of it at the most; ``longer``: so many
-    times as much confirms it. ``memory`` [bytes]: of all maps that are kept. ``balls``: at the most so many stand in
-    for bodies whose poses are dictated. ``truth_rate`` [Hz]: of the maps that the reference gets."""
+    """How much of a bag is replayed.
+
+    ``search`` [s]: at the most so much of it is searched on, and half of it; ``longer``: so many times as much confirms
+    what was found. ``memory`` [bytes]: of all messages that are kept. ``balls``: at the most so many stand in for
+    bodies whose poses are dictated. ``truth_rate`` [Hz]: of the maps that the reference gets. ``shortest`` [s]: less
+    than that tells nothing.
+    """
 
     search: float = 3.0
-    longer: float = 3.0
+    longer: float = 2.0
     memory: float = 4e9
     balls: int = 8
     truth_rate: float = 240.0
@@ -52,7 +57,8 @@ class BagCase(Case):
         self.start = dict(start)
         settings = settings_of(start)
         longest = LIMITS.search if seconds is None else seconds
-        self._recording = Reader(bag, settings, terrain_topic).read(bag.records(), LIMITS.longer * longest)
+        reader = Reader(bag, settings, terrain_topic, LIMITS.memory)
+        self._recording = reader.read(bag.records(), LIMITS.longer * longest)
         _require_enough(bag, self._recording, settings)
         length = self._recording.length
         search = min(longest, 0.5 * length)
@@ -99,7 +105,7 @@ class BagCase(Case):
         return Truth(self._recording.maps, self._settings), others
 
     def _digest(self) -> str:
-        digest = hashlib.sha256(repr((sorted(self.start.items()), self.span, self._arrivals)).encode())
+        digest = hashlib.sha256(repr((sorted(self.start.items()), self.span, self._arrivals, self._bodies)).encode())
         for event in self._recording.maps:
             heights = event.heights if not isinstance(event, MapCame) else event.raster and event.raster.heights
             digest.update(b"" if heights is None else np.ascontiguousarray(heights).tobytes())
@@ -161,33 +167,39 @@ def _entries(settings: Settings) -> list[Entry]:
 
 
 def _test_balls(recording: Recording, settings: Settings) -> list[Entry]:
-    """Balls of the tracked bodies' size along their ways, because a dictated pose shows nothing of its patch."""
+    """Balls of the tracked bodies' size beside their ways, because a dictated pose shows nothing of its patch."""
     ways: dict[str, list[tuple[float, float]]] = {}
     radii: dict[str, float] = {}
     for event in recording.events:
         for body in event.bodies if isinstance(event, BodiesCame) else ():
             ways.setdefault(body.name, []).append(body.state.position[:2])
             radii[body.name] = body.radius or settings.default_radius
+    taken = np.array([place for way in ways.values() for place in way])
+    widest = max(radii.values(), default=0.0)
     entries: list[Entry] = []
-    share = max(1, LIMITS.balls // max(len(ways), 1))
-    for name, way in list(ways.items())[: LIMITS.balls]:
-        places: list[tuple[float, float]] = []
-        for index in np.linspace(0, len(way) - 1, 4 * share).round().astype(int).tolist():
-            apart = 2.5 * radii[name]
-            if len(places) < share and all(np.hypot(way[index][0] - x, way[index][1] - y) > apart for x, y in places):
-                places.append(way[index])
-        entries += [
-            Entry(f"test_ball_{name}_{number}", Sphere(radii[name]), 1.0, xy=place, above=1.2 * radii[name])
-            for number, place in enumerate(places)
-        ]
-    return entries
+    for name, radius in list(radii.items())[: LIMITS.balls]:
+        entries += _beside(name, radius, np.array(ways[name]), taken, 1.2 * (radius + widest))
+    return entries[: LIMITS.balls]
+
+
+def _beside(name: str, radius: float, way: FloatArray, taken: FloatArray, apart: float) -> list[Entry]:
+    """Balls on both sides of a way (N, 2) [m], ``apart`` [m] from everything ``taken`` (M, 2) [m] and each other."""
+    found: list[Entry] = []
+    for x, y in way[:: max(1, len(way) // LIMITS.balls)].tolist():
+        for dx, dy in ((0.0, 1.1), (0.0, -1.1), (1.1, 0.0), (-1.1, 0.0)):
+            place = (x + dx * apart, y + dy * apart)
+            others = np.array([*taken.tolist(), *(entry.xy for entry in found)])
+            if np.hypot(*(others - place).T).min() >= apart and len(found) < LIMITS.balls:
+                number = len(found)
+                found.append(Entry(f"test_ball_{name}_{number}", Sphere(radius), 1.0, xy=place, above=1.2 * radius))
+    return found
 
 
 def _notes(recording: Recording, balls: Sequence[Entry]) -> list[str]:
     notes = []
     if balls:
         notes.append(
-            f"The parameters name no simulated body: {len(balls)} test balls of the tracked bodies' size stand along "
+            f"The parameters name no simulated body: {len(balls)} test balls of the tracked bodies' size stand beside "
             "their ways, and their cost is counted too."
         )
     for words, count in recording.refused.most_common(5):
@@ -211,7 +223,3 @@ def _require_enough(bag: Bag, recording: Recording, settings: Settings) -> None:
             "length", f"{len(recording.events)} messages within {recording.length:.3g} s that can be replayed; record "
             f"at least {LIMITS.shortest:g} s of maps and bodies"
         )  # fmt: skip
-    sizes = sum(event.raster.heights.nbytes for event in recording.maps if isinstance(event, MapCame) and event.raster)
-    if sizes > LIMITS.memory:
-        raise bag.refusal("size", f"its maps take {sizes / 1e9:.1f} GB, more than {LIMITS.memory / 1e9:g} GB; replay "
-                          "less of it with --seconds")  # fmt: skip

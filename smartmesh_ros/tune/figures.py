@@ -135,4 +135,4 @@ class Limits:
             "deviation": 0.0 if math.isnan(figures.deviation) else figures.deviation / self.deviation,
             "failed": (1.0 + figures.lost + figures.rescued) / (1.0 + self.failed),
         }
-        return {name: ratio - 1.0 for name, ratio in found.items() if not ratio <= 1.0}
+        return {name: ratio - 1.0 if ratio > 1.0 else math.inf for name, ratio in found.items() if not ratio <= 1.0}

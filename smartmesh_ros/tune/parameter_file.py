@@ -28,9 +28,9 @@ def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
         + ("" if verdict.keeps else "NOT POSSIBLE: this is the nearest that was found. ")
         + ("Nothing that was found beats the defaults here. " if verdict.on_front else "")
         + f"Measured over {verdict.chosen.figures.ran:g} s of simulated time, in turns, on {machine['cores']} cores of "
-        f"{machine['cpu']}. Cost: processor time per simulated second, which is the share of a core. Longest: processor "
-        "time of the longest step [ms]. Penetration and hover: 99 % [mm]. Deviation: of bodies from a run at an eighth "
-        "of the step [mm]."
+        f"{machine['cpu']}. Cost: processor time per simulated second, which is the share of a core. Longest: processor"
+        " time of the longest step. Penetration and hover: 99 %. Deviation: of bodies from a run at an eighth of the "
+        "step, median."
     )  # fmt: skip
     lines = textwrap.wrap(about, WIDTH, initial_indent="# ", subsequent_indent="# ")
     lines += ["#", *(f"# {line}" for line in table(verdict).split("\n")), "/**:", "  ros__parameters:"]

@@ -64,7 +64,8 @@ class Recording:
 class Reader:
     """Turns records into events, keeping what the node keeps between them."""
 
-    def __init__(self, bag: Bag, settings: Settings, terrain_topic: str) -> None:
+    def __init__(self, bag: Bag, settings: Settings, terrain_topic: str, memory: float) -> None:
+        self._bag, self._memory = bag, memory
         self.recording = Recording(frame=settings.frame_id.strip("/"))
         self._settings = settings
         self._clocks: dict[str, StampClock] = {}
@@ -74,7 +75,8 @@ class Reader:
         self._takes = _takers(self, bag, settings, terrain_topic)
 
     def read(self, records: Iterator[Record], seconds: float | None) -> Recording:
-        """The recording of the first ``seconds`` [s], None = all."""
+        """The recording of the first ``seconds`` [s], None = all; raises `InputError` where it is too large."""
+        taken = 0
         for record in records:
             take = self._takes.get(record.topic)
             if take is None:
@@ -89,6 +91,12 @@ class Reader:
                 continue
             if events:
                 self._start = begun
+                taken += len(record.data)
+                if taken > self._memory:
+                    raise self._bag.refusal(
+                        "size", f"its first {record.time - begun:.2f} s take more than {self._memory / 1e9:g} GB; "
+                        "replay less of it with --seconds"
+                    )  # fmt: skip
                 self.recording.events += events
         return self.recording
 

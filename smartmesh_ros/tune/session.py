@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -18,6 +19,7 @@ from smartmesh_ros.tune.bag_case import BagCase
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.confirm import Confirming, Verdict, confirm
 from smartmesh_ros.tune.figures import Asked, Figures
+from smartmesh_ros.tune.front import Point
 from smartmesh_ros.tune.parameter_file import parameter_file, table
 from smartmesh_ros.tune.scene_case import SceneCase
 from smartmesh_ros.tune.search import Say, Search, prepare, work
@@ -96,18 +98,25 @@ def quiet_optuna() -> None:
 def run_session(options: argparse.Namespace) -> int:
     """Searches, confirms, writes and tells; returns the exit code."""
     request = Request.of(options)
-    quiet_optuna()
     case = request.open_case()
     for note in case.notes:
         print(note)
+    points, verdict = find(request, case, options.jobs)
+    _tell(request, case, points, verdict, options.out)
+    return 0 if verdict.keeps else 1
+
+
+def find(request: Request, case: Case, jobs: int) -> tuple[list[Point], Verdict]:
+    """Everything that was tried, and what was confirmed of it."""
+    quiet_optuna()
     warm_up()
     store = request.open_store(case, request.seed)
     base = prepare(store, case, request.plan, _line)
-    search(request, case, store, base, options.jobs)
-    verdict = confirm(case, store.points(), request.asked, base, store.reference, Confirming(), _line)
+    search(request, case, store, base, jobs)
+    points = store.points()
+    verdict = confirm(case, points, request.asked, base, store.reference, Confirming(), _line)
     _line("")
-    _tell(request, case, store, verdict, options.out)
-    return 0 if verdict.keeps else 1
+    return points, verdict
 
 
 def search(request: Request, case: Case, store: Store, base: Figures, jobs: int) -> None:
@@ -129,9 +138,8 @@ def search(request: Request, case: Case, store: Store, base: Figures, jobs: int)
             say("")
 
 
-def _tell(request: Request, case: Case, store: Store, verdict: Verdict, out: Path) -> None:
+def _tell(request: Request, case: Case, points: Sequence[Point], verdict: Verdict, out: Path) -> None:
     """Writes the file and the chart, and says what was found."""
-    points = store.points()
     name = case.name if verdict.keeps else f"{case.name}_nearest"
     out.mkdir(parents=True, exist_ok=True)
     file, picture = out / f"{name}.yaml", out / f"{case.name}.png"

@@ -19,9 +19,11 @@ from smartmesh_ros.tune import space
 from smartmesh_ros.tune.figures import FLOOR, Figures, Limits
 from smartmesh_ros.tune.front import Point
 
-FIGURES, EXCESS, BASE, REFERENCE = "figures", "excess", "defaults", "reference"
+FIGURES, BASE, REFERENCE = "figures", "defaults", "reference"
 # What the sampler is told of a setting whose penetration could not be measured [m].
 UNKNOWN_ERROR = 1.0
+# By how many times a limit may be passed as far as the sampler knows.
+MOST_EXCESS = 100.0
 # Trials that are drawn at random before the sampler draws conclusions.
 AT_RANDOM = 16
 
@@ -43,12 +45,11 @@ class Store:
     """One study: what was found of one case, whoever found it."""
 
     def __init__(self, storage: BaseStorage, name: str, seed: int | None = None) -> None:
-        self._sampler = TPESampler(n_startup_trials=AT_RANDOM, seed=seed, constraints_func=_excess)
         self.study = optuna.create_study(
             storage=storage,
             study_name=name,
             load_if_exists=True,
-            sampler=self._sampler,
+            sampler=TPESampler(n_startup_trials=AT_RANDOM, seed=seed),
             directions=["minimize", "minimize"],
         )
 
@@ -91,15 +92,10 @@ class Store:
         """Notes what was measured of a trial. Both axes are logarithmic: a factor counts the same everywhere."""
         trial.set_user_attr(FIGURES, figures.as_json())
         beside = {name: value for name, value in limits.excess(figures).items() if name not in ("cost", "penetration")}
-        trial.set_user_attr(EXCESS, max(beside.values(), default=0.0))
+        trial.set_constraint("limits", min(max(beside.values(), default=0.0), MOST_EXCESS))
         error = min(figures.error, UNKNOWN_ERROR)
         self.study.tell(trial, [math.log10(figures.cost), math.log10(max(error, FLOOR))])
 
     def give_up(self, trial: optuna.Trial) -> None:
         """Notes that a trial was not measured."""
         self.study.tell(trial, state=TrialState.FAIL)
-
-
-def _excess(trial: FrozenTrial) -> Sequence[float]:
-    """What the sampler takes for a constraint: zero or less is kept."""
-    return [float(trial.user_attrs.get(EXCESS, 0.0))]
