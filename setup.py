@@ -45,7 +45,7 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",
-            f"tune = {NAME}.tune.cli:main",
+            f"tune = {NAME}.tune.cli:start",
         ],
     },
 )

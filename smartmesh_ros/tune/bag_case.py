@@ -18,7 +18,7 @@ from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tune.bag import Bag
-from smartmesh_ros.tune.case import Case, Ground, Span
+from smartmesh_ros.tune.case import SLACK, Case, Ground, Span
 from smartmesh_ros.tune.events import BodiesCame, Event, MapCame, Start
 from smartmesh_ros.tune.recording import Reader, Recording
 from smartmesh_ros.tune.reference import finest_positions
@@ -84,8 +84,8 @@ class BagCase(Case):
         return [partial(_start, entry) for entry in self._bodies]
 
     def events(self, after: float, until: float) -> Sequence[Event]:
-        first = bisect.bisect_right(self._arrivals, after)
-        return self._recording.events[first : bisect.bisect_right(self._arrivals, until)]
+        first, last = (bisect.bisect_right(self._arrivals, time + SLACK) for time in (after, until))
+        return self._recording.events[first:last]
 
     def truth(self, time: float) -> Sequence[Ground]:
         return self._truth.at(time)
@@ -131,12 +131,12 @@ class _Finest(Case):
 
     def events(self, after: float, until: float) -> Sequence[Event]:
         found: list[Event] = []
-        while self._next / LIMITS.truth_rate <= until + 1e-9:
+        while self._next / LIMITS.truth_rate <= until + SLACK:
             time = self._next / LIMITS.truth_rate
             self._next += 1
             found += [MapCame(arrives=time, at=time, tile=tile, raster=raster) for tile, raster in self.rasters(time)]
-        first = bisect.bisect_right(self._arrivals, after)
-        return found + self._others[first : bisect.bisect_right(self._arrivals, until)]
+        first, last = (bisect.bisect_right(self._arrivals, time + SLACK) for time in (after, until))
+        return found + self._others[first:last]
 
     def rasters(self, time: float) -> Sequence[tuple[str, Any]]:
         """The true ground at a time [s]."""

@@ -11,6 +11,9 @@ from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.studies.distance import Surface
 from smartmesh_ros.tune.events import Event, Start
 
+# What arrives within so much of a step still belongs to it [s]: a sum of steps is not quite what it stands for.
+SLACK = 1e-6
+
 
 class Ground(NamedTuple):
     """The true surface of one tile at an instant: a surface without yaw, and by how much it is turned about z [rad]

@@ -19,10 +19,15 @@ from smartmesh_ros.node.quiet import silence_pybullet
 INTERRUPTED = 130
 
 
+def start() -> int:
+    """The executable: quiet first, because measuring imports PyBullet."""
+    silence_pybullet()
+    return main()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a search; 0 = what is asked is kept, 1 = it is not possible, 2 = it could not begin, 130 = interrupted."""
     options = parser().parse_args(arguments)
-    silence_pybullet()
     try:
         from smartmesh_ros.tune.session import run_session
 
@@ -67,4 +72,4 @@ def parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())

@@ -62,7 +62,7 @@ def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
         request = replace(request, params_file=options.params_file)
     case = request.open_case()
     _, verdict = find(request, case, options.jobs)
-    (options.out / f"{case.name}.yaml").write_text(parameter_file(case, request.asked, verdict))
+    (options.out / f"{case.name}_tuned.yaml").write_text(parameter_file(case, request.asked, verdict))
     known = space.defaults()
     changed = {name: value for name, value in verdict.chosen.values.items() if known[name] != value}
     return {

@@ -20,10 +20,16 @@ Start = Callable[[World], bool]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that arrives at ``arrives`` [s] of simulated time and holds for ``at`` [s], its stamp."""
+    """Something that arrives at ``arrives`` [s] of simulated time and holds for ``at`` [s], its stamp. One that is not
+    ``stamped`` holds for the step that takes it."""
 
     arrives: float
     at: float
+    stamped: bool = True
+
+    def time(self, now: float) -> float:
+        """The time that it holds for where it is taken ``now`` [s]."""
+        return self.at if self.stamped else now
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,16 +23,18 @@ COLUMNS = f"{'':18} {'cost':>9} {'longest':>10} {'penetration':>12} {'hover':>9}
 def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
     """The text of the file: comments, then everything that was given, with what was searched in its place."""
     machine = describe()
-    about = (
-        f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked.words}. "
-        + ("" if verdict.keeps else "NOT POSSIBLE: this is the nearest that was found. ")
-        + ("Nothing that was found beats the defaults here. " if verdict.on_front else "")
-        + f"Measured over {verdict.chosen.figures.ran:g} s of simulated time, in turns, on {machine['cores']} cores of "
+    about = [f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked.words}."]
+    if not verdict.keeps:
+        about.append("NOT POSSIBLE: this is the nearest that was found.")
+    if verdict.on_front:
+        about.append("Nothing that was found beats the defaults here.")
+    about.append(
+        f"Measured over {verdict.chosen.figures.ran:.3g} s of simulated time, in turns, on {machine['cores']} cores of "
         f"{machine['cpu']}. Cost: processor time per simulated second, which is the share of a core. Longest: processor"
         " time of the longest step. Penetration and hover: 99 %. Deviation: of bodies from a run at an eighth of the "
         "step, median."
-    )  # fmt: skip
-    lines = textwrap.wrap(about, WIDTH, initial_indent="# ", subsequent_indent="# ")
+    )
+    lines = [line for text in about for line in textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")]
     lines += ["#", *(f"# {line}" for line in table(verdict).split("\n")), "/**:", "  ros__parameters:"]
     values = {**case.start, **verdict.chosen.values}
     if case.start.get("physics.friction") == DEFAULTS["physics.friction"]:

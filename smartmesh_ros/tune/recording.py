@@ -104,31 +104,35 @@ class Reader:
         """A Heightmap."""
         new = conversions.map_from(record.data, self._settings.max_samples)
         start = new.start
-        at = self._place(start.tile, conversions.stamp_seconds(start), now, record.time)
+        stamp = conversions.stamp_seconds(start)
+        at = self._place(start.tile, stamp, now, record.time)
         self._require_frame(start.frame_id)
         raster = None if new.geometry is None else Raster(new.geometry, new.heights)
-        yield MapCame(arrives=now, at=at, tile=start.tile, raster=raster, velocities=new.velocities)
+        yield MapCame(
+            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, raster=raster, velocities=new.velocities
+        )
 
     def take_region(self, record: Record, now: float) -> Iterator[Event]:
         """A HeightmapUpdate."""
         new = conversions.region_from(record.data, self._settings.max_samples)
         start = new.start
         late = self._settings.motion.max_interval
-        at = self._place(start.tile, conversions.stamp_seconds(start), now, record.time, late)
+        stamp = conversions.stamp_seconds(start)
+        at = self._place(start.tile, stamp, now, record.time, late)
         self._require_frame(start.frame_id)
         yield RegionCame(
-            arrives=now, at=at, tile=start.tile, row=new.row, column=new.column, heights=new.heights,
-            velocities=new.velocities,
+            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, row=new.row, column=new.column,
+            heights=new.heights, velocities=new.velocities,
         )  # fmt: skip
 
     def take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
         """What an adapter turns into heights."""
         message = message_from(record.data, kind)
-        at = self._place("", conversions.stamp_seconds(message.header.stamp), now, record.time)
+        stamp = conversions.stamp_seconds(message.header.stamp)
+        at = self._place("", stamp, now, record.time)
         self._require_frame(message.header.frame_id)
-        yield MapCame(
-            arrives=now, at=at, tile="", raster=convert(message, self._settings.raster, self._settings.max_samples)
-        )
+        raster = convert(message, self._settings.raster, self._settings.max_samples)
+        yield MapCame(arrives=now, at=at, stamped=stamp is not None, tile="", raster=raster)
 
     def take_tracked(self, record: Record, now: float) -> Iterator[Event]:
         """A TrackedBodyArray."""
@@ -188,7 +192,7 @@ class Reader:
         for body in bodies:
             require_possible(body.name, body.state)
         at = self._place(record.topic, stamp, now, record.time)
-        return BodiesCame(arrives=now, at=at, bodies=tuple(bodies), gone=gone)
+        return BodiesCame(arrives=now, at=at, stamped=stamp is not None, bodies=tuple(bodies), gone=gone)
 
     def _require_frame(self, frame: str) -> None:
         known = self.recording.frame

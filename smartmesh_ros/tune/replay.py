@@ -51,17 +51,25 @@ class Replay:
         self.world.step()
 
     def _take(self, event: Event) -> None:
+        time = event.time(self.world.time)
         if isinstance(event, MapCame):
             if event.raster is None:
                 self.world.terrain.remove(event.tile)
             else:
-                take_map(self.world.terrain, self.settings, event.tile, event.raster, event.velocities, event.at)
+                take_map(
+                    self.world.terrain,
+                    self.settings,
+                    event.tile,
+                    event.raster,
+                    event.velocities,
+                    event.time(self.world.time),
+                )
             self._spawn()
         elif isinstance(event, RegionCame):
             tile = self.world.terrain.tile(event.tile)
             if not isinstance(tile, HeightMap):
                 raise InputError("unknown_tile", f"tile {event.tile!r} is a general mesh")
-            tile.update_region(event.row, event.column, event.heights, time=event.at, velocities=event.velocities)
+            tile.update_region(event.row, event.column, event.heights, time=time, velocities=event.velocities)
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
@@ -77,7 +85,7 @@ class Replay:
                 raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, radius in zip(event.bodies, radii, strict=True):
-            self.tracking.update(body.name, radius, body.state, event.at)
+            self.tracking.update(body.name, radius, body.state, event.time(self.world.time))
         for name in event.gone:
             self.tracking.forget(name)
 

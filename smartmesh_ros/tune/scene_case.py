@@ -16,14 +16,12 @@ from smartmesh_ros.physics.world import World
 from smartmesh_ros.studies.reference import FINE_RATE, HORIZON, reference_positions
 from smartmesh_ros.studies.scene import Scene
 from smartmesh_ros.terrain.rasters import Raster
-from smartmesh_ros.tune.case import Case, Ground, Span
+from smartmesh_ros.tune.case import SLACK, Case, Ground, Span
 from smartmesh_ros.tune.events import Event, MapCame, Start
 from smartmesh_ros.tune.reference import finest_positions
 
 # A confirming run is so many times as long as a searching one.
 LONGER = 2.0
-# Maps that fall due within so much of a step still belong to it [s].
-SLACK = 1e-9
 
 
 class SceneCase(Case):

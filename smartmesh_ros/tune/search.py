@@ -10,6 +10,7 @@ from typing import Any
 import optuna
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
@@ -18,6 +19,8 @@ from smartmesh_ros.tune.start import settings_of
 from smartmesh_ros.tune.store import Store
 
 Say = Callable[[str], None]
+# Trials and their values.
+Drawn = list[tuple[optuna.Trial, dict[str, Any]]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,17 +33,19 @@ class Search:
     repeats: int = 3
 
 
-def prepare(store: Store, case: Case, plan: Search, say: Say) -> Figures:
-    """The defaults' figures, measured unless the store has them. Raises `InputError` where nothing can be measured."""
+def prepare(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> Figures:
+    """The defaults' figures, which are measured with settings to try first unless the store has them. Raises
+    `InputError` where nothing can be measured."""
     if store.base is not None:
         return store.base
     say("the reference, at an eighth of the step")
     reference = case.reference()
     say("the defaults")
-    [base] = run(case, [settings_of({**case.start, **space.defaults()})], case.span.search, reference,
-                 repeats=plan.repeats, say=lambda text: say(f"the defaults {text}"))  # fmt: skip
+    defaults = settings_of({**case.start, **space.defaults()})
+    [base] = run(case, [defaults], case.span.search, reference, repeats=plan.repeats, say=say)
     require_measurable(base)
-    store.begin(base, reference, _first(case.start))
+    _try(store, case, base, reference, asked, [store.ask_for(values) for values in _first(case.start)], say)
+    store.begin(base, reference)
     return base
 
 
@@ -49,16 +54,28 @@ def work(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> None
     base = store.base
     if base is None:
         raise InputError("storage", "the storage has no defaults for this case; start the search anew")
-    limits, reference = Limits.of(asked, base), store.reference
-    defaults = settings_of({**case.start, **space.defaults()})
+    reference = store.reference
     while (left := plan.trials - len(store.finished())) > 0:
-        asked_for = store.ask(min(plan.batch, left))
-        with _given_up_unless_told(store, [trial for trial, _ in asked_for]) as told:
-            settings = [settings_of({**case.start, **values}) for _, values in asked_for]
-            beside, *found = run(case, [defaults, *settings], case.span.search, reference, say=say)
-            for (trial, _), figures in zip(asked_for, found, strict=True):
-                store.tell(trial, at_the_pace_of(base, beside, figures), limits)
-                told.append(trial.number)
+        _try(store, case, base, reference, asked, store.ask(min(plan.batch, left)), say)
+
+
+def _try(
+    store: Store,
+    case: Case,
+    base: Figures,
+    reference: Mapping[str, Vector] | None,
+    asked: Asked,
+    drawn: Drawn,
+    say: Say,
+) -> None:
+    """Measures settings that were drawn, in turns with the defaults, and notes them."""
+    limits = Limits.of(asked, base)
+    with _given_up_unless_told(store, [trial for trial, _ in drawn]) as told:
+        settings = [settings_of({**case.start, **values}) for values in [space.defaults(), *(new for _, new in drawn)]]
+        beside, *found = run(case, settings, case.span.search, reference, say=say)
+        for (trial, _), figures in zip(drawn, found, strict=True):
+            store.tell(trial, at_the_pace_of(base, beside, figures), limits)
+            told.append(trial.number)
 
 
 def at_the_pace_of(base: Figures, beside: Figures, figures: Figures) -> Figures:

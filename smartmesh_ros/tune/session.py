@@ -109,9 +109,9 @@ def run_session(options: argparse.Namespace) -> int:
 def find(request: Request, case: Case, jobs: int) -> tuple[list[Point], Verdict]:
     """Everything that was tried, and what was confirmed of it."""
     quiet_optuna()
-    warm_up()
     store = request.open_store(case, request.seed)
-    base = prepare(store, case, request.plan, _line)
+    warm_up()
+    base = prepare(store, case, request.asked, request.plan, _line)
     search(request, case, store, base, jobs)
     points = store.points()
     verdict = confirm(case, points, request.asked, base, store.reference, Confirming(), _line)
@@ -140,7 +140,7 @@ def search(request: Request, case: Case, store: Store, base: Figures, jobs: int)
 
 def _tell(request: Request, case: Case, points: Sequence[Point], verdict: Verdict, out: Path) -> None:
     """Writes the file and the chart, and says what was found."""
-    name = case.name if verdict.keeps else f"{case.name}_nearest"
+    name = f"{case.name}_tuned" if verdict.keeps else f"{case.name}_nearest"
     out.mkdir(parents=True, exist_ok=True)
     file, picture = out / f"{name}.yaml", out / f"{case.name}.png"
     file.write_text(parameter_file(case, request.asked, verdict))

@@ -65,11 +65,9 @@ class Store:
         found: Mapping[str, Sequence[float]] = self.study.user_attrs.get(REFERENCE) or {}
         return {name: (x, y, z) for name, (x, y, z) in found.items()} or None
 
-    def begin(self, base: Figures, reference: Mapping[str, Vector] | None, first: Sequence[Mapping[str, Any]]) -> None:
-        """Notes what everything is compared with, and settings to try first."""
+    def begin(self, base: Figures, reference: Mapping[str, Vector] | None) -> None:
+        """Notes what everything is compared with."""
         self.study.set_user_attr(REFERENCE, {name: list(place) for name, place in (reference or {}).items()})
-        for values in first:
-            self.study.enqueue_trial(space.parameters_of(values), skip_if_exists=True)
         self.study.set_user_attr(BASE, base.as_json())
 
     def points(self) -> list[Point]:
@@ -82,6 +80,11 @@ class Store:
     def finished(self) -> list[FrozenTrial]:
         """The trials that were measured."""
         return self.study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+
+    def ask_for(self, values: Mapping[str, Any]) -> tuple[optuna.Trial, dict[str, Any]]:
+        """Certain settings to try. Not for processes that search at the same time: one could get those of another."""
+        self.study.enqueue_trial(space.parameters_of(values))
+        return self.ask(1)[0]
 
     def ask(self, count: int) -> list[tuple[optuna.Trial, dict[str, Any]]]:
         """Settings to try."""
