@@ -12,6 +12,7 @@ from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
 from smartmesh_ros.tune.front import Point, front, nearest, ranked
 from smartmesh_ros.tune.measuring import run
+from smartmesh_ros.tune.plain import plain
 from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
 
 # Groups of parameters that a preset changes and that matter to the core.
@@ -22,7 +23,7 @@ OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terra
 class Confirming:
     """``candidates``: so many of the best points are run again; every step is timed ``repeats`` times."""
 
-    candidates: int = 4
+    candidates: int = 3
     repeats: int = 3
 
 
@@ -54,6 +55,8 @@ def confirm(
 ) -> Verdict:
     """Runs the best points for longer, in turns with the defaults, and chooses by what they show there."""
     candidates = _candidates(points, asked, Limits.of(asked, base), plan.candidates)
+    say("what the best settings can do without")
+    candidates = _distinct(plain(case, candidates, reference))
     beside = _beside(case.start)
     all_values = [{**case.start, **space.defaults()}, *beside.values()]
     all_values += [{**case.start, **point.values} for point in candidates]

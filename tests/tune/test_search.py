@@ -12,7 +12,9 @@ from rclpy.parameter import parameter_value_to_python
 
 from smartmesh_ros.testing import Probe
 from smartmesh_ros.tune import cli, space
-from smartmesh_ros.tune.figures import Asked
+from smartmesh_ros.tune.figures import Asked, Figures
+from smartmesh_ros.tune.front import Point
+from smartmesh_ros.tune.plain import plain
 from smartmesh_ros.tune.search import Search, prepare, work
 from smartmesh_ros.tune.session import Request
 
@@ -91,3 +93,14 @@ def test_processes_share_one_search(scene: Path, tmp_path: Path) -> None:
     assert cli.main([*words, "--storage", f"sqlite:///{tmp_path}/tune.db"]) == 0
     request = Request(source=str(scene), storage=f"sqlite:///{tmp_path}/tune.db")
     assert len(request.open_store(request.open_case(), 0).points()) >= 6
+
+
+def test_changes_that_do_nothing_are_left_out(tmp_path: Path) -> None:
+    """On ground that is given once nothing moves between maps; how often bodies are stepped matters all the same."""
+    path = tmp_path / "still.yaml"
+    path.write_text(yaml.safe_dump({**SCENE, "ground": {"kind": "sinusoid", "amplitude": 0.05}, "map_rate": 0}))
+    case = Request(source=str(path)).open_case()
+    values = {**space.defaults(), "terrain.motion": "hold", "physics.rate": 60.0, "physics.contact_erp": 0.8}
+    [point] = plain(case, [Point(values, Figures())], None)
+    assert point.values["terrain.motion"] == space.defaults()["terrain.motion"]
+    assert point.values["physics.rate"] == 60.0
