@@ -85,6 +85,7 @@ def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> N
         xscale="log", yscale="log", xlabel="cost [processor time per simulated second]",
         ylabel="penetration, 99 % [mm]", title=title,
     )  # fmt: skip
+    axes.margins(0.12)
     axes.grid(visible=True, which="both", linewidth=0.3)
     axes.legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)

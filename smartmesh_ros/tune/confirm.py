@@ -23,7 +23,7 @@ OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terra
 class Confirming:
     """``candidates``: so many of the best points are run again; every step is timed ``repeats`` times."""
 
-    candidates: int = 3
+    candidates: int = 5
     repeats: int = 3
 
 
@@ -74,14 +74,14 @@ def confirm(
 
 
 def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, count: int) -> list[Point]:
-    """The best points, and of the front those that come next, should the best not hold for longer."""
-    best = ranked(points, asked, limits)[: max(count - 1, 1)]
-    least = best[0].figures.error if best else limits.penetration
-    truer = [point for point in front(points, limits) if point.figures.error < 0.8 * least and point not in best]
-    found = best + truer[::-1][: count - len(best)] if asked.penetration or not best else best
-    spare = sorted(points, key=lambda point: max(limits.excess(point.figures).values(), default=0.0))
-    found += [point for point in spare if point not in found][: max(count - len(found), 0)]
-    return _distinct(found)
+    """The best points; then, should these not hold for longer, those of the front that are truer, and those that pass
+    their limits by the least. The defaults are measured anyway."""
+    able = [point for point in points if dict(point.values) != space.defaults()]
+    best = ranked(able, asked, limits)[: count - 1]
+    least = min((point.figures.error for point in best), default=limits.penetration)
+    truer = [point for point in front(able, limits) if point.figures.error < least][::-1]
+    spare = sorted(able, key=lambda point: max(limits.excess(point.figures).values(), default=0.0))
+    return _distinct([*best, *truer, *spare])[:count]
 
 
 def _distinct(points: Sequence[Point]) -> list[Point]:

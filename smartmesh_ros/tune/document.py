@@ -93,7 +93,7 @@ def _row(result: dict[str, Any]) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=64)
+    parser.add_argument("--trials", type=int, default=96)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--bag", type=Path, help="bag of the demo, see scripts/make_demo_bag.py")
     parser.add_argument("--params-file", type=Path, help="parameter file of that bag")

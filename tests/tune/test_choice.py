@@ -25,7 +25,7 @@ ASKED = st.builds(Asked, budget=WANTED, penetration=WANTED, deadline=WANTED, hov
 
 
 @given(POINTS, ASKED, FIGURES)
-@examples(200)
+@examples(100)
 def test_what_is_chosen_keeps_everything_that_is_asked(points: list[Point], asked: Asked, base: Figures) -> None:
     kept = ranked(points, asked, Limits.of(asked, base))
     for chosen in kept[:1]:
@@ -39,7 +39,7 @@ def test_what_is_chosen_keeps_everything_that_is_asked(points: list[Point], aske
 
 
 @given(POINTS, ASKED, FIGURES)
-@examples(200)
+@examples(100)
 def test_nothing_that_keeps_it_is_better(points: list[Point], asked: Asked, base: Figures) -> None:
     limits = Limits.of(asked, base)
     kept = ranked(points, asked, limits)
@@ -55,7 +55,7 @@ def test_nothing_that_keeps_it_is_better(points: list[Point], asked: Asked, base
 
 
 @given(POINTS)
-@examples(200)
+@examples(100)
 def test_no_point_beats_one_of_the_front(points: list[Point]) -> None:
     limits = Limits(failed=10)
     best = front(points, limits)
