@@ -11,11 +11,12 @@ import optuna
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.state import Vector
+from smartmesh_ros.studies.presets import NAMES as PRESETS
 from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
 from smartmesh_ros.tune.measuring import require_measurable, run
-from smartmesh_ros.tune.start import settings_of
+from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
 from smartmesh_ros.tune.store import Store
 
 Say = Callable[[str], None]
@@ -97,16 +98,20 @@ def _given_up_unless_told(store: Store, trials: list[optuna.Trial]) -> Iterator[
 
 
 def _first(start: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Settings to try first: what the user has now, and single steps from the defaults that are known to pay."""
-    known = space.defaults()
-    own = {name: start[name] for name in space.SEARCHED if name in start}
-    steps: list[dict[str, Any]] = [
-        {}, {"physics.solver_residual": 1e-5}, {"physics.rate": 120.0, "physics.solver_residual": 1e-5},
-        {"physics.rate": 480.0}, {"patch.tolerance": 0.005}, {"physics.contact_erp": 0.6},
-    ]  # fmt: skip
-    found = []
-    for step in [own, *steps] if own else steps:
-        values = {**known, **step}
-        if values["patch.kind"] in space.SPACE.kind:
+    """Settings to try first: what the user has now, what the presets have of it, and single steps from the defaults
+    that are known to pay."""
+    presets = [read_parameters(preset_file(name)) for name in PRESETS]
+    steps: list[Mapping[str, Any]] = [
+        start,
+        {},
+        *presets,
+        {"physics.solver_residual": 1e-5},
+        {"physics.rate": 120.0, "physics.solver_residual": 1e-5},
+        {"physics.contact_erp": 0.6},
+    ]
+    found: list[dict[str, Any]] = []
+    for step in steps:
+        values = {name: step.get(name, value) for name, value in space.defaults().items()}
+        if values["patch.kind"] in space.SPACE.kind and values not in found:
             found.append(values)
     return found

@@ -38,7 +38,9 @@ def five_lines(case: Case, asked: Asked, verdict: Verdict, tried: int, file: str
         passed = ", ".join(
             f"{NAMES[name]} {1.0 + by:.2g} times what is allowed" for name, by in verdict.limits.excess(chosen).items()
         )
-        second = f"Not possible here: {asked.words}. The nearest that was found has {passed}."
+        able = [name for name, figures in verdict.others.items() if not verdict.limits.excess(figures)]
+        instead = f" It is kept by {' and '.join(able)}, which change more than is searched." if able else ""
+        second = f"Not possible here: {asked.words}. The nearest that was found has {passed}.{instead}"
     elif verdict.on_front:
         second = f"Asked: {asked.words}. The defaults are on the front: nothing that was found beats them."
     else:
