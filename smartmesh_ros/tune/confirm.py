@@ -10,7 +10,7 @@ from smartmesh_ros.studies.presets import NAMES as PRESETS
 from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tune.front import Point, front, nearest, ranked
+from smartmesh_ros.tune.front import Point, nearest, ranked
 from smartmesh_ros.tune.measuring import run
 from smartmesh_ros.tune.plain import plain
 from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
@@ -21,9 +21,11 @@ OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terra
 
 @dataclass(frozen=True, kw_only=True)
 class Confirming:
-    """``candidates``: so many of the best points are run again; every step is timed ``repeats`` times."""
+    """``candidates``: so many of the best points are run again, among them the best that keep these shares of the limits
+    (``tightened``); every step is timed ``repeats`` times."""
 
-    candidates: int = 5
+    candidates: int = 6
+    tightened: tuple[float, ...] = (0.8, 0.6, 0.4)
     repeats: int = 3
 
 
@@ -54,7 +56,7 @@ def confirm(
     say: Callable[[str], None],
 ) -> Verdict:
     """Runs the best points for longer, in turns with the defaults, and chooses by what they show there."""
-    candidates = _candidates(points, asked, Limits.of(asked, base), plan.candidates)
+    candidates = _candidates(points, asked, Limits.of(asked, base), plan)
     say("what the best settings can do without")
     candidates = _distinct(plain(case, candidates, reference))
     beside = _beside(case.start)
@@ -73,15 +75,15 @@ def confirm(
     )
 
 
-def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, count: int) -> list[Point]:
-    """The best points; then, should these not hold for longer, those of the front that are truer, and those that pass
-    their limits by the least. The defaults are measured anyway."""
+def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, plan: Confirming) -> list[Point]:
+    """The best points; the best where the limits are tightened, because not everything that holds for a short while
+    holds for longer; and those that pass their limits by the least. The defaults are measured anyway."""
     able = [point for point in points if dict(point.values) != space.defaults()]
-    best = ranked(able, asked, limits)[: count - 1]
-    least = min((point.figures.error for point in best), default=limits.penetration)
-    truer = [point for point in front(able, limits) if point.figures.error < least][::-1]
+    found = ranked(able, asked, limits)[:2]
+    for share in plan.tightened:
+        found += ranked(able, asked, limits.tightened(share))[:1]
     spare = sorted(able, key=lambda point: max(limits.excess(point.figures).values(), default=0.0))
-    return _distinct([*best, *truer, *spare])[:count]
+    return _distinct([*found, *ranked(able, asked, limits), *spare])[: plan.candidates]
 
 
 def _distinct(points: Sequence[Point]) -> list[Point]:

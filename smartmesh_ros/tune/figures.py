@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from smartmesh_ros.errors import InputError
@@ -124,6 +124,14 @@ class Limits:
             deviation=allowed(asked.deviation, defaults.deviation, ALLOWANCE.deviation),
             failed=defaults.lost + defaults.rescued,
         )
+
+    def tightened(self, share: float) -> Limits:
+        """The limits with only a share of each length and time allowed; the cost is kept, and so is what counts as no
+        penetration."""
+        return replace(
+            self, penetration=max(share * self.penetration, FLOOR), longest=share * self.longest,
+            hover=share * self.hover, deviation=share * self.deviation,
+        )  # fmt: skip
 
     def excess(self, figures: Figures) -> dict[str, float]:
         """By how many times each limit is passed, less one; those that are kept are left out."""
