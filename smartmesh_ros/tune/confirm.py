@@ -21,8 +21,8 @@ OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terra
 
 @dataclass(frozen=True, kw_only=True)
 class Confirming:
-    """``candidates``: so many of the best points are run again, among them the best that keep these shares of the limits
-    (``tightened``); every step is timed ``repeats`` times."""
+    """``candidates``: so many of the best points are run again, among them the best that keep these shares of the
+    limits (``tightened``); every step is timed ``repeats`` times."""
 
     candidates: int = 6
     tightened: tuple[float, ...] = (0.8, 0.6, 0.4)
