@@ -3,20 +3,28 @@ PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
 STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
+# The demo's pictures are the view's where there is a browser to draw them.
+VIEW := $(if $(shell command -v chromium || command -v chromium-browser || command -v google-chrome),view)
 
-.PHONY: help demo test lint prepare fleet fleet-study bench studies before-after load soak fuzz clean
+.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
-	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
+	@$(RUN) $(VIEW) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
+
+view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
+	@$(RUN) view -- install/smartmesh_ros/lib/smartmesh_ros/view --demo
+
+pictures:  ## the README's pictures of the view and the demo, by a browser without a window
+	@$(RUN) dev view -- python scripts/view_pictures.py
 
 test:  ## lint, types, colcon build, and every test
-	@$(RUN) dev -- scripts/check
+	@$(RUN) dev view -- scripts/check
 
 lint:  ## ruff, the import rules and the type checker
-	@$(RUN) dev -- scripts/check lint
+	@$(RUN) dev view -- scripts/check lint
 
 prepare:  ## environment and install/ only
 	@scripts/workspace prepare

@@ -1,10 +1,14 @@
 """Installs the ament_python package smartmesh_ros."""
 
+import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "smartmesh_ros"
+
+# For `ros2 run`. A wheel would put it onto everybody's path, where `view` is vim's.
+IN_WORKSPACES = [] if {"bdist_wheel", "dist_info"} & {*sys.argv} else [f"view = {NAME}.view.main:main"]
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -30,6 +34,7 @@ setup(
         "files": ["pillow", "rasterio"],
         "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
+        "view": ["viser[urdf]"],
     },
     zip_safe=False,
     maintainer="smartmesh_ros maintainers",
@@ -46,6 +51,8 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",
+            f"smartmesh-view = {NAME}.view.main:main",
+            *IN_WORKSPACES,
         ],
     },
 )

@@ -86,7 +86,9 @@ def _on_a_general_mesh(world: World) -> None:
     world.terrain.remove("beside")
     rows, columns = np.mgrid[:SIDE, :SIDE]
     vertices = SPACING * np.stack([columns, rows, 0.1 * rows], axis=-1).reshape(-1, 3)
-    world.terrain.put("", TriangleMesh(vertices, grid_triangles(SIDE, SIDE)))
+    mesh = TriangleMesh(vertices, grid_triangles(SIDE, SIDE), time=-1.0)
+    mesh.move(vertices, time=0.0)
+    world.terrain.put("", mesh)
 
 
 def _hills(x: float) -> HeightMap:

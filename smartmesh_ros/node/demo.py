@@ -22,11 +22,20 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import ColliderPatchArray, ContactArray, Heightmap, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import (
+    BodyDescriptionArray,
+    ColliderPatchArray,
+    ContactArray,
+    Heightmap,
+    Timing,
+    TrackedBodyArray,
+)
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -34,6 +43,7 @@ from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.node import demo_pictures
 from smartmesh_ros.node.conversions import map_from
 from smartmesh_ros.node.dds import use_large_message_profile
+from smartmesh_ros.node.demo_pictures import Snapshot
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 SOURCE = {
@@ -41,7 +51,9 @@ SOURCE = {
     "wave.amplitude": 0.1, "wave.number": 1.2, "wave.frequency": 4.0,
 }  # fmt: skip
 # As often as this watcher looks, so that two cores suffice for three processes.
-COLLIDER = {f"publish.{topic}": 10.0 for topic in ("patches", "collider_patches", "body_states", "contacts")}
+WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
+# The bound is that of a map with a centimetre of noise: patches of every kind can be seen.
+COLLIDER = {"patch.tolerance": 0.015, **{f"publish.{topic}": 10.0 for topic in WATCHED}}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 SHAPES = (
@@ -56,7 +68,12 @@ OUTPUTS = {
     "body_states": TrackedBodyArray,
     "contacts": ContactArray,
     "timing": Timing,
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "body_descriptions": BodyDescriptionArray,
 }
+# Kept for whoever listens later, as body_descriptions are.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 START_LIMIT = 60.0
 
 
@@ -69,9 +86,10 @@ class Demo(Node):
         self.counts: dict[str, int] = dict.fromkeys([*OUTPUTS, "diagnostics"], 0)
         for topic, kind in OUTPUTS.items():
             # As bytes: most are only counted, and those that are drawn are converted then.
-            self.create_subscription(kind, f"terrain_collider/{topic}", self._keeper(topic), 10, raw=True)
+            qos = LATCHED if topic == "body_descriptions" else 10
+            self.create_subscription(kind, f"terrain_collider/{topic}", self._keeper(topic), qos, raw=True)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._keeper("diagnostics"), 10)
-        self.create_subscription(Heightmap, "terrain_collider/heightmap", self._keeper("heightmap"), 1)
+        self.create_subscription(Heightmap, "terrain_collider/heightmap", self._keeper("heightmap"), 1, raw=True)
         self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
 
@@ -88,11 +106,9 @@ class Demo(Node):
         message = self._latest[topic]
         return deserialize_message(message, OUTPUTS[topic]) if isinstance(message, bytes) else message
 
-    def frame(self, time: float) -> demo_pictures.Frame:
+    def snapshot(self, time: float) -> Snapshot:
         """What there is to be seen now."""
-        return demo_pictures.frame_of(
-            self.latest("heightmap"), self.latest("patches"), self.latest("body_states"), time
-        )
+        return Snapshot(time, {topic: self._latest[topic] for topic in ("heightmap", *OUTPUTS)})
 
     def wait_for(self, condition: Any, what: str) -> Any:
         """Spins until the condition holds."""
@@ -105,7 +121,7 @@ class Demo(Node):
 
     def terrain(self) -> HeightMap:
         """The newest map."""
-        new = map_from(serialize_message(self.latest("heightmap")), 2**31)
+        new = map_from(self._latest["heightmap"], 2**31)
         return HeightMap(new.heights, geometry=new.geometry)
 
     def spawn_all(self) -> None:
@@ -172,9 +188,9 @@ def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.P
             process.wait(10)
 
 
-def watch(demo: Demo, seconds: float) -> tuple[list[demo_pictures.Frame], int]:
-    """Runs the demo, printing a line a second; returns frames to draw and the most bodies lost at any time."""
-    frames: list[demo_pictures.Frame] = []
+def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
+    """Runs the demo, printing a line a second; returns snapshots to draw and the most bodies lost at any time."""
+    snapshots: list[Snapshot] = []
     lost = 0
     start = monotonic()
     next_line, next_frame = start + 1.0, start
@@ -182,13 +198,13 @@ def watch(demo: Demo, seconds: float) -> tuple[list[demo_pictures.Frame], int]:
         rclpy.spin_once(demo, timeout_sec=0.05)
         if now >= next_frame:
             next_frame += 0.25
-            frames.append(demo.frame(now - start))
+            snapshots.append(demo.snapshot(now - start))
             demo.drive()
         if now >= next_line:
             next_line += 1.0
             lost = max(lost, demo.lost())
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
-    return frames, max(lost, demo.lost())
+    return snapshots, max(lost, demo.lost())
 
 
 def main(args: list[str] | None = None) -> None:
@@ -199,17 +215,17 @@ def main(args: list[str] | None = None) -> None:
     options = parser.parse_args(args)
     use_large_message_profile()
     with isolated_unless_chosen():
-        frames, lost, counts = run(options.seconds)
+        snapshots, lost, counts = run(options.seconds)
     print("drawing ...", flush=True)
-    for path in demo_pictures.draw(frames, options.out):
+    for path in draw(snapshots, options.out):
         print(f"wrote {path}")
     if lost:
         sys.exit(f"demo failed: {lost} bodies were lost")
     print(f"no body lost; received {counts}")
 
 
-def run(seconds: float) -> tuple[list[demo_pictures.Frame], int, dict[str, int]]:
-    """Runs everything for so long; frames to draw, the most bodies lost at any time, and messages by output."""
+def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
+    """Runs everything for so long; snapshots to draw, the most bodies lost at any time, and messages by output."""
     rclpy.init()
     demo = Demo()
     try:
@@ -217,10 +233,19 @@ def run(seconds: float) -> tuple[list[demo_pictures.Frame], int, dict[str, int]]
             print("starting terrain_source and terrain_collider ...", flush=True)
             demo.spawn_all()
             demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
-            frames, lost = watch(demo, seconds)
+            snapshots, lost = watch(demo, seconds)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"demo failed: {error}; received {demo.counts}")
     finally:
         demo.destroy_node()
         rclpy.shutdown()
-    return frames, lost, demo.counts
+    return snapshots, lost, demo.counts
+
+
+def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
+    """Pictures as the view shows it where that and a browser are installed, else charts; their paths."""
+    try:
+        from smartmesh_ros.view.demo_pictures import draw_in_browser
+    except ModuleNotFoundError:
+        return demo_pictures.draw(snapshots, folder)
+    return draw_in_browser(snapshots, folder) or demo_pictures.draw(snapshots, folder)

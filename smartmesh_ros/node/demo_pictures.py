@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from visualization_msgs.msg import MarkerArray
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -64,8 +67,17 @@ class Frame:
         return x[inner_x], y[inner_y], self.heights[np.ix_(inner_y, inner_x)]
 
 
-def frame_of(heightmap: Any, patches: Any, states: Any, time: float) -> Frame:
+class Snapshot(NamedTuple):
+    """The newest messages at a time [s] of the demo, as bytes by topic."""
+
+    time: float
+    messages: dict[str, bytes]
+
+
+def frame_of(snapshot: Snapshot) -> Frame:
     """A frame of the newest messages."""
+    kinds = {"heightmap": Heightmap, "patches": MarkerArray, "body_states": TrackedBodyArray}
+    heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in kinds.items())
     info = heightmap.info
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
     points = [(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]
@@ -74,12 +86,13 @@ def frame_of(heightmap: Any, patches: Any, states: Any, time: float) -> Frame:
         p, q = body.pose.position, body.pose.orientation
         bodies[body.id] = Placed((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
     origin = (info.origin.position.x, info.origin.position.y)
-    return Frame(time, heights, info.resolution, origin, np.array(points).reshape(-1, 3, 3), bodies)
+    return Frame(snapshot.time, heights, info.resolution, origin, np.array(points).reshape(-1, 3, 3), bodies)
 
 
-def draw(frames: list[Frame], folder: Path) -> list[Path]:
-    """Writes a picture of the last frame, a strip of six frames and a clip; returns their paths."""
+def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
+    """Writes a picture of the last snapshot, a strip of six and a clip; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
+    frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
         _picture(frames[-1], folder / "demo.png"),
         _strip(frames, folder / "demo_frames.png"),

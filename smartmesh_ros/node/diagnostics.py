@@ -29,6 +29,7 @@ class Health:
     map_age: float | None
     maps: int
     map_sources: int
+    overtaken: int
     publishers: dict[str, int]
     real_time_factor: float
     deadline_misses: int
@@ -60,6 +61,7 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         values[f"size of {name!r}"] = tile.description
         values[f"updates of {name!r}"] = tile.version
     values["publishers"] = health.map_sources
+    values["overtaken by a newer one"] = health.overtaken
     if health.map_age is None:
         return DiagnosticStatus.WARN, "no map yet", values
     values["age [s]"] = f"{health.map_age:.3f}"

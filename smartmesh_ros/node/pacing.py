@@ -138,8 +138,8 @@ class StampClock:
         if self._last is not None and stamp < self._last:
             raise InputError(
                 "stamp_backwards",
-                f"stamp {stamp:.9f} s is older than the last one, {self._last:.9f} s; call ~/reset if the source's "
-                "clock was set back",
+                f"stamp {stamp:.9f} s is older than the last one, {self._last:.9f} s; if the source's clock was set "
+                "back, call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies",
             )
         age = clock_now - stamp
         if NEWEST <= age <= OLDEST:

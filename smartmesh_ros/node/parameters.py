@@ -85,7 +85,7 @@ SPECS = (
     ),
     Spec("terrain.settle", _D.motion.settle, "Corrections are spread over so long [s].", 0.001, 10.0),
     Spec("terrain.noise", _D.motion.noise, "Standard deviation of the heights of a map [m]; 0 = exact. Corrected "
-         "heights are fused over time by it.", 0.0, 10.0),
+         "heights are fused over time by it; velocities count as far as they stand out of it.", 0.0, 10.0),
     Spec("terrain.max_samples", _D.max_samples, "Samples of all maps together; more are refused.", 9, 2**31),
     Spec("terrain.max_tiles", _D.most_tiles, "Tiles there may be; more are refused.", 1, 1_000_000),
     Spec(

@@ -23,6 +23,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node import body_outputs, diagnostics, patch_outputs, robot_outputs
+from smartmesh_ros.node.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peer_bodies import PeerBodies
 from smartmesh_ros.node.peers import incompatible_peers, publishers_of
@@ -105,6 +106,7 @@ class Publishing:
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
+        self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
         )
@@ -140,6 +142,7 @@ class Publishing:
         time = monotonic()
         self._publish(self._outputs, time, now=now)
         self._clock.publish(time)
+        self._descriptions.publish()
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
             self._diagnostics.publisher.publish(self._diagnostics.make())
@@ -237,6 +240,7 @@ class Publishing:
             map_age=None if session.map_taken is None else monotonic() - session.map_taken,
             maps=session.maps,
             map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
+            overtaken=session.overtaken,
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,
@@ -247,7 +251,9 @@ class Publishing:
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
             incompatible=incompatible_peers(
-                self._node, session.subscriptions, [output.publisher for output in self._outputs.values()]
+                self._node,
+                session.subscriptions,
+                [self._descriptions.publisher, *(output.publisher for output in self._outputs.values())],
             ),
             new_refusals=refused - self._refused_before,
         )

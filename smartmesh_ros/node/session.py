@@ -49,6 +49,7 @@ class Session:
         self.take_pace()
         self.frame_id = settings.frame_id
         self.map_taken: float | None = None
+        self.overtaken = 0  # maps that came after one with a newer stamp
         self.maps = 0
         self.rival_maps: list[str] = []
         self.paused = False

@@ -58,6 +58,7 @@ class TerrainCollider(Node):
         self._body_services = BodyServices(session)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
+        session.answer(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
         session.answer(SetBool, "pause", self._on_pause)
         if self.settings.simulation_interfaces:
             serve_simulation_interfaces(session, self)
@@ -153,6 +154,10 @@ class TerrainCollider(Node):
     def _on_reset(self, _: Trigger.Request) -> str:
         self.reset()
         return "bodies are back where they were spawned"
+
+    def _on_reset_terrain_clock(self, _: Trigger.Request) -> str:
+        self._terrain.forget_stamps()
+        return "maps may have any stamp, as the first ones; bodies stay where they are"
 
     def _on_pause(self, request: SetBool.Request) -> str:
         self.pause(request.data)

@@ -197,7 +197,9 @@ class TerrainInputs:
     def _overtaken(self, tile: str, stamp: float | None) -> bool:
         """Whether a whole map is a little older than the last one: that one came before it and has taken its place."""
         clock = self._clocks.get(tile)
-        return clock is not None and clock.is_late(stamp, self._session.settings.motion.max_interval)
+        late = clock is not None and clock.is_late(stamp, self._session.settings.motion.max_interval)
+        self._session.overtaken += late
+        return late
 
     def _put(self, tile: str, mesh: MainMesh) -> None:
         require_usable(self._session.settings.world.patch, mesh)

@@ -16,8 +16,8 @@ class SelectionConfig:
 
     ``hysteresis``: share of the tolerance within which a plane takes the place of a field, so that none changes back
     and forth: changing a collider loses its contacts. ``leave`` [m]: a body loses its collider so far above the ground,
-    beyond what it can reach, for the same reason. ``most_cells``: of a field, on a side; larger ones get a coarser
-    stride, because replacing a filtered one of 32 x 32 takes a millisecond. ``most_samples``: of the window that is
+    beyond what it can reach, for the same reason. ``most_cells``: of a field; larger ones get a coarser stride,
+    because replacing a filtered one of 32 x 32 takes a millisecond. ``most_samples``: of the window that is
     looked at, on a side; for larger bodies samples are left out. ``fastest`` [m/s]: faster bodies get no larger
     windows; a teleport is not a speed. ``carried``: a collider is left alone while it lies within this share of the
     tolerance of where it should be. ``slack``: share of its radius that a body may go beyond what it was taken to.
@@ -25,7 +25,7 @@ class SelectionConfig:
 
     hysteresis: float = 0.5
     leave: float = 0.002
-    most_cells: int = 32
+    most_cells: int = 1024
     most_samples: int = 128
     fastest: float = 50.0
     carried: float = 0.5

@@ -10,7 +10,7 @@ from smartmesh_ros.patches.touchable import Touch, Window
 from smartmesh_ros.terrain.moving_grid import triangle_weights
 
 # Cells on a side of a rectangle; few sizes, because a collider cannot change its own.
-SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
+SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 # Strides, coarsest first [samples].
 STRIDES = (16, 8, 4, 2, 1)
 # A body keeps the size it has while that has no more cells than this multiple of what it needs.
@@ -110,7 +110,7 @@ def smallest_rectangle(
     window: Window, touch: Touch, before: Rectangle, tolerance: float, most: int, bounds: tuple[int, int, int, int]
 ) -> Rectangle:
     """The rectangle for what a body can touch; the one it had ``before`` (no cells = none) where that still holds it
-    within the ``tolerance`` [m]. No side has more than ``most`` cells; where that leaves only strides that are not near
+    within the ``tolerance`` [m]. It has no more than ``most`` cells; where that leaves only strides that are not near
     enough, the finest of them."""
     if before.high > 0:
         high, wide = cells_needed(touch, before.stride)
@@ -129,13 +129,13 @@ def smallest_rectangle(
         high, wide = cells_needed(touch, stride)
         if stride > 1 and max(touch.bottom - touch.top, touch.right - touch.left) + 1 <= stride:
             continue  # as many cells as with half of it
-        if max(high, wide) <= most:
+        if high * wide <= most:
             found = placed(window, touch, high, wide, stride, bounds)
             if found.deviation <= tolerance:
                 return found
     stride = 1
     high, wide = cells_needed(touch, stride)
-    while max(high, wide) > most:
+    while high * wide > most:
         stride *= 2
         high, wide = cells_needed(touch, stride)
     return placed(window, touch, high, wide, stride, bounds)

@@ -33,7 +33,7 @@ class Rules(NamedTuple):
     ``tolerance`` [m]; ``hysteresis``: share of it that a plane must keep to take the place of something else; ``leave``
     [m]: how far above the ground a body loses its collider, beyond what it can reach; ``planes``, ``any_plane``:
     whether planes are tried, and taken whatever they deviate; ``always``: whether bodies near the ground have a field
-    even if they touch nothing; ``most_cells``: of a field, on a side; ``most_samples``: of a window, on a side;
+    even if they touch nothing; ``most_cells``: of a field; ``most_samples``: of a window, on a side;
     ``fastest`` [m/s]; ``gravity`` [m/s^2]; ``across``: whether bodies whose window leaves the map are left to be
     chosen by the samples of several tiles.
     """

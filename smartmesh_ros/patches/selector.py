@@ -197,8 +197,8 @@ class Selector:
             mesh = self.terrain.tiles[name]
             if isinstance(mesh, HeightMap):
                 heights = self._fixed.select(
-                    mesh, bodies, self._shapes, self._bodies, self._reach(bodies), self._time, self._duration, self.config,
-                    self.supports, before,
+                    mesh, bodies, self._shapes, self._bodies, self._reach(bodies), self._time, self._duration,
+                    self.config, self.supports, before,
                 )  # fmt: skip
                 for body, values in zip(bodies.tolist(), heights, strict=True):
                     self._add_samples(body, values)
@@ -208,8 +208,8 @@ class Selector:
     def _choose_on_mesh(self, name: str, chosen: IntArray, *, fixed: bool) -> None:
         """Gives bodies patches of a general mesh; ``fixed``: also those that cannot touch it."""
         self.mesh_patches |= self._meshes[name].select(
-            chosen, self._shapes, self._bodies, self._reach(chosen), self._time, self._duration, self.config, self.supports,
-            self.mesh_patches, self.gravity, fixed=fixed,
+            chosen, self._shapes, self._bodies, self._reach(chosen), self._time, self._duration, self.config,
+            self.supports, self.mesh_patches, self.gravity, fixed=fixed,
         )  # fmt: skip
 
     def _reach(self, chosen: IntArray) -> FloatArray:

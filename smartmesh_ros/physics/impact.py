@@ -1,7 +1,7 @@
 """When a moving solid meets the ground, and how high it lies on it: conservative advancement on the nearest facet.
 
-A solid can move by its distance from the ground without meeting it; moved on by that, again and again, it arrives at
-its surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
+A solid can move along the normal of a facet by its distance from it without meeting it. Moved on by that, again and
+again, it arrives at the surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
 """
 
 from __future__ import annotations
@@ -69,15 +69,38 @@ def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: 
 
 
 @compiled
+def earliest_gap(window: Window, solid: Solid, path: Point, least: float, left: float) -> tuple[float, Gap]:
+    """The share of its path up to ``left`` that a solid can move for sure without meeting the ground, and the gap that
+    ends it: of all facets that it closes on by more than ``least`` [m], the one whose gap it may close first. A gap is
+    closed by motion along its normal alone, since the plane across it parts the facet from the solid."""
+    high, wide = window.heights.shape
+    extent, z, length = extents(solid), window.heights, math.sqrt(dot(path, path))
+    share, best = left, Gap(math.inf, UP, solid.centre)
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            low, top = heights_of_cell(z, a, b)
+            margin = max(share, 0.0) * length + TOUCH
+            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
+                continue
+            for upper in range(2):
+                facet = facet_of(z, window.spacing, a, b, upper)
+                if is_ground(facet):
+                    gap = gap_to(facet, solid)
+                    closing = -dot(gap.normal, path)
+                    if closing > least and gap.distance < share * closing:
+                        share, best = gap.distance / closing, gap
+    return share, best
+
+
+@compiled
 def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> Impact:
     """Where a solid touches the ground on its path, closing on it by more than ``least`` [m]."""
-    length = math.sqrt(dot(path, path))
     share = 0.0
     for _ in range(ADVANCES):
-        gap = nearest_gap(window, moved_by(solid, path, share), path, least, (1.0 - share) * length + TOUCH)
+        advance, gap = earliest_gap(window, moved_by(solid, path, share), path, least, 1.0 - share)
         if gap.distance <= TOUCH:
             return Impact(share, gap.distance, gap.normal)
-        share += gap.distance / length
+        share += advance
         if share >= 1.0:
             break
     return Impact(2.0, math.inf, UP)
@@ -92,15 +115,16 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
     first = time_of_impact(window, solid, path, least)
     if first.share >= 1.0:
         return path
-    closing = -(1.0 - first.share) * dot(first.normal, path) - first.gap
-    if closing <= least:
+    closing = -(1.0 - first.share) * dot(first.normal, path)
+    if closing - first.gap <= least:
         return path
-    slides = along(path, closing - arrival, first.normal)
-    rest = minus(slides, scaled(path, first.share))
-    second = time_of_impact(window, moved_by(solid, path, first.share), rest, least)
-    if 0.0 < second.share < 1.0:
+    # Off the facet by more than a touch, so that those beside it in its plane are none.
+    start = along(scaled(path, first.share), 2.0 * TOUCH - first.gap, first.normal)
+    rest = along(scaled(path, 1.0 - first.share), closing, first.normal)
+    second = time_of_impact(window, moved_by(solid, start, 1.0), rest, least)
+    if second.share < 1.0:
         return along(scaled(path, first.share), second.share, rest)
-    return slides
+    return along(path, closing - first.gap - arrival, first.normal)
 
 
 @compiled

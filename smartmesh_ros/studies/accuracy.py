@@ -16,6 +16,7 @@ from smartmesh_ros.studies.chart import draw_all, draw_scene
 from smartmesh_ros.studies.configurations import configurations
 from smartmesh_ros.studies.contest import PIECES, Result, run_scene
 from smartmesh_ros.studies.matrix.picture import draw_matrix, matrix_table
+from smartmesh_ros.studies.matrix.real_maps_picture import draw_box
 from smartmesh_ros.studies.matrix.row import METHODS, Outcome
 from smartmesh_ros.studies.matrix.run import run_matrix
 from smartmesh_ros.studies.scene import read_scenes
@@ -47,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.methods:
             outcomes = _beside_those_before(outcomes, out / "accuracy.json")
         draw_matrix(images / "stability.png", outcomes)
+        (out / "images" / "real_maps").mkdir(exist_ok=True)
+        draw_box(out / "images" / "real_maps" / "box.png")
         blocks["stability"] = matrix_table(outcomes)
         data["stability"] = [asdict(outcome) for outcome in outcomes]
     print(file=sys.stderr)

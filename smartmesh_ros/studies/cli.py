@@ -13,6 +13,7 @@ STUDIES = {
     "consumer": ("smartmesh_ros.studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "fleet": ("smartmesh_ros.studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("smartmesh_ros.studies.load.study", "the node under load over DDS"),
+    "view-cost": ("smartmesh_ros.studies.view_cost.study", "what the view costs the node that it shows"),
     "soak": ("smartmesh_ros.studies.load.soak", "the node for minutes or hours of everything changing"),
 }
 

@@ -11,7 +11,7 @@ from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, phase_of
+from smartmesh_ros.terrain.motion import CLOCK, INSTANTS, KEPT, REST, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import take_heights
@@ -83,6 +83,7 @@ class HeightMap:
         self._shown = math.inf  # until when corrections are worked off [s]; inf = nobody has looked yet
         self._settled = -math.inf  # when all of them are [s]
         self.fused: FusedMap | None = None  # where heights are fused
+        self._deviation: float | None = None  # of heights whose velocities count, where variances came with them [m]
         self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
         self._slide_interval = 0.0  # between the maps that tell it [s]
         self.version = 0  # counts the updates
@@ -208,7 +209,7 @@ class HeightMap:
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
-        for name in ("time", "middle", "middle_1", "middle_2"):
+        for name in INSTANTS:
             self._clocks[name] += by
         self._shown += by
         self._settled += by
@@ -225,7 +226,7 @@ class HeightMap:
         return MovingGrid(
             self._heights, self._velocities, self._clocks, x, y, z, math.cos(geometry.yaw), math.sin(geometry.yaw),
             geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity, self._offsets, self._shown,
-            motion.settle,
+            motion.settle, motion.noise if self._deviation is None else self._deviation,
         )  # fmt: skip
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
@@ -271,6 +272,7 @@ class HeightMap:
         if self.motion.corrects:
             self._correct(row, column, self._fuse(row, column, new, variance, time), time)
             return
+        self._deviation = None if variance is None else _deviation(variance)
         given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
         take_heights(
             self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),
@@ -310,6 +312,13 @@ def _checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]
     if variance is None or isinstance(variance, float | int):
         return None if variance is None else float(variance)
     return _as_floats(variance, shape, "variances")
+
+
+def _deviation(variance: float | NDArray[np.float32]) -> float:
+    """The usual standard deviation of heights of such variances [m]; those that are none are left out."""
+    known = np.asarray(variance, np.float64)
+    known = known[(known >= 0.0) & (known < math.inf)]
+    return math.sqrt(known.mean()) if known.size else 0.0
 
 
 def _checked(

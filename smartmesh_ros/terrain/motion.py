@@ -41,21 +41,29 @@ REST = 3.0 * PATIENCE
 AGREEMENT = 4.0
 # Velocities that are kept of each sample: the newest and the two before it tell two accelerations.
 KEPT = 3
+# Times between updates that are looked back on. More than one, so that drops and jitter do not make the source late;
+# enough for bursts of five and the gaps between them.
+LOOKED_BACK = 10
 
-# When a block of samples was updated. ``time`` [s]: last update; ``lifetime`` [s]: expected time to the next, 0 = at
-# rest; ``middle``, ``middle_1``, ``middle_2`` [s]: instants that the velocities hold for, newest first; ``known``: how
-# many of them are known; ``newest``: where in the ring of KEPT velocities the newest is.
+# When a block of samples was updated. ``time`` [s]: last update; ``opened`` [s]: the first one that the newest
+# velocity is told by; ``lifetime`` [s]: longest time to expect until the next, 0 = at rest; ``middle``, ``middle_1``,
+# ``middle_2`` [s]: instants that the velocities hold for, newest first; ``known``: how many of them are known;
+# ``newest``: where in the ring of KEPT velocities the newest is; ``intervals`` [s]: between the last ``count`` updates.
 CLOCK = np.dtype(
     [
         ("time", np.float64),
+        ("opened", np.float64),
         ("lifetime", np.float64),
         ("middle", np.float64),
         ("middle_1", np.float64),
         ("middle_2", np.float64),
         ("known", np.int64),
         ("newest", np.int64),
+        ("intervals", np.float64, (LOOKED_BACK,)),
+        ("count", np.int64),
     ]
 )
+INSTANTS = ("time", "opened", "middle", "middle_1", "middle_2")  # its fields that are instants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +77,8 @@ class MotionConfig:
     ``changes``: what a change of height means. *motion*: the ground moved, as ``mode`` says. *correction*: it stood
     still and is known better now; then it has no velocity, and ``settle`` [s] is how long the old heights take to
     become the new ones: a correction of 30 cm moves what stands on it by 6 mm in a step of 240 Hz.
-    ``noise`` [m]: standard deviation of the heights of a map, 0 = exact. In *correction* heights are fused over time.
+    ``noise`` [m]: standard deviation of the heights of a map, 0 = exact. In *correction* heights are fused over time;
+    in *motion* velocities count as far as they stand out of what the noise makes (see `noisy_motion`).
     ``min_interval`` [s]: maps that come sooner after each other are one that came in parts: they correct the one
     before and have no velocity of their own. By default that is a step of 240 Hz.
     """
@@ -141,7 +150,8 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
     if mode == Mode.HOLD:
         return 0.0, 0.0, 1.0 if age <= patience else 0.0, 0.0, 0.0, math.inf
     if mode == Mode.INTERPOLATE:
-        return min(max(age - lifetime, -lifetime), 0.0), 0.0, 1.0 if age < lifetime else 0.0, 0.0, 0.0, math.inf
+        span = 2.0 * lag if lag > 0.0 else lifetime  # from the map before to the last one
+        return min(max(age - span, -span), 0.0), 0.0, 1.0 if age < span else 0.0, 0.0, 0.0, math.inf
     if age <= patience:
         age = max(age, -lifetime)
         return age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, math.inf

@@ -12,6 +12,7 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
+from smartmesh_ros.terrain.noisy_motion import doubt_of, motion_in_noise
 
 # A time over which no motion changes: velocities are rises over it [s].
 INSTANT = 1e-9
@@ -24,7 +25,8 @@ class MovingGrid(NamedTuple):
     whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
     ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
     [m/s]. ``mode``, ``max_velocity``, ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what
-    was corrected of the heights; ``shown`` [s]: the instant that corrections are worked off to.
+    was corrected of the heights; ``shown`` [s]: the instant that corrections are worked off to. ``noise`` [m]: standard
+    deviation of the heights, as far as velocities are concerned.
     """
 
     heights: NDArray[np.float32]
@@ -43,6 +45,7 @@ class MovingGrid(NamedTuple):
     offsets: NDArray[np.float32]
     shown: float
     settle: float
+    noise: float
 
 
 @compiled
@@ -73,14 +76,16 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
     if clock.known == 0:
         return height, 0.0
     phase = block_phase(clock, time, grid.mode)
-    velocity, acceleration = _motion_at(grid, row, column, clock.newest, phase)
+    velocity, acceleration = _motion_at(grid, row, column, clock, phase)
     return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
 
 
 @compiled
-def _motion_at(grid, row, column, newest, phase):
+def _motion_at(grid, row, column, clock, phase):
     """Velocity and acceleration of a sample, by the ring of its velocities."""
-    v = grid.velocities
+    if grid.noise > 0.0:
+        return motion_in_noise(grid, row, column, clock, phase, doubt_of(clock, grid.noise))
+    v, newest = grid.velocities, clock.newest
     first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
     return motion_of(
         float(v[newest, row, column]), float(v[first, row, column]), float(v[second, row, column]), phase,
@@ -99,8 +104,8 @@ def read_window(
     high, wide = heights.shape
     for a in range(high):
         r = row + a * stride
-        block, newest, known, left = -1, 0, 0, 0.0
-        phase = AT_REST
+        block, known, left = -1, 0, 0.0
+        clock, phase = grid.clocks[0, 0], AT_REST
         for b in range(wide):
             c = column + b * stride
             if r < 0 or c < 0 or r >= rows or c >= columns:
@@ -109,13 +114,13 @@ def read_window(
             if c >> BLOCK_SHIFT != block:
                 block = c >> BLOCK_SHIFT
                 clock = grid.clocks[r >> BLOCK_SHIFT, block]
-                newest, known = clock.newest, clock.known
+                known = clock.known
                 if grid.mode == Mode.CORRECT:
                     known, left = 0, remaining(clock, grid.shown, grid.settle)
                 phase = block_phase(clock, time, grid.mode)
             height, rise = grid.z + float(grid.heights[r, c]), 0.0
             if known:
-                velocity, acceleration = _motion_at(grid, r, c, newest, phase)
+                velocity, acceleration = _motion_at(grid, r, c, clock, phase)
                 height += displacement(velocity, acceleration, phase)
                 rise = rise_of(velocity, acceleration, phase, ahead)
             elif left > 0.0:

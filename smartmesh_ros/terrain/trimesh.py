@@ -13,10 +13,21 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
-from smartmesh_ros.terrain.motion import CLOCK, KEPT, REST, MotionConfig, block_phase, displacement, motion_of, rise_of
+from smartmesh_ros.terrain.motion import (
+    CLOCK,
+    INSTANTS,
+    KEPT,
+    REST,
+    MotionConfig,
+    block_phase,
+    displacement,
+    motion_of,
+    rise_of,
+)
 from smartmesh_ros.terrain.moving_grid import INSTANT
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.shape import MeshShape, shape_of
+from smartmesh_ros.terrain.updates import CORRECTION, STAY, note_update
 
 
 class MeshSamples(NamedTuple):
@@ -125,28 +136,23 @@ class TriangleMesh:
 
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Notes the velocities that an update tells: those given, or the difference to the positions before."""
-        clock = self._clock[0]
-        since = time - clock.time
-        recent = 0.0 < since <= self.motion.max_interval
-        again = since == 0.0 and clock.known > 0  # corrects what was said, or says it of other vertices
-        if since != 0.0 or (speeds is not None and not again):
-            clock.newest = (clock.newest + 1) % KEPT
-            self._velocities[clock.newest] = 0.0
-        if speeds is not None:
-            self._velocities[clock.newest][:, target] = speeds
-        elif recent:
-            self._velocities[clock.newest][:, target] = (new - self._now[:, target]) / since
-        elif again and clock.middle < clock.time:
-            interval = 2.0 * (clock.time - clock.middle)
-            self._velocities[clock.newest][:, target] += (new - self._now[:, target]) / interval
-        if again or (since == 0.0 and speeds is None):
+        motion, newest = self.motion, self._clock[0].newest
+        whole = isinstance(target, slice)
+        told = note_update(
+            self._clock[0], float(time), speeds is not None, whole, motion.min_interval, motion.max_interval
+        )
+        if told.how == STAY:
             return
-        clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
-        clock.middle = time if speeds is not None else time - 0.5 * since
-        moves = recent or speeds is not None
-        clock.known = min(clock.known + 1, KEPT) if recent else int(moves)
-        clock.lifetime = since if recent else self.motion.max_interval if moves else 0.0
-        clock.time = time
+        if self._clock[0].newest != newest:
+            self._velocities[self._clock[0].newest] = 0.0
+        velocities = self._velocities[self._clock[0].newest]
+        if speeds is not None:
+            velocities[:, target] = speeds
+            return
+        rates = velocities[:, target] * told.keep + (new - self._now[:, target]) * told.inverse
+        if told.how != CORRECTION:
+            velocities *= told.keep
+        velocities[:, target] = rates
 
     @property
     def time(self) -> float:
@@ -164,7 +170,7 @@ class TriangleMesh:
 
     def shift_time(self, by: float) -> None:
         """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
-        for name in ("time", "middle", "middle_1", "middle_2"):
+        for name in INSTANTS:
             self._clock[name] += by
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:

@@ -2,51 +2,100 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK, BLOCK_SHIFT
-from smartmesh_ros.terrain.motion import KEPT
+from smartmesh_ros.terrain.motion import KEPT, LOOKED_BACK
 
 # How the newest velocities of a block are told: not at all, they stay; by the difference to the heights before; by a
-# correction of these, which is added; or they are given.
-STAY, DIFFERENCE, CORRECTION, GIVEN = 0, 1, 2, 3
+# correction of these, which is added; by the difference over the last two intervals as one; or they are given.
+STAY, DIFFERENCE, CORRECTION, LONGER, GIVEN = 0, 1, 2, 3, 4
+# An update that comes sooner after the last than so many usual intervals has no velocity of its own: what little it is
+# late or early, or off by noise, would be divided by nearly nothing.
+SOON = 0.5
+
+
+class Told(NamedTuple):
+    """How the velocities of a block are told, ``how``: differences of heights are multiplied by ``inverse`` [1/s], and
+    added to so much of the velocity before, ``keep`` [-]."""
+
+    how: int
+    inverse: float
+    keep: float
 
 
 @compiled
-def note_update(clock, time, given, min_interval, max_interval):
-    """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not; how its
-    velocities are told, and what differences of heights are multiplied by for that [1/s]."""
+def usual_interval(clock):
+    """The mean of the last times between updates [s], zero where there was none. A burst and the gap after it are as
+    far apart in the mean as even updates; their median would be that of the burst."""
+    total = 0.0
+    for k in range(clock.count):
+        total += clock.intervals[k]
+    return total / clock.count if clock.count > 0 else 0.0
+
+
+@compiled
+def note_interval(clock, since):
+    """Notes the time ``since`` the last update [s]; the source is late after the longest of the last ones."""
+    for k in range(min(clock.count, LOOKED_BACK - 1), 0, -1):
+        clock.intervals[k] = clock.intervals[k - 1]
+    clock.intervals[0] = since
+    clock.count = min(clock.count + 1, LOOKED_BACK)
+    clock.lifetime = 0.0
+    for k in range(clock.count):
+        clock.lifetime = max(clock.lifetime, clock.intervals[k])
+
+
+@compiled
+def note_update(clock, time, given, whole, min_interval, max_interval):
+    """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not, as a ``whole``
+    or in part; what is `Told` by that."""
     since = time - clock.time
-    again = since == 0.0 or 0.0 < since < min_interval
+    again = since == 0.0 or (0.0 < since < min_interval and not whole)
     recent = not again and 0.0 < since <= max_interval
+    differs = clock.known > 0 and clock.middle < clock.time
     if again and not given:
-        if clock.known > 0 and clock.middle < clock.time:
-            return CORRECTION, 0.5 / (clock.time - clock.middle)
-        return STAY, 0.0
+        return Told(CORRECTION, 0.5 / (clock.time - clock.middle), 1.0) if differs else Told(STAY, 0.0, 0.0)
     if again and clock.known > 0:
-        return GIVEN, 0.0
-    clock.time = time
+        return Told(GIVEN, 0.0, 0.0)
+    before, clock.time = clock.time, time
+    parts = recent and time - clock.opened < min_interval
+    if parts and not given and clock.known == 0:
+        return Told(STAY, 0.0, 0.0)
     if not (given or recent):
-        clock.known, clock.lifetime = 0, 0.0
-        return STAY, 0.0
+        clock.opened, clock.known, clock.lifetime, clock.count = time, 0, 0.0, 0
+        return Told(STAY, 0.0, 0.0)
+    if recent and not given and differs and (parts or since < SOON * usual_interval(clock)):
+        note_interval(clock, since)
+        span = 2.0 * (before - clock.middle) + since
+        clock.middle = time - 0.5 * span
+        return Told(LONGER, 1.0 / span, 1.0 - since / span)
+    clock.opened = time
     clock.newest = (clock.newest + 1) % KEPT
     clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
     clock.middle = time if given else time - 0.5 * since
     clock.known = min(clock.known + 1, KEPT) if recent else 1
-    clock.lifetime = since if recent else max_interval
-    return (GIVEN, 0.0) if given else (DIFFERENCE, 1.0 / since)
+    if recent:
+        note_interval(clock, since)
+    else:
+        clock.lifetime, clock.count = max_interval, 0
+    return Told(GIVEN, 0.0, 0.0) if given else Told(DIFFERENCE, 1.0 / since, 0.0)
 
 
 @compiled
-def write_velocities(velocities, heights, new, given, told, inverse):
+def write_velocities(velocities, heights, new, given, how, inverse, keep):
     """Writes the velocities that a row's part tells, all (n,)."""
     for c in range(len(new)):
-        if told == DIFFERENCE:
+        if how == DIFFERENCE:
             velocities[c] = (new[c] - heights[c]) * inverse
-        elif told == CORRECTION:
+        elif how == CORRECTION:
             velocities[c] += (new[c] - heights[c]) * inverse
-        elif told == GIVEN:
+        elif how == LONGER:
+            velocities[c] = velocities[c] * keep + (new[c] - heights[c]) * inverse
+        elif how == GIVEN:
             velocities[c] = given[c]
 
 
@@ -56,17 +105,25 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
 
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
-    are at rest. What comes less than ``min_interval`` [s] after the last is a correction of that instant: its
-    difference is added to the velocity. Row by row, which reads memory in its order.
+    are at rest for that interval. A part of a block that comes less than ``min_interval`` [s] after the last update is
+    a correction of that instant: its difference is added to the velocity. What comes so soon, or soon by the intervals
+    before (`SOON`), makes the newest velocity one over both intervals. Row by row, which reads memory in its order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]
     first_block, end_block = column >> BLOCK_SHIFT, ((end_column - 1) >> BLOCK_SHIFT) + 1
-    told, inverse = np.empty(end_block, np.int64), np.empty(end_block, np.float32)
+    told, inverse, keep = (
+        np.empty(end_block, np.int64),
+        np.empty(end_block, np.float32),
+        np.empty(end_block, np.float32),
+    )
     for block_row in range(row >> BLOCK_SHIFT, ((end_row - 1) >> BLOCK_SHIFT) + 1):
         for block in range(first_block, end_block):
-            told[block], inverse[block] = note_update(
-                clocks[block_row, block], time, given.size > 0, min_interval, max_interval
+            top, side = block_row << BLOCK_SHIFT, block << BLOCK_SHIFT
+            whole = row <= top and column <= side
+            whole = whole and end_row >= min(top + BLOCK, rows) and end_column >= min(side + BLOCK, columns)
+            told[block], inverse[block], keep[block] = note_update(
+                clocks[block_row, block], time, given.size > 0, whole, min_interval, max_interval
             )
         for r in range(block_row << BLOCK_SHIFT, min((block_row + 1) << BLOCK_SHIFT, rows)):
             inside = row <= r < end_row
@@ -77,10 +134,14 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
                 if told[block] == DIFFERENCE or told[block] == GIVEN:
                     newest[first:left] = 0.0
                     newest[right:last] = 0.0
+                elif told[block] == LONGER:
+                    newest[first:left] *= keep[block]
+                    newest[right:last] *= keep[block]
                 if left < right:
                     fresh = new[r - row, left - column : right - column]
                     says = given[r - row, left - column : right - column] if given.size > 0 else fresh
                     write_velocities(
-                        newest[left:right], heights[r, left:right], fresh, says, told[block], inverse[block]
-                    )
+                        newest[left:right], heights[r, left:right], fresh, says, told[block], inverse[block],
+                        keep[block],
+                    )  # fmt: skip
                     heights[r, left:right] = fresh

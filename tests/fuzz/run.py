@@ -31,6 +31,8 @@ from tests.fuzz.target import FindingError, Target
 from tests.fuzz.wire import bombard
 
 INPUTS = ("heightmap", "grid_map", "image", "occupancy_grid", "point_cloud")
+# What changes of the terrain mean: of the nodes that take an input, every other one.
+CHANGES = ("motion", "correction")
 # Of each kind of input, so many seeds are kept to be spoilt and spliced.
 POOL = 60
 # Every so many shares, one of messages that Hypothesis makes.
@@ -56,19 +58,23 @@ def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tup
             yield name, mutated(pool[int(rng.integers(len(pool)))], others, rng)
 
 
-def attack(terrain_input: str, count: int, seed: int, record: Path | None = None) -> dict[str, Any]:
+def attack(
+    terrain_input: str, count: int, seed: int, record: Path | None = None, changes: str = "motion"
+) -> dict[str, Any]:
     """Gives ``count`` messages to one node and returns the counts. Raises `FindingError`."""
     rng = np.random.default_rng(seed)
-    with Target(terrain_input, record) as target:
+    with Target(terrain_input, record, changes) as target:
         for name, data in stream(target, count, rng):
             target.give(name, data)
         return target.result()
 
 
-def attack_with_examples(terrain_input: str, count: int, seed: int, record: Path | None = None) -> dict[str, Any]:
+def attack_with_examples(
+    terrain_input: str, count: int, seed: int, record: Path | None = None, changes: str = "motion"
+) -> dict[str, Any]:
     """The same with ``count`` messages that Hypothesis makes field by field, in between good ones."""
     rng = np.random.default_rng(seed)
-    with Target(terrain_input, record) as target:
+    with Target(terrain_input, record, changes) as target:
         kinds = {name: strategies.messages(target.kind(name)) for name in target.inputs}
 
         @hypothesis.seed(seed)
@@ -92,7 +98,8 @@ def _work(terrain_input: str, count: int, seed: int, folder: Path) -> None:
     record = record / f"fuzz_{folder.name}_{seed}"
     try:
         attacked = attack_with_examples if seed % EXAMPLES == 0 else attack
-        result = attacked(terrain_input, count, seed, record)
+        changes = CHANGES[seed // len(INPUTS) % len(CHANGES)]
+        result = attacked(terrain_input, count, seed, record, changes)
     except FindingError as finding:
         import traceback
 
@@ -167,7 +174,7 @@ def main() -> None:
                 continue
             fates.update(result["counts"])
             reasons.update(result["reasons"])
-            totals.update(vertices=result["vertices"], unresolved=result["unresolved"])
+            totals.update({name: result[name] for name in ("vertices", "unresolved", "unsettled")})
             print(f"{index}: {sum(result['counts'].values())} messages, {monotonic() - start:.0f} s", flush=True)
     wire = over_the_wire(options.wire, options.seed) if options.wire else {}
     summary = {"messages": fates.total(), "seconds": round(monotonic() - start), "findings": len(findings),

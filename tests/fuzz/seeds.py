@@ -237,6 +237,7 @@ _MAKERS: dict[str, Any] = {
     "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", str(rng.choice(["crate", "tin", "ball"]))]),
     "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
     "reset": lambda rng: Trigger.Request(),
+    "reset_terrain_clock": lambda rng: Trigger.Request(),
     "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),
     "set_parameters": _settings(SetParameters),
     "set_parameters_atomically": _settings(SetParametersAtomically),

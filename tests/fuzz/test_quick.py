@@ -22,9 +22,11 @@ def target() -> Iterator[Target]:
         yield made
 
 
-@pytest.mark.parametrize("terrain_input", INPUTS)
-def test_spoilt_messages(terrain_input: str) -> None:
-    result = attack(terrain_input, 250, seed=11)
+@pytest.mark.parametrize(
+    ("terrain_input", "changes"), [*((name, "motion") for name in INPUTS), ("heightmap", "correction")]
+)
+def test_spoilt_messages(terrain_input: str, changes: str) -> None:
+    result = attack(terrain_input, 250, seed=11, changes=changes)
     assert sum(result["counts"].values()) == 250
     assert result["vertices"] > 1000
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-COMMANDS = {"terrain_collider", "terrain_source", "smartmesh-demo", "smartmesh-studies"}
+COMMANDS = {"terrain_collider", "terrain_source", "smartmesh-demo", "smartmesh-studies", "smartmesh-view"}
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:

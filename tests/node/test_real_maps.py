@@ -7,13 +7,16 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from rcl_interfaces.srv import GetParameters
+from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
+from smartmesh_msgs.srv import SpawnBody
+from std_srvs.srv import Trigger
 
 from smartmesh_ros.node import parameters
 from smartmesh_ros.node.parameters import SPECS, settings_from
 from smartmesh_ros.node.rivals import Rivals
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message
+from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message, pose_message
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -103,7 +106,35 @@ def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(probe: Probe) -> 
         probe.publish_map(LEVEL, stamp=probe.now())
         probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "2")
         assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+        assert probe.diagnostics("terrain")["overtaken by a newer one"] == "1"
         assert newest.header.stamp == now
+
+
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(probe: Probe) -> None:
+    """The clock of the source was set back by an hour."""
+    with probe.running():
+        probe.publish_map(LEVEL, resolution=0.5)
+        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "1")
+        box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.3])
+        spawned = probe.call("spawn_body", SpawnBody, id="box", mass=1.0, shape=box, pose=pose_message((5.0, 5.0, 0.3)))
+        assert spawned.success
+
+        def place() -> tuple[float, float, float]:
+            [body] = probe.latest("body_states").bodies
+            p = body.pose.position
+            return p.x, p.y, p.z
+
+        probe.wait_for(lambda: place()[2] < 0.152)
+        back = Time(sec=probe.now().sec - 3600)
+        probe.publish_map(LEVEL, resolution=0.5, stamp=back)
+        probe.wait_for(lambda: "stamp_backwards" in str(probe.diagnostics("inputs")))
+        assert probe.call("reset_terrain_clock", Trigger).success
+        before = place()
+        for number in range(1, 4):
+            back = Time(sec=back.sec, nanosec=50_000_000 * number)
+            probe.publish_map(LEVEL, resolution=0.5, stamp=back)
+            probe.wait_for(lambda n=number: probe.diagnostics("terrain").get("updates of ''") == str(1 + n))
+        assert place() == pytest.approx(before, abs=0.002)
 
 
 def test_the_parameters_are_served(probe: Probe) -> None:

@@ -299,8 +299,9 @@ def test_what_a_body_stands_on_lies_along_the_ground_where_it_can_touch_either(
             assert all(support.column <= column < last_column for column in columns)
         bound = float(support.deviation)
         assert not math.isnan(bound)
-        if support.state == Support.PLANE or support.rows <= SELECTION.most_cells:
-            assert bound <= tolerance
+        cells = (support.rows - 1) * (support.columns - 1)
+        if support.state == Support.PLANE or 3 * cells * support.stride**2 <= SELECTION.most_cells:
+            assert bound <= tolerance, "every sample under it would have had room"
         still = field_heights(case, support, xy) if support.state == Support.FIELD else None
         for t, position, turn in path_of(case.bodies[index], case.duration):
             if support.state == Support.PLANE:
@@ -487,6 +488,21 @@ def test_a_resting_body_does_not_change_back_and_forth(amplitude: float) -> None
     assert changes <= 0.02 * 40 * 60
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi])
+def test_a_long_thin_box_has_every_sample_under_it(yaw: float) -> None:
+    """A field is bounded by its cells in all, not by those on a side."""
+    rng = np.random.default_rng(3)
+    heightmap = HeightMap(rng.normal(scale=0.01, size=(81, 81)), resolution=0.05)
+    box = Form("box", 1.0, rng)
+    box.half, box.offset, box.turn = np.array([1.0, 0.05, 0.025]), np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
+    box.record = np.array((1, *box.half, box.offset, box.turn, float(np.linalg.norm(box.half))), SHAPE)
+    bodies = np.zeros((1, BODY_COLUMNS))
+    bodies[0, :3], bodies[0, 5:7] = (2.0, 2.0, 0.03), (math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+    [support] = chosen_for(Case(heightmap, [box], bodies, 0.0, 1 / 60))
+    assert (support.state, support.stride, support.deviation) == (Support.FIELD, 1, 0.0)
+    assert max(support.rows, support.columns) * 0.05 >= 2.0
+
+
 def test_a_body_larger_than_the_window_stands_on_a_field_of_bounded_size() -> None:
     rng = np.random.default_rng(3)
     heights = rng.normal(scale=0.05, size=(400, 400))
@@ -499,7 +515,7 @@ def test_a_body_larger_than_the_window_stands_on_a_field_of_bounded_size() -> No
     case = Case(heightmap, [box], bodies, 0.0, 1 / 60)
     [support] = chosen_for(case)
     assert support.state == Support.FIELD
-    assert max(support.rows, support.columns) <= SELECTION.most_cells + 1
+    assert (support.rows - 1) * (support.columns - 1) <= SELECTION.most_cells
     assert math.isnan(support.deviation), "samples were left out"
     first = heightmap.geometry.to_world(support.row, support.column)
     last = heightmap.geometry.to_world(

@@ -61,6 +61,10 @@ class Driver(Node):
         """Whether the node listens."""
         return bool(self._maps.get_subscription_count()) and bool(self._bodies.get_subscription_count())
 
+    def listeners(self) -> int:
+        """How many nodes take the maps."""
+        return int(self._maps.get_subscription_count())
+
     def wait_for(self, condition: Any, what: str) -> None:
         """Handles messages until the condition holds."""
         end = monotonic() + START_LIMIT

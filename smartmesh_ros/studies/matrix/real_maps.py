@@ -12,10 +12,12 @@ import numpy as np
 import pybullet_data
 
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
-from smartmesh_ros.studies.matrix.arena import Arena, square
+from smartmesh_ros.studies.matrix.arena import square
 from smartmesh_ros.studies.matrix.row import METHODS, Row
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -25,6 +27,8 @@ CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0
 SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
 HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
+LAIKAGO = str(Path(pybullet_data.getDataPath()) / "laikago" / "laikago_toes_zup.urdf")
+ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO, 0.46)}  # and how high they start [m]
 SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
 ISSUE = "a correction gives no speed"
 # The methods that bodies are taken along for by default; the others are there for their colliders' sake.
@@ -42,22 +46,32 @@ class Thrown(NamedTuple):
 
 
 class Site:
-    """One body at rest on ground of a slope [rad] along x. Use it as a context manager."""
+    """One body at rest on ground of a slope [rad] along x. ``motion``: what is made of its maps, by default that it is
+    corrected. Use it as a context manager."""
 
-    def __init__(self, method: PatchConfig, kind: str, slope: float = 0.0, noise: float = 0.0) -> None:
+    def __init__(
+        self,
+        method: PatchConfig,
+        kind: str,
+        slope: float = 0.0,
+        noise: float = 0.0,
+        motion: MotionConfig | None = None,
+        physics: PhysicsConfig | None = None,
+    ) -> None:
         self.level = inclined(slope)
-        motion = MotionConfig(changes="correction", noise=noise)
+        motion = motion or MotionConfig(changes="correction", noise=noise)
         self.heightmap = HeightMap(self.level, geometry=square(CELLS, RESOLUTION), motion=motion)
-        self.world = World(self.heightmap, WorldConfig(patch=method))
-        away = 0.0 if kind == "wheeled robot" else 0.15
+        self.world = World(self.heightmap, WorldConfig(patch=method, physics=physics or PhysicsConfig()))
+        away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
         state = BodyState(
             (-math.sin(slope) * away, 0.017, math.cos(slope) * away),
             (0.0, -math.sin(0.5 * slope), 0.0, math.cos(0.5 * slope)),
         )
-        if kind == "wheeled robot":
-            self.world.spawn_robot("body", HUSKY, state)
+        if kind in ROBOTS:
+            self.world.spawn_robot("body", ROBOTS[kind][0], state)
             for joint in self.world.bodies["body"].joints:
-                self.world.drive("body", joint, 0.0)
+                hold = JointCommand(position=0.0) if kind == "robot on legs" else JointCommand(velocity=0.0)
+                self.world.command("body", joint, hold)
         else:
             self.world.spawn("body", SHAPES[kind], 20.0, state)
 
@@ -147,39 +161,13 @@ def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig)
         return {"speed": max(speeds), "height": max(errors), "drift": drift}[measure]
 
 
-def jittered(method: PatchConfig) -> float:
-    """Penetration [%] of balls on waves whose maps come up to half an interval late, of that with even ones."""
-    depths = []
-    for late in (0.0, 0.025):
-        waves = {"kind": "waves", "amplitude": 0.1, "number": 1.0, "frequency": 2.0}
-        with Arena(method, waves) as arena:
-            arena.scatter(8, Sphere(0.2), 4.0, 0.21)
-            depths.append(_deepest_with_jitter(arena, late))
-    return 100.0 * depths[1] / depths[0]
-
-
-def _deepest_with_jitter(arena: Arena, late: float) -> float:
-    """Penetration [mm], 99 %, where maps at 20 Hz come up to so much late [s]."""
-    rng = np.random.default_rng(4)
-    due, depths = 0.0, []
-    for number in range(1440):
-        time = arena.world.time
-        if time >= due - 1e-9:
-            arena.heightmap.replace(arena.ground.heights(time), time=time)
-            due = (math.floor(time / 0.05 + 1e-6) + 1.0) * 0.05 + rng.uniform(0.0, late)
-        arena.world.step()
-        if number > 480 and number % 4 == 0:
-            depths.append(-arena.clearances())
-    return max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0)
-
-
 def _row(
     name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str, *, quick: bool = False
 ) -> Row:
     return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, quick=quick, skip=OTHERS)
 
 
-KINDS = (*SHAPES, "wheeled robot")
+KINDS = (*SHAPES, *ROBOTS)
 ROWS = (
     *(
         _row(
@@ -217,5 +205,4 @@ ROWS = (
              "sigma", "stays on the ground")
         for sigma in (0.005, 0.01)
     ),
-    _row("stamps with jitter", jittered, 120.0, "%", "as with even stamps"),
 )  # fmt: skip

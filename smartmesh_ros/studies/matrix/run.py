@@ -6,7 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.matrix import changes, edges, moving_ground, real_maps, rules, still_ground, touching
+from smartmesh_ros.studies.matrix import (
+    changes,
+    edges,
+    mapper_drive,
+    moving_ground,
+    real_maps,
+    rules,
+    still_ground,
+    touching,
+    uneven_maps,
+)
 from smartmesh_ros.studies.matrix.row import METHODS, Outcome, Row
 
 ROWS: tuple[Row, ...] = (
@@ -17,6 +27,8 @@ ROWS: tuple[Row, ...] = (
     *touching.ROWS,
     *edges.ROWS,
     *real_maps.ROWS,
+    *uneven_maps.ROWS,
+    *mapper_drive.ROWS,
 )
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 

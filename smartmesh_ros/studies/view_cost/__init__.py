@@ -1,0 +1,1 @@
+"""What the view costs the node that it shows, and itself."""

@@ -1,0 +1,146 @@
+"""Velocities of ground whose heights are noisy: they count as far as they stand out of what noise makes of it.
+
+A height that is off by a millimetre is a velocity of 8 cm/s at 60 Hz, and the ground throws what stands on it. Bodies
+stand on several samples, and noise differs from one to the next where motion hardly does. So a sample's value is taken
+apart into the mean of the samples around it and what it has beyond that; each part counts by the share of its power
+that noise of the known strength does not explain, as in Lee's filter (*Digital Image Enhancement and Noise Filtering by
+Use of Local Statistics*, 1980), here for the mean too: ground that stands still is to stand still.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.correction import BLOCK_SHIFT
+from smartmesh_ros.terrain.motion import KEPT, agreed
+
+# How many samples to each side of a sample are looked at: 25 in all, which makes noise of the mean a fifth.
+AROUND = 2
+# The scatter of so few values is itself uncertain by two fifths: less than this multiple of what noise makes is noise.
+UNCERTAIN = 2.0
+
+
+class Doubt(NamedTuple):
+    """Variances that noise of the heights gives to a sample's ``velocity`` [m^2/s^2], and to its acceleration by the
+    newest velocities, ``change``, and by those before, ``change_1`` [m^2/s^4]."""
+
+    velocity: float
+    change: float
+    change_1: float
+
+
+class Spread(NamedTuple):
+    """Means of pairs of values on opposite sides of a sample, less that sample's own: how many ``pairs``, the sum of
+    their means and that of the squares of these."""
+
+    pairs: int
+    total: float
+    squares: float
+
+
+@compiled
+def doubt_of(clock, noise):
+    """What noise of the heights [m] does to the velocities of a block. Velocities that were given have none."""
+    first = 2.0 * (clock.time - clock.middle)
+    second = 2.0 * (clock.middle - clock.middle_1) - first
+    third = 2.0 * (clock.middle_1 - clock.middle_2) - second
+    if not first > 0.0:
+        return Doubt(0.0, 0.0, 0.0)
+    return Doubt(
+        2.0 * (noise / first) ** 2, doubt_of_change(first, second, noise), doubt_of_change(second, third, noise)
+    )
+
+
+@compiled
+def doubt_of_change(later: float, earlier: float, noise: float) -> float:
+    """Variance of an acceleration [m^2/s^4] that three heights tell, intervals of so many seconds apart."""
+    if not (later > 0.0 and earlier > 0.0):
+        return math.inf
+    a, b = noise / later, noise / earlier
+    return (a * a + b * b + (a + b) ** 2) * (2.0 / (later + earlier)) ** 2
+
+
+@compiled
+def share_of(power: float, noise: float) -> float:
+    """The share of a ``power`` that ``noise`` does not explain."""
+    return 1.0 - noise / power if power > noise else 0.0
+
+
+@compiled
+def standing_out(value: float, around: Spread, variance: float) -> float:
+    """A value as far as it stands out of noise of a ``variance``, by the values around it."""
+    if variance == 0.0:
+        return value
+    count = around.pairs
+    beyond = 2.0 * around.total / (2 * count + 1)
+    mean = value + beyond
+    # The mean of a pair has half the noise of a value.
+    scatter = 2.0 * (around.squares - around.total**2 / count) / (count - 1) if count > 1 else 0.0
+    together = share_of(mean * mean, variance / (2 * count + 1))
+    return together * mean - share_of(scatter, UNCERTAIN * variance) * beyond
+
+
+@compiled
+def widened(around: Spread, one: float, other: float) -> Spread:
+    """A spread with one more pair, both values less the sample's own."""
+    mean = 0.5 * (one + other)
+    return Spread(around.pairs + 1, around.total + mean, around.squares + mean * mean)
+
+
+@compiled
+def velocities_at(grid, row, column, newest):
+    """The velocities of a sample, newest first [m/s]; NaN where it jumped."""
+    v0 = float(grid.velocities[newest, row, column])
+    v1 = float(grid.velocities[(newest + KEPT - 1) % KEPT, row, column])
+    v2 = float(grid.velocities[(newest + KEPT - 2) % KEPT, row, column])
+    most = grid.max_velocity
+    return (
+        v0 if abs(v0) <= most else math.nan, v1 if abs(v1) <= most else math.nan, v2 if abs(v2) <= most else math.nan
+    )  # fmt: skip
+
+
+@compiled
+def told_with(grid, clock, row, column):
+    """Whether a sample is on the map and was updated when the block of that ``clock`` was."""
+    rows, columns = grid.heights.shape
+    if not (0 <= row < rows and 0 <= column < columns):
+        return False
+    other = grid.clocks[row >> BLOCK_SHIFT, column >> BLOCK_SHIFT]
+    return other.time == clock.time and other.middle == clock.middle and other.newest == clock.newest
+
+
+@compiled
+def motion_in_noise(grid, row, column, clock, phase, doubt):
+    """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy map.
+
+    Samples on opposite sides are looked at together, or not at all: what rises to one side and falls to the other is no
+    noise, and an edge or a hole does not shift the mean.
+    """
+    v0, v1, v2 = velocities_at(grid, row, column, clock.newest)
+    if math.isnan(v0):
+        return 0.0, 0.0
+    change, change_1 = (v0 - v1) * phase.inverse, (v1 - v2) * phase.inverse_1
+    bends = phase.inverse != 0.0 and not math.isnan(change + change_1)
+    speeds, changes, changes_1 = Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0)
+    for a in range(AROUND + 1):
+        for b in range(-AROUND if a > 0 else 1, AROUND + 1):
+            if not (told_with(grid, clock, row + a, column + b) and told_with(grid, clock, row - a, column - b)):
+                continue
+            p0, p1, p2 = velocities_at(grid, row + a, column + b, clock.newest)
+            q0, q1, q2 = velocities_at(grid, row - a, column - b, clock.newest)
+            if math.isnan(p0 + q0):
+                continue
+            speeds = widened(speeds, p0 - v0, q0 - v0)
+            if bends and not math.isnan(p1 + p2 + q1 + q2):
+                changes = widened(changes, (p0 - p1) * phase.inverse - change, (q0 - q1) * phase.inverse - change)
+                changes_1 = widened(
+                    changes_1, (p1 - p2) * phase.inverse_1 - change_1, (q1 - q2) * phase.inverse_1 - change_1
+                )
+    velocity = standing_out(v0, speeds, doubt.velocity)
+    if not bends:
+        return velocity, 0.0
+    return velocity, agreed(
+        standing_out(change, changes, doubt.change), standing_out(change_1, changes_1, doubt.change_1)
+    )

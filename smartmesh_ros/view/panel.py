@@ -1,0 +1,197 @@
+"""How the node is doing, and what can be done to it, beside the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import SimpleQueue
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import SpawnBody, StepPhysics
+from std_srvs.srv import SetBool, Trigger
+
+from smartmesh_ros.view import picking
+from smartmesh_ros.view.looks import PatchLook
+from smartmesh_ros.view.remote import Remote
+from smartmesh_ros.view.scene import Scene, radius_of
+
+# The plot shows so much [s], drawn anew so often [s].
+MINUTE, PLOT_PERIOD = 60.0, 1.0
+# What the plot shows of each step, and their colours.
+STAGES = {
+    "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collider": "#ff7f0e", "publish": "#9467bd",
+    "bodies": "#8c564b",
+}  # fmt: skip
+SELECT = "shows what it is"
+SPAWNS = {
+    "spawns a ball": (SolidPrimitive.SPHERE, [0.5]),
+    "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6]),
+    "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5]),
+}
+# A spawned body starts so many sizes above the ground, and weighs so much a cubic metre: wood.
+ABOVE, DENSITY = 1.5, 600.0
+
+
+class Panel:
+    """The controls of a viser server."""
+
+    def __init__(self, server: Any, remote: Remote, scene: Scene, tab: Any) -> None:
+        self._server, self._remote, self._scene = server, remote, scene
+        self._acts: SimpleQueue[Callable[[], None]] = SimpleQueue()  # asked for by the page's threads
+        self._plot_due = 0.0
+        self._selected: str | None = None
+        self._spawned = 0
+        self._words: dict[int, str] = {}
+        gui = server.gui
+        with tab:
+            self._status = gui.add_markdown("looking for the node ...")
+            self._pause = gui.add_button("Pause", color="blue")
+            with gui.add_folder("Step and reset"):
+                self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
+                self._step = gui.add_button("Step")
+                self._reset = gui.add_button("Reset", color="gray")
+            with gui.add_folder("A click"):
+                self._click = gui.add_dropdown("a click", (SELECT, *SPAWNS), initial_value=SELECT)
+                self._size = gui.add_slider("size [m]", 0.1, 3.0, 0.05, 0.5)
+                self._about = gui.add_markdown("Click on a body to see its name and its patch.")
+            with gui.add_folder("Median time of a stage [ms]"):
+                self._plot = self._make_plot()
+            with gui.add_folder("Warnings and refusals"):
+                self._troubles = gui.add_markdown("none")
+            with gui.add_folder("Patches"):
+                gui.add_html(_legend())
+                self._contacts = gui.add_checkbox("contacts, by force", True)
+        self._connect()
+
+    def update(self) -> None:
+        """Does what was asked for, and shows how things are."""
+        while not self._acts.empty():
+            self._acts.get()()
+        remote = self._remote
+        self._write(self._status, self._status_words())
+        self._pause.label = "Continue" if remote.paused else "Pause"
+        lines = [*remote.troubles, *remote.log]
+        self._write(self._troubles, "\n".join(f"- {line}" for line in lines) or "none")
+        self._show_selected()
+        if (now := monotonic()) >= self._plot_due:
+            self._plot_due = now + PLOT_PERIOD
+            self._plot.data = plot_data(list(remote.timings), now)
+
+    def _write(self, handle: Any, words: str) -> None:
+        if self._words.get(id(handle)) != words:
+            self._words[id(handle)] = words
+            handle.content = words
+
+    def _status_words(self) -> str:
+        remote, sight = self._remote, self._remote.sight
+        if not remote.there:
+            return f"**no node** `{remote.name}` in this DDS domain"
+        head = "**paused**" if remote.paused else "**running**"
+        if not remote.timings:
+            return head
+        timing = remote.timings[-1][1]
+        missed = sum(message.deadline_misses for came, message in remote.timings if came > monotonic() - MINUTE)
+        bodies, patches = len(sight.appearances), len(sight.patches)
+        ground = "" if remote.ground.tiles else "\n\nno map has come yet; the next one is shown"
+        return (
+            f"{head} `{remote.name}`\n\nreal-time factor **{timing.real_time_factor:.2f}**, "
+            f"deadlines missed in the last minute **{missed}**\n\n{bodies} bodies, {patches} patches{ground}"
+        )
+
+    def _make_plot(self) -> Any:
+        series = ({"label": "s"}, *({"label": stage, "stroke": colour, "width": 2} for stage, colour in STAGES.items()))
+        return self._server.gui.add_uplot(
+            data=plot_data([], 0.0), series=series, scales={"x": {"time": False, "range": [-MINUTE, 0.0]}}, aspect=1.3
+        )
+
+    def _connect(self) -> None:
+        remote = self._remote
+        self._on(self._pause, lambda: self._call("pause", SetBool, data=not remote.paused))
+        self._on(self._step, lambda: self._call("step", StepPhysics, steps=int(self._steps.value)))
+        self._on(self._reset, lambda: self._call("reset", Trigger))
+        self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
+
+        @self._server.scene.on_click()
+        def _(event: Any) -> None:
+            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+            self._acts.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
+
+    def _on(self, button: Any, act: Callable[[], None]) -> None:
+        button.on_click(lambda _: self._acts.put(act))
+
+    def _call(self, service: str, kind: Any, **fields: Any) -> None:
+        def done(refused: str) -> None:
+            if refused:
+                self._remote.log.append(f"{service}: {refused}")
+            elif service == "pause":
+                self._remote.paused = fields["data"]
+
+        self._remote.call(service, kind, done, **fields)
+
+    def _clicked(self, origin: Any, direction: Any) -> None:
+        if self._click.value == SELECT:
+            self._selected = picking.body_hit(origin, direction, self._remote.sight)
+            return
+        place = picking.ground_hit(origin, direction, self._remote.ground)
+        if place is None:
+            self._write(self._about, "There is no ground where you clicked.")
+            return
+        self._spawn(place)
+
+    def _spawn(self, place: Any) -> None:
+        kind, proportions = SPAWNS[self._click.value]
+        size = float(self._size.value)
+        dimensions = [size * proportion for proportion in proportions]
+        self._spawned += 1
+        names = self._remote.sight.appearances
+        while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in names:
+            self._spawned += 1
+        position = Point(x=float(place[0]), y=float(place[1]), z=float(place[2]) + ABOVE * size)
+        self._call(
+            "spawn_body", SpawnBody, id=name, shape=SolidPrimitive(type=kind, dimensions=dimensions),
+            mass=DENSITY * float(np.prod(dimensions)) if kind == SolidPrimitive.BOX else DENSITY * 0.5 * size**3,
+            pose=Pose(position=position, orientation=Quaternion(w=1.0)),
+        )  # fmt: skip
+
+    def _show_selected(self) -> None:
+        name, sight = self._selected, self._remote.sight
+        pose = sight.poses.get(name) if name else None
+        if name is None or pose is None:
+            self._scene.mark(None)
+            return
+        self._scene.mark(pose.position, radius_of(sight, name))
+        self._write(self._about, selected_words(name, sight))
+
+
+def selected_words(name: str, sight: Any) -> str:
+    """What the page says of a body: its name, where it is, and how near its patches lie to the ground."""
+    x, y, z = sight.poses[name].position
+    lines = [f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m"]
+    for patch in sight.patches:
+        if patch.name == name or patch.name.startswith(f"{name}/"):
+            known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
+            part = patch.name.removeprefix(name).strip("/")
+            lines.append(f"{part or 'patch'}: {patch.kind}, stride {patch.stride}, deviation {known}")
+    if len(lines) == 1:
+        lines.append("no patch: no ground within reach")
+    return "\n\n".join(lines)
+
+
+def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
+    """Seconds before ``now``, and the median of each of `STAGES` [ms], of messages of ~/timing with their times [s]."""
+    recent = [(came, message) for came, message in timings if came > now - MINUTE]
+    times = np.array([came - now for came, _ in recent])
+    medians = [{stage.stage: 1e-3 * stage.p50_us for stage in message.stages} for _, message in recent]
+    return (times, *(np.array([of_stages.get(stage, np.nan) for of_stages in medians]) for stage in STAGES))
+
+
+def _legend() -> str:
+    rows = "".join(
+        f'<div style="margin:2px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
+        f'background:rgb{look.colour}"></span>{look.words}</div>'
+        for look in PatchLook
+    )
+    return f'<div style="font-size:12px">{rows}</div>'

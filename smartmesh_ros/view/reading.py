@@ -1,0 +1,108 @@
+"""Messages of the node as plain values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
+
+from smartmesh_ros.node.cdr_reader import CdrReader
+from smartmesh_ros.view.sight import NO_TOUCH, Appearance, Pose, Sight, Touch
+
+
+def pose_of(message: Any) -> Pose:
+    """A geometry_msgs/Pose."""
+    p, q = message.position, message.orientation
+    return Pose((p.x, p.y, p.z), (q.w, q.x, q.y, q.z))
+
+
+def poses_of(states: Any) -> dict[str, Pose]:
+    """A TrackedBodyArray, by the names of its bodies."""
+    return {body.id: pose_of(body.pose) for body in states.bodies}
+
+
+def appearances_of(descriptions: Any) -> dict[str, Appearance]:
+    """A BodyDescriptionArray, by the names of its bodies."""
+    return {
+        body.id: Appearance(body.shape, tuple(body.dimensions), body.tracked, body.urdf, body.urdf_file)
+        for body in descriptions.bodies
+    }
+
+
+def joints_of(message: Any) -> dict[str, float]:
+    """A JointState, by the names of its joints."""
+    return dict(zip(message.name, message.position, strict=False))
+
+
+def touch_of(message: Any) -> Touch:
+    """A ContactArray."""
+    rows = [
+        (c.position.x, c.position.y, c.position.z, c.normal.x, c.normal.y, c.normal.z, c.normal_force)
+        for c in message.contacts
+    ]
+    table = np.array(rows).reshape(-1, 7)
+    return Touch(table[:, :3], table[:, 3:6], table[:, 6]) if rows else NO_TOUCH
+
+
+# Topics below the node that `take` reads, by their types; ~/odometry may bring several messages at a time.
+KINDS = {
+    "body_descriptions": BodyDescriptionArray,
+    "body_states": TrackedBodyArray,
+    "tracked_bodies": TrackedBodyArray,
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "contacts": ContactArray,
+}
+
+
+def take(sight: Sight, topic: str, data: bytes) -> None:
+    """Brings a sight up to a message of a topic of `KINDS`."""
+    message = deserialize_message(data, KINDS[topic])
+    if topic == "body_descriptions":
+        sight.appearances = appearances_of(message)
+        sight.poses = {name: pose for name, pose in sight.poses.items() if name in sight.appearances}
+    elif topic in ("body_states", "tracked_bodies"):
+        sight.poses.update(poses_of(message))
+    elif topic == "joint_states":
+        sight.joints = joints_of(message)
+    elif topic == "odometry":
+        sight.bases[message.child_frame_id] = pose_of(message.pose.pose)
+    else:
+        sight.touch = touch_of(message)
+
+
+def is_incremental(patches: bytes) -> bool:
+    """Whether a ColliderPatchArray, from its bytes, holds only what changed."""
+    reader = CdrReader(patches)
+    reader.number("i"), reader.number("I"), reader.text()
+    return bool(reader.number("B"))
+
+
+def troubles_of(message: Any, node: str) -> list[str]:
+    """What the diagnostics of a node warn of, and what it refused so far, in words."""
+    found = []
+    for status in message.status:
+        task = status.name.removeprefix(f"{node}: ")
+        if task == status.name:
+            continue  # another node's
+        if status.level not in (DiagnosticStatus.OK, b"\x00"):
+            found.append(f"{task}: {status.message}")
+        found += [
+            f"{pair.value} x {pair.key.removeprefix('refused, ').replace('_', ' ')}"
+            for pair in status.values
+            if pair.key.startswith("refused, ")
+        ]
+    return found
+
+
+def is_paused(message: Any, node: str) -> bool | None:
+    """Whether diagnostics say that a node's physics stands still; None where they are another node's."""
+    for status in message.status:
+        if status.name == f"{node}: physics":
+            return any(pair.key == "paused" and pair.value == "True" for pair in status.values)
+    return None

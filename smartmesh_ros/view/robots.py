@@ -1,0 +1,94 @@
+"""Robots on the page, from their URDF."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import yourdfpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from viser.extras import ViserUrdf
+
+from smartmesh_ros.view.sight import Appearance, Pose
+
+# yourdfpy tells of every mesh that is not there, which is so for each robot of another machine.
+logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
+_NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
+
+
+class Robot:
+    """A robot of a viser server. ``readable``: whether its description could be shown."""
+
+    def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
+        self.appearance = appearance
+        self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
+        self._shown: ViserUrdf | None = None
+        self._values: list[float] = []
+        try:
+            urdf = _load(appearance)
+            self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
+            self._joints = list(urdf.actuated_joint_names)
+        except Exception:  # noqa: BLE001  # a description may be anything, and the libraries' errors have no common base
+            self.readable = False
+        else:
+            self.readable = True
+
+    def place(self, base: Pose, joints: dict[str, float], name: str) -> None:
+        """Moves its base link, and its joints to positions that ~/joint_states tells."""
+        self._frame.position, self._frame.wxyz = base.position, base.wxyz
+        if self._shown is None:
+            return
+        values = [joints.get(joint, joints.get(f"{name}/{joint}", 0.0)) for joint in self._joints]
+        if values != self._values:
+            self._values = values
+            self._shown.update_cfg(np.array(values))
+
+    def remove(self) -> None:
+        """Takes it off the page."""
+        self._frame.remove()
+
+
+def _load(appearance: Appearance) -> yourdfpy.URDF:
+    folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
+
+    def found(fname: str) -> str:
+        return str(_path(fname, folder))
+
+    text = _readable(appearance.urdf, folder)
+    return yourdfpy.URDF.load(io.BytesIO(text), filename_handler=found, load_meshes=True)
+
+
+def _path(name: str, folder: Path | None) -> Path:
+    """The file of a mesh; one that may not be there where its package is not installed."""
+    if name.startswith("package://"):
+        package, _, rest = name.removeprefix("package://").partition("/")
+        try:
+            return Path(get_package_share_directory(package)) / rest
+        except (PackageNotFoundError, ValueError):
+            return Path(rest)
+    path = Path(name.removeprefix("file://"))
+    return path if folder is None or path.is_absolute() else folder / path
+
+
+def _readable(urdf: str, folder: Path | None) -> bytes:
+    """A description that can be shown here: with zeros for places that are no numbers, as PyBullet takes them, and
+    links whose meshes are not here as the simple shapes that they collide with."""
+    root = ElementTree.fromstring(urdf)
+    for origin in root.iter("origin"):
+        for key in ("xyz", "rpy"):
+            if _NO_NUMBERS.search(origin.get(key, "")):
+                origin.set(key, "0 0 0")
+    for link in root.iter("link"):
+        for part in [*link.iterfind("visual"), *link.iterfind("collision")]:
+            mesh = part.find("geometry/mesh")
+            if mesh is not None and not _path(mesh.get("filename", ""), folder).is_file():
+                link.remove(part)
+        if link.find("visual") is None:
+            for part in link.iterfind("collision"):
+                part.tag = "visual"
+    return bytes(ElementTree.tostring(root))

@@ -1,0 +1,150 @@
+"""The terrain on the page: one mesh a tile, whole near the bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.view.decimation import DecimationConfig, Surface, coarsest_level, decimate
+from smartmesh_ros.view.ground import Ground, Mesh, Relief
+from smartmesh_ros.view.looks import GROUND
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """``margin``: so many radii around each body the ground is whole. ``least``: and so many samples at the least.
+    ``period``: bodies that moved are followed so often [s]: the cut of a large map takes tens of milliseconds."""
+
+    margin: float = 2.0
+    least: float = 8.0
+    period: float = 0.5
+    decimation: DecimationConfig = field(default_factory=DecimationConfig)
+
+
+class TerrainScene:
+    """Keeps the tiles of a viser scene like those of a `Ground`."""
+
+    def __init__(self, scene: Any, config: TerrainConfig = TerrainConfig()) -> None:
+        self._scene, self._config = scene, config
+        self._shown: dict[str, _Relief | _Mesh] = {}
+
+    def show(self, ground: Ground, bodies: NDArray[np.float64], radii: NDArray[np.float64]) -> None:
+        """Brings the page up to date, with bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
+        for name in set(self._shown) - set(ground.tiles):
+            self._shown.pop(name).remove()
+        for name, tile in ground.tiles.items():
+            shown = self._shown.get(name)
+            if shown is None or not shown.shows(tile):
+                if shown is not None:
+                    shown.remove()
+                path = f"/terrain/{name or 'map'}"
+                shown = _Mesh(self._scene, path) if isinstance(tile, Mesh) else _Relief(self._scene, path, tile)
+                self._shown[name] = shown
+            if isinstance(shown, _Mesh):
+                shown.show(tile)
+            else:
+                shown.show(bodies, radii, self._config)
+
+
+class _Mesh:
+    """A general mesh, all of it."""
+
+    def __init__(self, scene: Any, path: str) -> None:
+        self._scene, self._path = scene, path
+        self._handle: Any = None
+        self._known: Mesh | None = None
+
+    def shows(self, tile: Relief | Mesh) -> bool:
+        return isinstance(tile, Mesh)
+
+    def remove(self) -> None:
+        if self._handle is not None:
+            self._handle.remove()
+
+    def show(self, tile: Any) -> None:
+        if self._known is None or tile.triangles is not self._known.triangles:
+            self._handle = _add(self._scene, self._path, tile.vertices, tile.triangles)
+        elif tile is not self._known:
+            self._handle.vertices = tile.vertices.astype(np.float32)
+        self._known = tile
+
+
+class _Relief:
+    """A height map, decimated."""
+
+    def __init__(self, scene: Any, path: str, tile: Relief) -> None:
+        self._scene, self._path, self._tile = scene, path, tile
+        self._handle: Any = None
+        self._surface: Surface | None = None
+        self._centres = np.zeros((0, 2))
+        self._holes = np.zeros(0, np.bool_)
+        self._due = 0.0
+        geometry = tile.geometry
+        shape = (geometry.rows, geometry.columns)
+        self._is_whole = coarsest_level(shape, DecimationConfig().far_cells) == 0
+
+    def shows(self, tile: Relief | Mesh) -> bool:
+        return tile is self._tile
+
+    def remove(self) -> None:
+        if self._handle is not None:
+            self._handle.remove()
+
+    def show(self, bodies: NDArray[np.float64], radii: NDArray[np.float64], config: TerrainConfig) -> None:
+        tile = self._tile
+        if self._cut(bodies, radii, config):
+            self._draw()
+        elif tile.changed:
+            self._raise()
+        tile.changed = False
+
+    def _cut(self, bodies: NDArray[np.float64], radii: NDArray[np.float64], config: TerrainConfig) -> bool:
+        """Cuts the map anew where bodies have moved out of what is whole; tells whether it did."""
+        if self._surface is not None and (self._is_whole or monotonic() < self._due):
+            return False
+        geometry = self._tile.geometry
+        centres = geometry.to_grid(bodies[:, :2])
+        near = np.maximum(config.margin * radii / geometry.resolution, config.least)
+        if self._surface is not None and len(centres) == len(self._centres):
+            moved = np.abs(centres - self._centres).max(axis=1, initial=0.0)
+            if (moved < 0.25 * near).all():
+                return False
+        self._due, self._centres = monotonic() + config.period, centres
+        shape = (geometry.rows, geometry.columns)
+        self._surface = decimate(shape, centres, near, config.decimation)
+        xy = geometry.to_world(self._surface.rows, self._surface.columns)
+        self._vertices = np.column_stack([xy, np.zeros(len(xy))]).astype(np.float32)
+        return True
+
+    def _raise(self) -> None:
+        """New heights for the vertices there are."""
+        if not np.array_equal(self._lift(), self._holes):
+            self._draw()
+        else:
+            self._handle.vertices = self._vertices
+
+    def _lift(self) -> NDArray[np.bool_]:
+        """Brings the vertices to their heights; which of them are holes."""
+        assert self._surface is not None
+        heights = self._tile.heights[self._surface.rows, self._surface.columns] + self._tile.geometry.origin[2]
+        holes = np.isnan(heights)
+        self._vertices = self._vertices.copy()  # what was sent last may still be on its way
+        self._vertices[:, 2] = np.where(holes, 0.0, heights)
+        return np.asarray(holes)
+
+    def _draw(self) -> None:
+        """The whole mesh, without the triangles of holes."""
+        assert self._surface is not None
+        self._holes = self._lift()
+        triangles = self._surface.triangles
+        if self._holes.any():
+            triangles = triangles[~self._holes[triangles].any(axis=1)]
+        self._handle = _add(self._scene, self._path, self._vertices, triangles)
+
+
+def _add(scene: Any, path: str, vertices: NDArray[Any], triangles: NDArray[Any]) -> Any:
+    return scene.add_mesh_simple(path, vertices, triangles, color=GROUND, side="front", cast_shadow=False)

@@ -1,0 +1,64 @@
+"""``~/body_descriptions`` tells what every body looks like, also to whoever listens late."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
+
+from smartmesh_ros.testing import Probe
+from smartmesh_ros.testing.messages import pose_message
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"
+CAPSULE = "{id: pill, shape: capsule, size: [0.1, 0.4], mass: 1.0, xyz: [3, 0, 1]}"
+
+
+def described(messages: list[Any]) -> dict[str, BodyDescription]:
+    return {body.id: body for body in messages[-1].bodies} if messages else {}
+
+
+def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
+    with probe.running(parameters={"bodies.spawn": [CAPSULE]}):
+        probe.publish_map(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0, 0.0))
+        messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
+        box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.4, 0.6])
+        can = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3])  # height first, there
+        for name, shape in (("box", box), ("can", can)):
+            assert probe.call(
+                "spawn_body", SpawnBody, id=name, mass=1.0, shape=shape, pose=pose_message((0, 0, 2))
+            ).success
+        text = ROVER.read_text()
+        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=text, pose=pose_message((-2, 0, 1))).success
+        probe.publish_bodies({"guest": (2.0, 2.0, 1.0)}, radius=0.7)
+        probe.wait_for(lambda: described(messages).keys() == {"pill", "box", "can", "rover", "guest"})
+        found = described(messages)
+        assert (found["box"].shape, list(found["box"].dimensions)) == (BodyDescription.BOX, [0.2, 0.4, 0.6])
+        assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.3, 0.8])
+        assert (found["pill"].shape, list(found["pill"].dimensions)) == (BodyDescription.CAPSULE, [0.1, 0.4])
+        assert (found["rover"].shape, found["rover"].urdf, found["rover"].urdf_file) == (
+            BodyDescription.ROBOT,
+            text,
+            "",
+        )
+        assert found["guest"].tracked
+        assert np.allclose(found["guest"].dimensions, 0.7)
+        with Probe() as late:
+            seen = late.listen(probe.topic("body_descriptions"), BodyDescriptionArray, LATCHED)
+            late.wait_for(lambda: {"box", "rover"} <= described(seen).keys())
+        assert probe.call("remove_body", RemoveBody, id="box").success
+        probe.wait_for(lambda: described(messages) and "box" not in described(messages))
+
+
+def test_the_file_of_a_robot_is_told(probe: Probe) -> None:
+    import pybullet_data
+
+    file = Path(pybullet_data.getDataPath()) / "r2d2.urdf"
+    with probe.running(parameters={"bodies.spawn": [f"{{id: robot, urdf: {file}, xyz: [0, 0, 1]}}"]}):
+        messages = probe.listen("body_descriptions", BodyDescriptionArray, LATCHED)
+        probe.wait_for(lambda: "robot" in described(messages))
+        found = described(messages)["robot"]
+        assert (found.urdf, found.urdf_file) == (file.read_text(), str(file))
