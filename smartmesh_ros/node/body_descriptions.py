@@ -48,7 +48,7 @@ class BodyDescriptions:
         if not self.publisher.get_subscription_count():
             self._described = None
             return
-        bodies = list(self._session.world.bodies.values())
+        bodies = [body for body in self._session.world.bodies.values() if not body.owner]
         if bodies != self._described:
             self._described = bodies
             header = Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)

@@ -45,7 +45,11 @@ class GuestConfig:
     late if that is longer: what pulls faster than it is told swings. ``farthest`` [s]: a state is moved on no farther
     than this, since a velocity says nothing of what comes later. ``touching`` [m]: bodies are asked for contacts where
     the balls around them are so near, which PyBullet's own contacts reach. ``forget``: a delay that was longer is
-    forgotten by this share at each state.
+    forgotten by this share at each state. ``drift``, ``slip``: states are taken to hold at the nearest beat of this
+    world. What comes of an impact depends on how deep bodies are in each other when it is found, and that on where in
+    a step they meet; both worlds are to find the same. The distance of the two beats is followed by this share at each
+    state, and another beat is the nearest once it is beyond so many steps: between half, where it could be either, and
+    one.
     """
 
     margin: float = 1.0
@@ -55,6 +59,8 @@ class GuestConfig:
     farthest: float = 0.2
     touching: float = 0.02
     forget: float = 0.05
+    drift: float = 0.02
+    slip: float = 0.7
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.margin) and self.margin > 0.0):
@@ -82,7 +88,8 @@ class _Told(NamedTuple):
 class _Owner:
     """Another world: what it ``told`` and is too young to be used, and what is used ``now``, None before the first;
     whether its ``guests`` have not been set to that yet; how ``late`` it comes [s]; the names of its bodies, those
-    ``shared`` with others, and by the rows of ``now`` which may not be guests for that."""
+    ``shared`` with others, and by the rows of ``now`` which may not be guests for that. ``phase``: by how much its
+    steps come after this world's, in steps, None before the first."""
 
     told: deque[_Told] = field(default_factory=lambda: deque(maxlen=MOST_TOLD))
     now: _Told | None = None
@@ -92,6 +99,17 @@ class _Owner:
     names: frozenset[str] = frozenset()
     shared: frozenset[str] = frozenset()
     barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
+    phase: float | None = None
+
+    def on_beat(self, steps: float, config: GuestConfig) -> int:
+        """The whole number of this world's steps that stands for a time of so many ``steps`` of the owner's."""
+        if self.phase is None:
+            self.phase = steps - round(steps)
+        whole = round(steps - self.phase)
+        self.phase += config.drift * (steps - whole - self.phase)
+        if abs(self.phase) > config.slip:
+            self.phase -= math.copysign(1.0, self.phase)
+        return whole
 
 
 class Guests:
@@ -117,6 +135,8 @@ class Guests:
         returns the objections to bodies whose name is another's, which are left out."""
         require_sound(states)
         known = self._owners.setdefault(owner, _Owner())
+        dt = self._world.config.physics.dt
+        time = self._world.time + known.on_beat((time - self._world.time) / dt, self.config) * dt
         late = max(self._world.time - time, 0.0)
         known.late = max(late, known.late + self.config.forget * (late - known.late))
         same = bool(known.told) and states.names is known.told[-1].states.names

@@ -73,6 +73,18 @@ def test_an_owner_that_is_ahead_does_not_undo_an_impact_that_is_yet_to_be_found(
     assert np.allclose(apart, together, atol=0.01 * (v - w))
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("impact", IMPACTS)
+def test_worlds_that_step_at_different_instants_find_the_same_impact(impact: str, seed: int) -> None:
+    """What becomes of an impact depends on where in a step it is found: momentum is kept if both find the same."""
+    (v, m), (w, n) = IMPACTS[impact]
+    with peers([[ball(-1.0, v, m)], [ball(0.8, w, n)]], 1, SMOOTH, seed=seed, phases=True) as made:
+        made.step(240)
+        after = [made.state(name).linear[0] for name in ("b0", "b1")]
+    assert after[1] - after[0] > 0.8 * (v - w)
+    assert abs(m * after[0] + n * after[1] - m * v - n * w) < 0.01 * min(m, n) * (v - w)
+
+
 @pytest.mark.parametrize("late", [0, 1, 6])
 def test_a_row_of_balls_over_four_worlds_passes_the_impact_on(late: int) -> None:
     row = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))]
