@@ -28,13 +28,15 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.physics.body_shapes import ball
+from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.states import StateTable
+from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
 HEADER = Header(frame_id="some_map")
+PHYSICS = PhysicsConfig(rate=120.0)
 HEADER.stamp.sec, HEADER.stamp.nanosec = 1234, 567890123
 
 names = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF, exclude_characters="/"), min_size=1, max_size=12)
@@ -164,10 +166,17 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carr
 
 
 def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
-    """The same names and radii with the states the other way round."""
+    """The same bodies with the states the other way round."""
     bodies = zip(message.bodies, reversed(message.bodies), strict=True)
-    turned = [TrackedBody(id=a.id, radius=a.radius, pose=b.pose, twist=b.twist) for a, b in bodies]
-    return TrackedBodyArray(header=HEADER, bodies=turned)
+    turned = [
+        TrackedBody(
+            id=a.id, radius=a.radius, pose=b.pose, twist=b.twist, shape=a.shape, dimensions=a.dimensions, mass=a.mass
+        )
+        for a, b in bodies
+    ]
+    return TrackedBodyArray(
+        header=HEADER, bodies=turned, ahead=message.ahead, rate=message.rate, gravity=message.gravity
+    )
 
 
 @settings(deadline=None, max_examples=60)
@@ -175,17 +184,23 @@ def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
 def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float, tuple[float, ...]]]) -> None:
     unit = (0.0, 0.6, 0.0, 0.8)
     table = np.array([(*v[0:3], *unit, *v[3:9]) for _, _, v in rows]).reshape(-1, 13)
-    states = StateTable([name for name, _, _ in rows], np.array([radius for _, radius, _ in rows]), table)
-    expected = TrackedBodyArray(header=HEADER)
-    for name, radius, v in rows:
+    n, sizes = len(rows), (0.5, 0.25, 0.125)
+    states = StateTable(
+        [name for name, _, _ in rows], table, np.array([radius for _, radius, _ in rows]),
+        np.arange(n, dtype=np.uint8) % 5, np.tile(sizes, (n, 1)), np.arange(1.0, n + 1.0),
+    )  # fmt: skip
+    gravity = np.array(PHYSICS.gravity, np.float32)
+    expected = TrackedBodyArray(header=HEADER, ahead=0.25, rate=PHYSICS.rate, gravity=gravity)
+    for row, (name, radius, v) in enumerate(rows):
         body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(v[0:3]))))
+        body.shape, body.dimensions, body.mass = row % 5, np.array(sizes, np.float32), row + 1.0
         body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
         body.twist = Twist(linear=Vector3(**xyz(v[3:6])), angular=Vector3(**xyz(v[6:9])))
         expected.bodies.append(body)
     writer = body_outputs.BodyStates()
-    assert_same(writer.write(HEADER, states), expected)
+    assert_same(writer.write(HEADER, states, PHYSICS, 0.25), expected)
     # Again into the same buffer, where the constant bytes are left as they are.
-    assert_same(writer.write(HEADER, states._replace(numbers=table[::-1])), reversed_states(expected))
+    assert_same(writer.write(HEADER, states._replace(numbers=table[::-1]), PHYSICS, 0.25), reversed_states(expected))
 
 
 @settings(deadline=None, max_examples=60)

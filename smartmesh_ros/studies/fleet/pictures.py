@@ -8,6 +8,9 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+# Errors are shown up to this [% or cm].
+HIGHEST = 12.0
+
 
 def draw_errors(path: Path, errors: list[dict[str, Any]], machine: str) -> None:
     """Errors of encounters against delay and against loss."""
@@ -31,9 +34,9 @@ def draw_errors(path: Path, errors: list[dict[str, Any]], machine: str) -> None:
         axes.axhline(5.0, color="black", linestyle="--", linewidth=1)
         axes.set_xlabel(label)
         axes.set_ylabel("worst error of velocity [%] or place [cm]")
-        axes.set_yscale("symlog", linthresh=1.0)
+        axes.set_ylim(0.0, HIGHEST)
         axes.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=8)
+    figure.axes[1].legend(fontsize=8)
     figure.suptitle(f"Bodies of several worlds against those of one, 240 Hz ({machine})", fontsize=10)
     figure.savefig(path)
 
