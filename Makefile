@@ -6,7 +6,7 @@ STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
 # The demo's pictures are the view's where there is a browser to draw them.
 VIEW := $(if $(shell command -v chromium || command -v chromium-browser || command -v google-chrome),view)
 
-.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak fuzz clean
+.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak tune tuning fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -49,6 +49,14 @@ load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less 
 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/
 	@$(RUN) load -- $(STUDIES) soak $(SOAK)
+
+tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag, ARGS="--budget 0.1 --jobs 2"
+	@$(RUN) tune -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
+
+tuning:  ## the table of docs/tuning.md: eight scenes and a bag of the demo, about half an hour
+	@rm -rf out/demo_bag
+	@$(RUN) tune -- python scripts/make_demo_bag.py out/demo_bag
+	@$(RUN) tune -- python -m smartmesh_ros.tune.document --bag out/demo_bag --params-file out/demo_bag.yaml
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

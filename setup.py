@@ -7,8 +7,9 @@ from setuptools import find_packages, setup
 
 NAME = "smartmesh_ros"
 
-# For `ros2 run`. A wheel would put it onto everybody's path, where `view` is vim's.
-IN_WORKSPACES = [] if {"bdist_wheel", "dist_info"} & {*sys.argv} else [f"view = {NAME}.view.main:main"]
+# For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
+IN_WORKSPACES = [f"tune = {NAME}.tune.cli:start", f"view = {NAME}.view.main:main"]
+IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -34,6 +35,7 @@ setup(
         "files": ["pillow", "rasterio"],
         "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
+        "tune": ["matplotlib", "optuna", "rosbags"],
         "view": ["viser[urdf]"],
     },
     zip_safe=False,
@@ -51,8 +53,9 @@ setup(
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",
             f"smartmesh-studies = {NAME}.studies.cli:main",
+            f"smartmesh-tune = {NAME}.tune.cli:start",
             f"smartmesh-view = {NAME}.view.main:main",
-            *IN_WORKSPACES,
+            *([] if IS_WHEEL else IN_WORKSPACES),
         ],
     },
 )

@@ -16,6 +16,7 @@ from smartmesh_ros.node import conversions
 from smartmesh_ros.node.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.node.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.conversions import FloatGrid
+from smartmesh_ros.node.map_taking import take_map
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
 from smartmesh_ros.node.rivals import Rivals, publisher_names
@@ -25,7 +26,7 @@ from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.terrain import files
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scrolling import velocities_across
+from smartmesh_ros.terrain.rasters import Raster
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
@@ -98,17 +99,7 @@ class TerrainInputs:
     ) -> None:
         """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
         self._look_for_rivals(tile, geometry, heights)
-        known = self._terrain.tiles.get(tile)
-        if isinstance(known, HeightMap):
-            if known.geometry == geometry:
-                known.replace(heights, time=time, velocities=velocities, variance=variances)
-                return
-            if velocities is None and not known.motion.corrects:
-                velocities = velocities_across(known, geometry, heights, time)
-        require_tile_fits(tile, geometry.size, self._terrain, self._session.settings)
-        motion = self._session.settings.motion
-        new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
-        self._put(tile, new)
+        take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
         """Notes publishers whose maps disagree, and says so once."""

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.limits import FARTHEST, MASSES, SIZES
 
@@ -70,6 +72,10 @@ def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
         for key, name in element.attrib.items():
             if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # a simulator's, not PyBullet's
                 _require_file(name, folder, rules, must_exist=element.tag == "mesh")
+    children = {child.get("link") for child in root.iter("child")}
+    for link in root.iter("link"):
+        if link.get("name") not in children:
+            _check_inertia(link)
 
 
 def _check_numbers(element: ElementTree.Element) -> None:
@@ -92,6 +98,23 @@ def _check_numbers(element: ElementTree.Element) -> None:
                 raise InputError("urdf", f"{key} of an {tag} is more than {FARTHEST:g}")
     if tag == "mesh" and any(not 1e-6 <= abs(value) <= 1e6 for value in _numbers(element, "scale")):
         raise InputError("urdf", "the scale of a mesh must be 1e-6 to 1e6")
+
+
+def _check_inertia(root_link: ElementTree.Element) -> None:
+    """PyBullet takes an inertia that no body can have for zero, with which the root of a robot may be nowhere after a
+    step. Other links go on without one, and some robots have none on purpose: their links have it."""
+    inertia, mass = root_link.find("inertial/inertia"), root_link.find("inertial/mass")
+    if inertia is None or mass is None or not any(_numbers(mass, "value")):
+        return
+    values = {key: next(iter(_numbers(inertia, key)), 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+    xx, yy, zz, xy, xz, yz = values.values()
+    least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    if least < 0.0 or most > least + middle:
+        raise InputError(
+            "urdf",
+            f"no body has the principal moments of inertia {least:g}, {middle:g}, {most:g} kg m^2, as link "
+            f"{root_link.get('name')!r} does: none may be negative, nor more than the other two together",
+        )
 
 
 def _numbers(element: ElementTree.Element, key: str) -> Sequence[float]:

@@ -14,6 +14,7 @@ from smartmesh_ros.studies.engines.registry import build
 from smartmesh_ros.studies.engines.smartmesh import SmartMeshOptions
 from smartmesh_ros.studies.scene import Scene
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.motion import MotionConfig
 
 # Steps of the reference [Hz], and when bodies are compared with it [s]: later contacts make their ways chaotic.
 FINE_RATE = 8 * 240.0
@@ -38,7 +39,9 @@ def reference_positions(scene: Scene) -> FloatArray | None:
         engine = build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True))
     else:
         finest = PatchConfig(kind="heightfield", tolerance=1e-4, rate=0.0)
-        engine = build("smartmesh", setup, SmartMeshOptions(patch=finest))
+        # Maps that come with every step are none of them a part of another.
+        motion = MotionConfig(min_interval=0.0)
+        engine = build("smartmesh", setup, SmartMeshOptions(patch=finest, motion=motion))
     with engine:
         for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
             if scene.moves and scene.reference == "finest":

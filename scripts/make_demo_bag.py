@@ -1,0 +1,81 @@
+"""Writes a bag of the demo: the maps of its moving elevation model, the commands to its robot's wheels, and beside the
+bag the parameter file with its bodies, to tune for.
+
+scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pybullet_data
+import yaml
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+
+from smartmesh_ros.node.declaring import Spec
+from smartmesh_ros.node.demo import BODIES, ROBOT, SOURCE, WHEELS
+from smartmesh_ros.node.terrain_source import SPECS, make_scene
+from smartmesh_ros.testing import bags, heightmap_message
+
+START = 1_700_000_000.0  # a day in the past, as bags are from
+COMMAND_RATE = 4.0
+WHEEL_SPEED = 6.0  # [rad/s]
+SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.25, 0.4]")
+
+
+def stamp(time: float) -> Time:
+    nanoseconds = round(time * 1e9)
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+
+
+def defaults(specs: tuple[Spec, ...]) -> dict[str, Any]:
+    return {spec.name: spec.default for spec in specs}
+
+
+def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
+    """(topic, time [s], message) in the order of time."""
+    scene = make_scene({**defaults(SPECS), **SOURCE})
+    rate = float(SOURCE["rate"])  # type: ignore[arg-type]
+    place = scene.geometry
+    for number in range(math.floor(seconds * rate)):
+        time = START + number / rate
+        yield (
+            "/terrain_collider/heightmap",
+            time,
+            heightmap_message(
+                scene.heights(number / rate), resolution=place.resolution, origin=place.origin, stamp=stamp(time)
+            ),
+        )
+        if number % round(rate / COMMAND_RATE) == 0:
+            command = JointState(name=WHEELS, velocity=[WHEEL_SPEED] * len(WHEELS))
+            yield "/terrain_collider/joint_commands", time, command
+
+
+def bodies() -> list[str]:
+    """The demo's two dozen bodies and its robot, as entries of ``bodies.spawn``."""
+    entries = []
+    for index in range(BODIES):
+        angle, reach = 2.0 * math.pi * index / BODIES, 5.0 + 2.0 * (index % 3)
+        x, y = reach * math.cos(angle), reach * math.sin(angle)
+        entries.append(f"{SHAPES[index % 3]}, id: body_{index}, mass: 5.0, xy: [{x:.3f}, {y:.3f}], above: 0.8}}")
+    urdf = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
+    return [*entries, f"{{id: {ROBOT}, urdf: {urdf}, xy: [-4.0, 0.0], above: 0.4}}"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("path", type=Path, help="folder of the new bag")
+    parser.add_argument("--storage", choices=get_args(bags.Storage), default="mcap")
+    parser.add_argument("--seconds", type=float, default=8.0)
+    options = parser.parse_args()
+    bags.write(options.path, messages(options.seconds), options.storage)
+    file = options.path.with_suffix(".yaml")
+    file.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"bodies.spawn": bodies()}}}, width=200))
+    print(f"wrote {options.path} and {file}")
+
+
+if __name__ == "__main__":
+    main()

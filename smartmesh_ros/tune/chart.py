@@ -1,0 +1,97 @@
+"""Cost against penetration, as a picture and in the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from smartmesh_ros.tune.confirm import Verdict
+from smartmesh_ros.tune.front import Point, front
+
+WIDTH, HEIGHT = 64, 16
+
+
+class Mark(NamedTuple):
+    """A place on the chart: share of a core, penetration [m], and a character."""
+
+    cost: float
+    error: float
+    sign: str
+
+
+def marks(points: Iterable[Point], best: Iterable[Point], verdict: Verdict) -> list[Mark]:
+    """What is drawn, the most important last."""
+    found = [Mark(point.figures.cost, point.figures.error, ".") for point in points]
+    found += [Mark(point.figures.cost, point.figures.error, "o") for point in best]
+    found += [Mark(figures.cost, figures.error, "p") for figures in verdict.others.values()]
+    found.append(Mark(verdict.defaults.cost, verdict.defaults.error, "D"))
+    found.append(Mark(verdict.chosen.figures.cost, verdict.chosen.figures.error, "X"))
+    return [mark for mark in found if math.isfinite(mark.error) and mark.cost > 0.0]
+
+
+def in_terminal(points: Sequence[Point], verdict: Verdict) -> str:
+    """The chart in characters, both axes logarithmic."""
+    shown = marks(points, front(points, verdict.limits), verdict)
+    left, right = _ends([mark.cost for mark in shown])
+    low, high = _ends([mark.error for mark in shown])
+    cells = [[" "] * WIDTH for _ in range(HEIGHT)]
+    for mark in shown:
+        column = round((WIDTH - 1) * (math.log(mark.cost) - left) / (right - left))
+        line = round((HEIGHT - 1) * (high - math.log(mark.error)) / (high - low))
+        cells[line][column] = mark.sign
+    labels = {0: f"{1e3 * math.exp(high):9.3g}", HEIGHT - 1: f"{1e3 * math.exp(low):9.3g}"}
+    lines = [f"{labels.get(number, ''):>9} |{''.join(line)}" for number, line in enumerate(cells)]
+    lines = ["penetration 99 % [mm]", *lines, f"{'':9} +{'-' * WIDTH}"]
+    first, last = f"{math.exp(left):.3g}", f"{math.exp(right):.3g}"
+    middle = "cost [share of a core]"
+    lines.append(f"{'':11}{first}{middle:^{max(WIDTH - len(first) - len(last), len(middle))}}{last}")
+    return "\n".join([*lines, "X chosen  D defaults  p presets  o front  . others that were tried"])
+
+
+def _ends(values: Sequence[float]) -> tuple[float, float]:
+    """Logarithms of the ends of an axis, a little apart."""
+    low, high = math.log(min(values)), math.log(max(values))
+    return (low, high) if high - low > 1e-3 else (low - 0.1, high + 0.1)
+
+
+def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> None:
+    """The chart as a picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes: Any = figure.subplots()
+    best = front(points, verdict.limits)
+    tried = [point.figures for point in points if math.isfinite(point.figures.error)]
+    axes.scatter([f.cost for f in tried], [1e3 * f.error for f in tried], s=12, color="0.75", label="tried")
+    axes.plot(
+        [point.figures.cost for point in best], [1e3 * point.figures.error for point in best],
+        "o-", color="tab:blue", markersize=4, linewidth=1.0, label="front of the search",
+    )  # fmt: skip
+    for name, figures in verdict.others.items():
+        if math.isfinite(figures.error):
+            axes.plot(figures.cost, 1e3 * figures.error, "s", color="tab:green", markersize=5)
+            axes.annotate(
+                name, (figures.cost, 1e3 * figures.error), xytext=(5, 4), textcoords="offset points", fontsize=7,
+                color="tab:green",
+            )  # fmt: skip
+    _point(axes, "defaults", verdict.defaults.cost, verdict.defaults.error, "D", "tab:orange")
+    chosen = verdict.chosen.figures
+    _point(axes, "chosen, confirmed", chosen.cost, chosen.error, "X", "tab:red")
+    axes.set(
+        xscale="log", yscale="log", xlabel="cost [processor time per simulated second]",
+        ylabel="penetration, 99 % [mm]", title=title,
+    )  # fmt: skip
+    axes.margins(0.12)
+    axes.grid(visible=True, which="both", linewidth=0.3)
+    axes.legend(fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
+def _point(axes: Any, label: str, cost: float, error: float, marker: str, colour: str) -> None:
+    if math.isfinite(error):
+        axes.plot(cost, 1e3 * error, marker, color=colour, markersize=9, label=label, linestyle="none")

@@ -1,0 +1,105 @@
+"""The second, longer run: the best candidates beside the defaults, the user's own settings and the presets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from smartmesh_ros.studies.presets import NAMES as PRESETS
+from smartmesh_ros.tune import space
+from smartmesh_ros.tune.case import Case
+from smartmesh_ros.tune.figures import Asked, Figures, Limits
+from smartmesh_ros.tune.front import Point, nearest, ranked
+from smartmesh_ros.tune.measuring import run
+from smartmesh_ros.tune.plain import plain
+from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
+
+# Groups of parameters that a preset changes and that matter to the core.
+OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terrain.noise", "terrain.settle")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confirming:
+    """``candidates``: so many of the best points are run again, among them the best that keep these shares of the
+    limits (``tightened``); every step is timed ``repeats`` times."""
+
+    candidates: int = 6
+    tightened: tuple[float, ...] = (0.8, 0.6, 0.4)
+    repeats: int = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What was confirmed.
+
+    ``chosen``: the point that is written; ``keeps``: whether it keeps what is asked, and is not merely the nearest to
+    it; ``on_front``: whether the defaults are chosen themselves, because nothing found beats them. ``others``: what it
+    was measured beside, by name. ``limits``: what was to be kept.
+    """
+
+    chosen: Point
+    keeps: bool
+    on_front: bool
+    defaults: Figures
+    others: Mapping[str, Figures]
+    limits: Limits
+
+
+def confirm(
+    case: Case,
+    points: Sequence[Point],
+    asked: Asked,
+    base: Figures,
+    reference: Mapping[str, Any] | None,
+    plan: Confirming,
+    say: Callable[[str], None],
+) -> Verdict:
+    """Runs the best points for longer, in turns with the defaults, and chooses by what they show there."""
+    candidates = _candidates(points, asked, Limits.of(asked, base), plan)
+    say("what the best settings can do without")
+    candidates = _distinct(plain(case, candidates, reference))
+    beside = _beside(case.start)
+    all_values = [{**case.start, **space.defaults()}, *beside.values()]
+    all_values += [{**case.start, **point.values} for point in candidates]
+    found = run(case, [settings_of(values) for values in all_values], case.span.confirm, reference,
+                repeats=plan.repeats, say=lambda text: say(f"the confirming run {text}"))  # fmt: skip
+    defaults, others = found[0], dict(zip(beside, found[1:], strict=False))
+    limits = Limits.of(asked, defaults)
+    again = [Point(point.values, figures) for point, figures in zip(candidates, found[1 + len(beside) :], strict=True)]
+    own = Point(space.defaults(), defaults, "defaults")
+    kept = ranked([*again, own], asked, limits)
+    chosen = kept[0] if kept else nearest([*again, own], limits)
+    return Verdict(
+        chosen=chosen, keeps=bool(kept), on_front=chosen is own, defaults=defaults, others=others, limits=limits
+    )
+
+
+def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, plan: Confirming) -> list[Point]:
+    """The best points; the best where the limits are tightened, because not everything that holds for a short while
+    holds for longer; and those that pass their limits by the least. The defaults are measured anyway."""
+    able = [point for point in points if dict(point.values) != space.defaults()]
+    found = ranked(able, asked, limits)[:2]
+    for share in plan.tightened:
+        found += ranked(able, asked, limits.tightened(share))[:1]
+    spare = sorted(able, key=lambda point: max(limits.excess(point.figures).values(), default=0.0))
+    return _distinct([*found, *ranked(able, asked, limits), *spare])[: plan.candidates]
+
+
+def _distinct(points: Sequence[Point]) -> list[Point]:
+    found: dict[tuple[Any, ...], Point] = {}
+    for point in points:
+        found.setdefault(tuple(point.values.values()), point)
+    return list(found.values())
+
+
+def _beside(start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The user's own settings, where they differ from the defaults, and the presets in place of them."""
+    found: dict[str, dict[str, Any]] = {}
+    if any(start.get(name, value) != value for name, value in space.defaults().items()):
+        found["as given"] = dict(start)
+    for name in PRESETS:
+        preset = read_parameters(preset_file(name))
+        ours = {key: value for key, value in preset.items() if key.startswith(OF_THE_CORE)}
+        found[f"preset {name}"] = {**start, **space.defaults(), **ours}
+    return found

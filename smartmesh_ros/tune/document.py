@@ -1,0 +1,106 @@
+"""``make tuning``: tunes eight scenes and a bag of the demo, and writes the table of docs/tuning.md."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from smartmesh_ros.node.quiet import silence_pybullet
+
+SCENES = ("crater", "heave", "noise", "rut", "sinusoid", "sliding_boxes", "stairs", "waves_w04")
+# Cheaper, or truer, by less than this share is not told from noise.
+CLEARLY = 0.03
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Tunes what is not in the results yet; with all of them there it only writes the table."""
+    options = _parser().parse_args(arguments)
+    silence_pybullet()
+    from smartmesh_ros.studies.bench.machine import describe
+    from smartmesh_ros.studies.tables import fill
+
+    results = options.out / "results.json"
+    options.out.mkdir(parents=True, exist_ok=True)
+    found: dict[str, Any] = json.loads(results.read_text()) if results.exists() else {}
+    for source in [*SCENES, *([str(options.bag)] if options.bag else [])]:
+        if source not in found:
+            found[source] = _tuned(source, options)
+            results.write_text(json.dumps(found, indent=1) + "\n")
+            print(_row(found[source]), flush=True)
+    machine = describe()
+    about = f"Measured on {machine['cores']} cores of {machine['cpu']}, {options.trials} settings tried in each."
+    won = sum(_verdict(result) != ON_FRONT for result in found.values())
+    table = "\n".join([HEAD, *map(_row, found.values())])
+    summary = f"Better than the defaults in {won} of {len(found)}."
+    fill(options.document, {"table": f"{about} {summary}\n\n{table}"})
+    print(f"{summary} Wrote {options.document}")
+    return 0
+
+
+HEAD = (
+    "| case | defaults: share of a core | penetration [mm] | tuned: share of a core | penetration [mm] | cost | "
+    "hover, defaults / tuned [mm] | verdict | changed |\n|---|---:|---:|---:|---:|---:|---:|---|---|"
+)
+ON_FRONT = "the defaults are on the front"
+
+
+def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
+    """The confirmed figures of one case."""
+    from smartmesh_ros.tune import space
+    from smartmesh_ros.tune.cli import parser
+    from smartmesh_ros.tune.parameter_file import parameter_file
+    from smartmesh_ros.tune.session import Request, find
+
+    given = parser().parse_args([source, "--trials", str(options.trials), "--out", str(options.out)])
+    request = Request.of(given)
+    if options.bag is not None and source == str(options.bag):
+        request = replace(request, params_file=options.params_file)
+    case = request.open_case()
+    _, verdict = find(request, case, options.jobs)
+    (options.out / f"{case.name}_tuned.yaml").write_text(parameter_file(case, request.asked, verdict))
+    known = space.defaults()
+    changed = {name: value for name, value in verdict.chosen.values.items() if known[name] != value}
+    return {
+        "title": case.title, "defaults": verdict.defaults.as_json(), "tuned": verdict.chosen.figures.as_json(),
+        "changed": changed,
+    }  # fmt: skip
+
+
+def _verdict(result: dict[str, Any]) -> str:
+    """Whether the tuned file is better in one and no worse in the other, both in the confirming run."""
+    before, after = result["defaults"], result["tuned"]
+    cheaper = after["cost"] < (1.0 - CLEARLY) * before["cost"] and after["penetration"] <= before["penetration"]
+    truer = after["penetration"] < (1.0 - CLEARLY) * before["penetration"] and after["cost"] <= before["cost"]
+    words = [word for word, holds in (("cheaper", cheaper), ("truer", truer)) if holds]
+    return " and ".join(words) or ON_FRONT
+
+
+def _row(result: dict[str, Any]) -> str:
+    before, after = result["defaults"], result["tuned"]
+    changed = ", ".join(f"`{name}` {value}" for name, value in result["changed"].items())
+    cells = [
+        result["title"], f"{before['cost']:.3f}", f"{1e3 * before['penetration']:.3f}", f"{after['cost']:.3f}",
+        f"{1e3 * after['penetration']:.3f}", f"{after['cost'] / before['cost']:.2f} x",
+        f"{1e3 * before['hover']:.2f} / {1e3 * after['hover']:.2f}", _verdict(result), changed or "-",
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=96)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--bag", type=Path, help="bag of the demo, see scripts/make_demo_bag.py")
+    parser.add_argument("--params-file", type=Path, help="parameter file of that bag")
+    parser.add_argument("--out", type=Path, default=Path("out/tuning"), help="folder of results, studies and files")
+    parser.add_argument("--document", type=Path, default=Path("docs/tuning.md"))
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""What reaches the world from outside while it runs, with the simulated times that the node would give it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.node.conversions import BodyInput
+from smartmesh_ros.physics.world import World
+from smartmesh_ros.terrain.rasters import Raster
+
+FloatGrid = NDArray[np.float32]
+# Puts a body into the world; False while there is no ground for it yet.
+Start = Callable[[World], bool]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that arrives at ``arrives`` [s] of simulated time and holds for ``at`` [s], its stamp. One that is not
+    ``stamped`` holds for the step that takes it."""
+
+    arrives: float
+    at: float
+    stamped: bool = True
+
+    def time(self, now: float) -> float:
+        """The time that it holds for where it is taken ``now`` [s]."""
+        return self.at if self.stamped else now
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapCame(Event):
+    """A whole map of a tile; ``raster`` None = the tile goes."""
+
+    tile: str
+    raster: Raster | None
+    velocities: FloatGrid | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionCame(Event):
+    """New heights [m] of a rectangle of a tile."""
+
+    tile: str
+    row: int
+    column: int
+    heights: FloatGrid
+    velocities: FloatGrid | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BodiesCame(Event):
+    """Dictated poses in the terrain's frame; ``gone``: bodies that the message no longer names."""
+
+    bodies: tuple[BodyInput, ...]
+    gone: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointsCame(Event):
+    """A command to robots' joints, as a sensor_msgs/JointState."""
+
+    message: Any

@@ -1,0 +1,43 @@
+"""Points without changes that do nothing: who deploys them meets ground on which they may do something."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from smartmesh_ros.tune import space
+from smartmesh_ros.tune.case import Case
+from smartmesh_ros.tune.figures import Figures
+from smartmesh_ros.tune.front import Point
+from smartmesh_ros.tune.measuring import run
+from smartmesh_ros.tune.start import settings_of
+
+# Costs this close together are the same.
+SAME_COST = 1.03
+
+
+def plain(case: Case, points: Sequence[Point], reference: Mapping[str, Any] | None) -> list[Point]:
+    """The points with those parameters at their defaults that change nothing here: bodies go exactly where they went,
+    and it does not cost more."""
+    return [_plain(case, point, reference) for point in points]
+
+
+def _plain(case: Case, point: Point, reference: Mapping[str, Any] | None) -> Point:
+    known = space.defaults()
+    changed = [name for name, value in point.values.items() if value != known[name]]
+    if not changed:
+        return point
+    variants = [dict(point.values), *({**point.values, name: known[name]} for name in changed)]
+    settings = [settings_of({**case.start, **values}) for values in variants]
+    own, *found = run(case, settings, case.span.search, reference)
+    idle = [name for name, figures in zip(changed, found, strict=True) if _same(own, figures)]
+    return Point({**point.values, **{name: known[name] for name in idle}}, point.figures)
+
+
+def _same(own: Figures, other: Figures) -> bool:
+    """Whether bodies went the same ways, for no more."""
+
+    def ways(figures: Figures) -> tuple[str, ...]:
+        return tuple(repr(value) for value in (figures.penetration, figures.hover, figures.deviation, figures.lost))
+
+    return ways(own) == ways(other) and other.cost <= SAME_COST * own.cost

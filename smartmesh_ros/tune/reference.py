@@ -1,0 +1,36 @@
+"""The run that others are compared with: an eighth of the default step, and patches made anew in every step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from smartmesh_ros.physics.state import Vector
+from smartmesh_ros.studies.reference import FINE_RATE
+from smartmesh_ros.tune.case import Case
+from smartmesh_ros.tune.replay import Replay
+from smartmesh_ros.tune.start import settings_of
+
+FINEST: Mapping[str, Any] = {
+    "physics.rate": FINE_RATE,
+    "patch.kind": "heightfield",
+    "patch.tolerance": 1e-4,
+    "patch.rate": 0.0,
+    "terrain.motion": "extrapolate",
+    "terrain.min_interval": 0.0,  # maps come with every step, and none of them is a part of another
+}
+
+
+def finest_positions(case: Case, start: Mapping[str, Any], horizon: float) -> dict[str, Vector]:
+    """Where the simulated bodies are after ``horizon`` [s], by name [m]."""
+    case.fresh()
+    fed = -math.inf
+    with Replay(settings_of({**start, **FINEST}), case.bodies()) as replay:
+        world = replay.world
+        for step in range(round(horizon * FINE_RATE)):
+            events, fed = case.events(fed, world.time), world.time
+            replay.step(events)
+            if step % 100 == 0:
+                case.forget(fed)
+        return {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}

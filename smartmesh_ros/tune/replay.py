@@ -1,0 +1,97 @@
+"""A case replayed through the core in process, in simulated time, as the node would take it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.joint_commands import joint_commands_from
+from smartmesh_ros.node.map_taking import take_map
+from smartmesh_ros.node.settings import Settings
+from smartmesh_ros.physics.limits import SIZES, require_between
+from smartmesh_ros.physics.tracking import Tracking
+from smartmesh_ros.physics.world import World
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tune.events import BodiesCame, Event, JointsCame, MapCame, RegionCame, Start
+
+
+class Replay:
+    """One world, its bodies and what reaches it. Close it, or use it as a context manager.
+
+    ``refused``: what was refused, by reason; the world is as it was before.
+    """
+
+    def __init__(self, settings: Settings, bodies: Sequence[Start]) -> None:
+        self.settings = settings
+        self.world = World(config=settings.world)
+        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.refused: Counter[str] = Counter()
+        self._waiting = list(bodies)
+        self._spawn()
+
+    def __enter__(self) -> Replay:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the world."""
+        self.world.close()
+
+    def step(self, events: Iterable[Event]) -> None:
+        """Takes what has arrived, then runs one step."""
+        for event in events:
+            try:
+                self._take(event)
+            except InputError as error:
+                self.refused[error.reason] += 1
+        self.tracking.expire(self.world.time)
+        self.world.step()
+
+    def _take(self, event: Event) -> None:
+        time = event.time(self.world.time)
+        if isinstance(event, MapCame):
+            if event.raster is None:
+                self.world.terrain.remove(event.tile)
+            else:
+                take_map(
+                    self.world.terrain,
+                    self.settings,
+                    event.tile,
+                    event.raster,
+                    event.velocities,
+                    event.time(self.world.time),
+                )
+            self._spawn()
+        elif isinstance(event, RegionCame):
+            tile = self.world.terrain.tile(event.tile)
+            if not isinstance(tile, HeightMap):
+                raise InputError("unknown_tile", f"tile {event.tile!r} is a general mesh")
+            tile.update_region(event.row, event.column, event.heights, time=time, velocities=event.velocities)
+            self._spawn()
+        elif isinstance(event, BodiesCame):
+            self._track(event)
+        elif isinstance(event, JointsCame):
+            for robot, joint, command in joint_commands_from(event.message, self.world):
+                self.world.command(robot, joint, command)
+
+    def _track(self, event: BodiesCame) -> None:
+        radii = [body.radius or self.settings.default_radius for body in event.bodies]
+        for body, radius in zip(event.bodies, radii, strict=True):
+            known = self.world.bodies.get(body.name)
+            if known is not None and not known.tracked:
+                raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
+            require_between(f"radius of {body.name!r}", radius, SIZES, "m")
+        for body, radius in zip(event.bodies, radii, strict=True):
+            self.tracking.update(body.name, radius, body.state, event.time(self.world.time))
+        for name in event.gone:
+            self.tracking.forget(name)
+
+    def _spawn(self) -> None:
+        """Spawns the bodies that there is ground for by now."""
+        waiting, self._waiting = self._waiting, []
+        if waiting:
+            with self.world.together():
+                self._waiting = [start for start in waiting if not start(self.world)]

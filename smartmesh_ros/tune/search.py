@@ -1,0 +1,117 @@
+"""The search: settings are drawn, measured in turns with the defaults, and noted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import optuna
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.state import Vector
+from smartmesh_ros.studies.presets import NAMES as PRESETS
+from smartmesh_ros.tune import space
+from smartmesh_ros.tune.case import Case
+from smartmesh_ros.tune.figures import Asked, Figures, Limits
+from smartmesh_ros.tune.measuring import require_measurable, run
+from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
+from smartmesh_ros.tune.store import Store
+
+Say = Callable[[str], None]
+# Trials and their values.
+Drawn = list[tuple[optuna.Trial, dict[str, Any]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """``trials`` in all, whoever measures them; ``batch``: so many are measured in turns with the defaults; ``repeats``
+    of the defaults' own first run."""
+
+    trials: int = 96
+    batch: int = 3
+    repeats: int = 3
+
+
+def prepare(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> Figures:
+    """The defaults' figures, which are measured with settings to try first unless the store has them. Raises
+    `InputError` where nothing can be measured."""
+    if store.base is not None:
+        return store.base
+    say("the reference, at an eighth of the step")
+    reference = case.reference()
+    say("the defaults")
+    defaults = settings_of({**case.start, **space.defaults()})
+    [base] = run(case, [defaults], case.span.search, reference, repeats=plan.repeats, say=say)
+    require_measurable(base)
+    _try(store, case, base, reference, asked, [store.ask_for(values) for values in _first(case.start)], say)
+    store.begin(base, reference)
+    return base
+
+
+def work(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> None:
+    """Measures trials until there are enough. What was measured before an interruption is kept."""
+    base = store.base
+    if base is None:
+        raise InputError("storage", "the storage has no defaults for this case; start the search anew")
+    reference = store.reference
+    while (left := plan.trials - len(store.finished())) > 0:
+        _try(store, case, base, reference, asked, store.ask(min(plan.batch, left)), say)
+
+
+def _try(
+    store: Store,
+    case: Case,
+    base: Figures,
+    reference: Mapping[str, Vector] | None,
+    asked: Asked,
+    drawn: Drawn,
+    say: Say,
+) -> None:
+    """Measures settings that were drawn, in turns with the defaults, and notes them."""
+    limits = Limits.of(asked, base)
+    with _given_up_unless_told(store, [trial for trial, _ in drawn]) as told:
+        settings = [settings_of({**case.start, **values}) for values in [space.defaults(), *(new for _, new in drawn)]]
+        beside, *found = run(case, settings, case.span.search, reference, say=say)
+        for (trial, _), figures in zip(drawn, found, strict=True):
+            store.tell(trial, at_the_pace_of(base, beside, figures), limits)
+            told.append(trial.number)
+
+
+def at_the_pace_of(base: Figures, beside: Figures, figures: Figures) -> Figures:
+    """Costs as if the machine were as fast as it was when ``base`` was measured: ``beside`` is the same setting,
+    measured in turns with the ``figures``. The longest step is no sum that turns even out, and stays."""
+    return replace(figures, cost=figures.cost * base.cost / beside.cost)
+
+
+@contextmanager
+def _given_up_unless_told(store: Store, trials: list[optuna.Trial]) -> Iterator[list[int]]:
+    """Has trials that an interruption leaves open count as not measured."""
+    told: list[int] = []
+    try:
+        yield told
+    finally:
+        for trial in trials:
+            if trial.number not in told:
+                store.give_up(trial)
+
+
+def _first(start: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Settings to try first: what the user has now, what the presets have of it, and single steps from the defaults
+    that are known to pay."""
+    presets = [read_parameters(preset_file(name)) for name in PRESETS]
+    steps: list[Mapping[str, Any]] = [
+        start,
+        {},
+        *presets,
+        {"physics.solver_residual": 1e-5},
+        {"physics.rate": 120.0, "physics.solver_residual": 1e-5},
+        {"physics.contact_erp": 0.6},
+    ]
+    found: list[dict[str, Any]] = []
+    for step in steps:
+        values = {name: step.get(name, value) for name, value in space.defaults().items()}
+        if values["patch.kind"] in space.SPACE.kind and values not in found:
+            found.append(values)
+    return found

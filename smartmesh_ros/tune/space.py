@@ -1,0 +1,87 @@
+"""What is searched: parameters and the values they may take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from optuna import Trial
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.tune.start import DEFAULTS
+
+Value = float | str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Space:
+    """Ladders of values, so that what comes out reads well, and every rate divides into the samples' 30 Hz.
+
+    The kinds are those that keep the ground's shape within the tolerance, one plane, and one collider of the whole map;
+    the report's other kinds are slower than *heightfield* and no truer, see docs/accuracy.md.
+    """
+
+    rate: tuple[float, ...] = (60.0, 90.0, 120.0, 150.0, 180.0, 240.0, 300.0, 360.0, 480.0, 600.0, 720.0, 960.0)
+    patch_rate: tuple[float, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 0.0)
+    tolerance: tuple[float, ...] = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)
+    kind: tuple[str, ...] = ("auto", "heightfield", "plane", "whole_heightfield")
+    motion: tuple[str, ...] = ("hold", "extrapolate", "interpolate")
+    solver_residual: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+    contact_erp: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+
+    @property
+    def ladders(self) -> Mapping[str, tuple[Value, ...]]:
+        """Values by parameter."""
+        return {
+            "physics.rate": self.rate,
+            "patch.rate": self.patch_rate,
+            "patch.tolerance": self.tolerance,
+            "patch.kind": self.kind,
+            "terrain.motion": self.motion,
+            "physics.solver_residual": self.solver_residual,
+            "physics.contact_erp": self.contact_erp,
+        }
+
+
+SPACE = Space()
+SEARCHED = tuple(SPACE.ladders)
+_CHOICES = frozenset({"patch.kind", "terrain.motion"})
+
+
+def defaults() -> dict[str, Any]:
+    """The searched parameters at the package's defaults."""
+    return {name: DEFAULTS[name] for name in SEARCHED}
+
+
+def ask(trial: Trial) -> dict[str, Any]:
+    """The values of a trial. Numbers are steps of their ladder, whose order the sampler then knows."""
+    found: dict[str, Any] = {}
+    for name, ladder in SPACE.ladders.items():
+        if name in _CHOICES:
+            found[name] = trial.suggest_categorical(name, ladder)
+        else:
+            found[name] = ladder[trial.suggest_int(name, 0, len(ladder) - 1)]
+    return found
+
+
+def values_of(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a trial's ``parameters`` as the storage keeps them."""
+    return {name: value if name in _CHOICES else SPACE.ladders[name][int(value)] for name, value in parameters.items()}
+
+
+def parameters_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What the storage keeps of values, each the nearest on its ladder; raises `InputError` for a choice that is not
+    searched."""
+    found: dict[str, Any] = {}
+    for name, ladder in SPACE.ladders.items():
+        value = values[name]
+        if name in _CHOICES:
+            if value not in ladder:
+                raise InputError(
+                    "parameter", f"{name} {value!r} is not searched; it may be {', '.join(map(str, ladder))}"
+                )
+            found[name] = value
+        else:
+            found[name] = min(range(len(ladder)), key=lambda index: abs(float(ladder[index]) - float(value)))
+    return found

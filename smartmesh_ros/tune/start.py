@@ -1,0 +1,91 @@
+"""The parameters that a search starts from: a file, a preset and single values, checked by the node's own code."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameter_files import PARAMETERS, mismatch
+from smartmesh_ros.node.parameters import NAMES, SPECS, settings_from
+from smartmesh_ros.node.settings import Settings
+from smartmesh_ros.studies.presets import folder
+
+NODE = "/terrain_collider"
+DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
+# Parameters that every node has, and none of them changes what is measured.
+OF_EVERY_NODE = frozenset({"use_sim_time"})
+
+
+def settings_of(values: Mapping[str, Any]) -> Settings:
+    """Settings where these parameters are given and all others stand at their defaults; raises `InputError`."""
+    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+
+
+def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[str, Any]:
+    """The parameters that a preset, then a file, then entries ``name=value`` give; raises `InputError`."""
+    values: dict[str, Any] = {}
+    if preset:
+        values.update(read_parameters(preset_file(preset)))
+    if file is not None:
+        values.update(read_parameters(file))
+    for entry in single:
+        name, equals, text = entry.partition("=")
+        if not equals:
+            raise InputError("parameter", f"--set {entry!r} must be name=value, as in --set physics.rate=120.0")
+        values[name] = yaml.safe_load(text)
+    for name in values:
+        if name not in NAMES | OF_EVERY_NODE:
+            near = difflib.get_close_matches(name, NAMES, n=1)
+            raise InputError(
+                "parameter", f"parameter {name!r} is unknown{f'; did you mean {near[0]!r}?' if near else ''}"
+            )
+    settings_of(values)
+    return values
+
+
+def preset_file(name: str) -> Path:
+    """The parameter file of a preset; raises `InputError` naming those there are."""
+    found = folder()
+    path = (found or Path()) / f"{name}.yaml"
+    if found is None or not path.is_file():
+        known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
+        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
+    return path
+
+
+def read_parameters(path: Path) -> dict[str, Any]:
+    """The values that a parameter file has for the node; raises `InputError` where it is none, or not for this node."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError("file", f"{path} is no parameter file: {error}") from None
+    wrong = mismatch(path, NODE)
+    if wrong:
+        raise InputError("file", wrong)
+    found: dict[str, Any] = {}
+    for section in _sections(content):
+        found.update(_flat(section))
+    if not found:
+        raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
+    return found
+
+
+def _sections(content: Any) -> Iterator[Mapping[str, Any]]:
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == PARAMETERS and isinstance(value, dict):
+            yield value
+        else:
+            yield from _sections(value)
+
+
+def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in section.items():
+        name = f"{prefix}{key}"
+        found.update(_flat(value, f"{name}.") if isinstance(value, dict) else {name: value})
+    return found
