@@ -8,7 +8,11 @@ from setuptools import find_packages, setup
 NAME = "smartmesh_ros"
 
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
-IN_WORKSPACES = [f"tune = {NAME}.tune.cli:start", f"view = {NAME}.view.main:main"]
+IN_WORKSPACES = [
+    f"fleet_front = {NAME}.node.fleet.front:main",
+    f"tune = {NAME}.tune.cli:start",
+    f"view = {NAME}.view.main:main",
+]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
 
 
@@ -48,7 +52,6 @@ setup(
     entry_points={
         "console_scripts": [
             f"terrain_collider = {NAME}.node.starting:terrain_collider",
-            f"fleet_front = {NAME}.node.fleet.front:main",
             f"smartmesh-fleet = {NAME}.node.fleet.command:main",
             f"terrain_source = {NAME}.node.terrain_source:main",
             f"smartmesh-demo = {NAME}.node.demo:main",

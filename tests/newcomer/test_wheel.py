@@ -10,7 +10,8 @@ import pytest
 
 from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-COMMANDS = {"terrain_collider", "terrain_source", "smartmesh-demo", "smartmesh-studies", "smartmesh-view"}
+OWN = ("demo", "fleet", "studies", "tune", "view")
+COMMANDS = {"terrain_collider", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
