@@ -14,7 +14,7 @@ from smartmesh_ros.studies.fleet.watcher import Site, load, site
 SOURCE = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
-REAL_TIME, APART, SIDE = 0.98, 1.5, 16
+REAL_TIME, APART, SIDE = 0.98, 1.0, 24
 
 
 def places(count: int, first: int) -> list[tuple[float, float]]:

@@ -40,7 +40,7 @@ def run(parts: list[str], *, quick: bool, file: Path) -> dict[str, Any]:
         elif part == "capacity":
             data[part] = [
                 live.capacity(
-                    nodes, start=100 if quick else 50, more=50, most=100 if quick else 1000,
+                    nodes, start=100 if quick else 200, more=200, most=100 if quick else 2200,
                     seconds=4.0 if quick else 6.0,
                 )
                 for nodes in ((2,) if quick else (1, 2, 4))
