@@ -47,39 +47,21 @@ class Impact(NamedTuple):
 
 
 @compiled
-def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
-    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
-    ``reach`` [m]; infinite where there is none."""
+def first_gap(
+    window: Window, solid: Solid, path: Point, least: float, limit: float, by_share: bool
+) -> tuple[float, Gap]:
+    """The gap, below a ``limit``, to a facet that a solid closes on by more than ``least`` [m] along its path: the one
+    that is least, or ``by_share`` the one that may be closed first. Also what was compared, the limit where there is
+    none: the distance [m], or the share of the path. A gap is closed by motion along its normal alone, since the plane
+    across it parts the facet from the solid."""
     high, wide = window.heights.shape
     extent, z = extents(solid), window.heights
+    length = math.sqrt(dot(path, path)) if by_share else 1.0
     best = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
             low, top = heights_of_cell(z, a, b)
-            margin = min(best.distance, reach)
-            if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
-                continue
-            for upper in range(2):
-                facet = facet_of(z, window.spacing, a, b, upper)
-                if is_ground(facet):
-                    gap = gap_to(facet, solid)
-                    if gap.distance < best.distance and -dot(gap.normal, path) > least:
-                        best = gap
-    return best
-
-
-@compiled
-def earliest_gap(window: Window, solid: Solid, path: Point, least: float, left: float) -> tuple[float, Gap]:
-    """The share of its path up to ``left`` that a solid can move for sure without meeting the ground, and the gap that
-    ends it: of all facets that it closes on by more than ``least`` [m], the one whose gap it may close first. A gap is
-    closed by motion along its normal alone, since the plane across it parts the facet from the solid."""
-    high, wide = window.heights.shape
-    extent, z, length = extents(solid), window.heights, math.sqrt(dot(path, path))
-    share, best = left, Gap(math.inf, UP, solid.centre)
-    for a in range(high - 1):
-        for b in range(wide - 1):
-            low, top = heights_of_cell(z, a, b)
-            margin = max(share, 0.0) * length + TOUCH
+            margin = max(limit, 0.0) * length + TOUCH
             if out_of_reach(solid, extent, b * window.spacing, a * window.spacing, window.spacing, low, top, margin):
                 continue
             for upper in range(2):
@@ -87,9 +69,17 @@ def earliest_gap(window: Window, solid: Solid, path: Point, least: float, left: 
                 if is_ground(facet):
                     gap = gap_to(facet, solid)
                     closing = -dot(gap.normal, path)
-                    if closing > least and gap.distance < share * closing:
-                        share, best = gap.distance / closing, gap
-    return share, best
+                    unit = closing if by_share else 1.0
+                    if closing > least and gap.distance < limit * unit:
+                        limit, best = gap.distance / unit, gap
+    return limit, best
+
+
+@compiled
+def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
+    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
+    ``reach`` [m]; infinite where there is none."""
+    return first_gap(window, solid, path, least, reach, False)[1]
 
 
 @compiled
@@ -97,7 +87,7 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
     """Where a solid touches the ground on its path, closing on it by more than ``least`` [m]."""
     share = 0.0
     for _ in range(ADVANCES):
-        advance, gap = earliest_gap(window, moved_by(solid, path, share), path, least, 1.0 - share)
+        advance, gap = first_gap(window, moved_by(solid, path, share), path, least, 1.0 - share, True)
         if gap.distance <= TOUCH:
             return Impact(share, gap.distance, gap.normal)
         share += advance
@@ -151,6 +141,16 @@ def spin(body, dt):
 
 
 @compiled
+def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
+    """The ground that a solid can reach, at ``time`` [s] and how much it rises in ``dt`` [s]: its place and a window in
+    the memory given."""
+    place = window_place(grid.resolution, solid, travel, rules)
+    heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
+    read_window(grid, place.row, place.column, place.stride, time, dt, heights, rises)
+    return place, Window(heights, rises, grid.resolution * place.stride)
+
+
+@compiled
 def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
@@ -160,10 +160,8 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
     solid = solid_of(shape, local)
     fall_x, fall_y = fall[0] * grid.cos + fall[1] * grid.sin, fall[1] * grid.cos - fall[0] * grid.sin
     path = Point((local[7] + fall_x) * dt, (local[8] + fall_y) * dt, (local[9] + fall[2]) * dt)
-    place = window_place(grid.resolution, solid, Travel(path.x, path.y, path.z, arrival), rules)
-    heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
-    read_window(grid, place.row, place.column, place.stride, time, dt, heights, rises)
-    window = Window(heights, rises, grid.resolution * place.stride)
+    travel = Travel(path.x, path.y, path.z, arrival)
+    place, window = window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
     relative = Point(path.x, path.y, path.z - rise)
@@ -171,7 +169,7 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
     cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
-    heights += rises
+    window.heights[:] += window.rises
     for axis in range(3):
         local[axis] += (path.x, path.y, path.z)[axis]
     spin(local, dt)
@@ -189,16 +187,14 @@ def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape, local)
-    place = window_place(grid.resolution, solid, Travel(0.0, 0.0, 0.0, 0.0), rules)
-    heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
-    read_window(grid, place.row, place.column, place.stride, time, 0.0, heights, rises)
-    window = Window(heights, rises, grid.resolution * place.stride)
+    still = Travel(0.0, 0.0, 0.0, 0.0)
+    place, window = window_about(grid, solid, still, time, 0.0, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)
     top = -math.inf
     for a in range(place.high):
         for b in range(place.wide):
-            if heights[a, b] > top:
-                top = heights[a, b]
+            if window.heights[a, b] > top:
+                top = window.heights[a, b]
     if top == -math.inf:
         return math.nan
     start = top + extents(own).z
