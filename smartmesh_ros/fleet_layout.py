@@ -12,6 +12,8 @@ COLLIDER, FRONT, PRESET = "terrain_collider", "fleet", "fleet"
 SHARED = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", "patches")
 # More often than any physics: the states of bodies go out with every step, which is what peers need.
 EVERY_STEP = 1000.0
+# Terrain to try a fleet on: waves that bodies ride on, on maps as a lidar brings them.
+WAVES = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 
 
 def front_of(namespace: str = "") -> str:

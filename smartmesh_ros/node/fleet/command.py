@@ -13,82 +13,51 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodySpecification, Timing
-from smartmesh_msgs.srv import SpawnBodies
+from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.fleet_commands import FleetPlan
-from smartmesh_ros.fleet_layout import front_of
+from smartmesh_ros.fleet_layout import WAVES, front_of
+from smartmesh_ros.fleet_watcher import FleetWatcher
 from smartmesh_ros.node.dds import use_large_message_profile
 
-# The scene: waves that bodies ride on, on maps as a lidar brings them.
-SOURCE = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 # Bodies start in rows so far apart, so high [m].
 APART, HIGH = 0.9, 0.8
-# Until everybody is there [s].
-START_LIMIT = 120.0
 
 
-class Watcher(Node):
+class Watcher(FleetWatcher):
     """Spawns bodies and says how the fleet is."""
 
     def __init__(self) -> None:
-        super().__init__("fleet_watcher")
-        self.values: dict[str, str] = {}
+        super().__init__()
         self.factor = 0.0
-        self._spawner = self.create_client(SpawnBodies, f"{front_of()}/spawn_bodies")
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.create_subscription(Timing, f"{front_of()}/timing", self._on_timing, 10)
 
-    def wait_for(self, condition: Any, what: str) -> None:
-        """Handles messages until the condition holds."""
-        end = monotonic() + START_LIMIT
-        while not condition():
-            if monotonic() > end:
-                raise TimeoutError(f"no {what} after {START_LIMIT:.0f} s; the fleet: {self.values}")
-            rclpy.spin_once(self, timeout_sec=0.1)
+    def living(self) -> int:
+        """How many nodes the front hears."""
+        return sum(value.endswith("bodies") for key, value in self.front.items() if key)
 
     def spawn(self, count: int) -> None:
         """Has the fleet spawn so many balls in a square."""
         side = max(round(count**0.5), 1)
-        ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.25])
-        request = SpawnBodies.Request()
-        for index in range(count):
-            body = BodySpecification(id=f"ball_{index}", shape=ball, mass=5.0)
-            body.pose.position.x = APART * (index % side - 0.5 * side)
-            body.pose.position.y = APART * (index // side - 0.5 * side)
-            body.pose.position.z = HIGH
-            request.bodies.append(body)
-        self.wait_for(self._spawner.service_is_ready, "front")
-        future = self._spawner.call_async(request)
-        self.wait_for(future.done, "answer of the front")
-        if not future.result().success:
-            raise RuntimeError(f"bodies were not spawned: {future.result().message}")
+        places = ((APART * (index % side - 0.5 * side), APART * (index // side - 0.5 * side)) for index in range(count))
+        self.spawn_balls(((f"ball_{index}", x, y, HIGH) for index, (x, y) in enumerate(places)), 0.25)
 
     def line(self) -> str:
         """How the fleet is, in one line."""
-        counts = "  ".join(f"{name}: {value}" for name, value in self.values.items())
+        said = {key.removesuffix("/terrain_collider"): value for key, value in self.front.items() if key}
+        counts = "  ".join(f"{name}: {value}" for name, value in said.items())
         return f"real-time {self.factor:.2f}  {counts}"
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name == "fleet: nodes":
-                self.values = {pair.key.removesuffix("/terrain_collider"): pair.value for pair in status.values}
 
     def _on_timing(self, message: Timing) -> None:
         self.factor = message.real_time_factor
 
 
 @contextmanager
-def processes(plan: FleetPlan, folder: Path) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
+def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """The fleet as processes by name, which end with the block."""
-    commands = commands_of(plan, folder)
     running = {name: subprocess.Popen(command) for name, command in commands.items()}
     try:
         yield running
@@ -122,16 +91,14 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     rclpy.init()
     watcher = Watcher()
     try:
-        with tempfile.TemporaryDirectory() as name, processes(plan, Path(name)) as running:
+        with tempfile.TemporaryDirectory() as name, processes(commands := commands_of(plan, Path(name))) as running:
             print(f"starting {plan.count} nodes ...", flush=True)
-            watcher.wait_for(
-                lambda: sum(value.endswith("bodies") for value in watcher.values.values()) == plan.count, "fleet"
-            )
+            watcher.wait_for(lambda: watcher.living() == plan.count, "fleet")
             watcher.spawn(bodies)
             end, due = monotonic() + seconds, 0.0
             while monotonic() < end:
                 rclpy.spin_once(watcher, timeout_sec=0.1)
-                start_again(running, commands_of(plan, Path(name)))
+                start_again(running, commands)
                 if monotonic() >= due:
                     due = monotonic() + 1.0
                     print(watcher.line(), flush=True)
@@ -154,6 +121,6 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--respawn", choices=("elsewhere", "same"), default="elsewhere", help="bodies of a dead node")
     options = parser.parse_args(args)
     use_large_message_profile()
-    plan = FleetPlan(count=options.nodes, source=SOURCE, front={"spread": options.spread, "respawn": options.respawn})
+    plan = FleetPlan(count=options.nodes, source=WAVES, front={"spread": options.spread, "respawn": options.respawn})
     with isolated_unless_chosen():
         run(plan, options.bodies, options.seconds)

@@ -8,10 +8,9 @@ from time import monotonic
 from typing import Any
 
 from smartmesh_ros.fleet_commands import FleetPlan
+from smartmesh_ros.fleet_layout import WAVES
 from smartmesh_ros.studies.fleet.watcher import Site, load, site
 
-# Moving terrain as a mapper brings it.
-SOURCE = {"scene": "waves", "rate": 20.0, "wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.0, 24
@@ -32,7 +31,7 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) ->
     what the network carried, in bytes a second of a node."""
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
-    plan = FleetPlan(count=nodes, source=SOURCE, front=front, parameters={"bodies.timeout": 20.0})
+    plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0})
     runs = []
     with site(plan) as fleet:
         count = 0
@@ -96,7 +95,7 @@ def faults(times: int, bodies: int = 30) -> dict[str, Any]:
     """Of three nodes that with the most bodies is killed and started again, then that with the most is cut off and
     joined again, so many times; how long it takes each time until every body is on one node that is heard [s], and the
     fewest bodies that there were after it."""
-    plan = FleetPlan(count=3, source={**SOURCE, "wave.amplitude": 0.0}, parameters={"bodies.timeout": 2.0})
+    plan = FleetPlan(count=3, source={**WAVES, "wave.amplitude": 0.0}, parameters={"bodies.timeout": 2.0})
     found: dict[str, list[float]] = {"kill": [], "join": [], "cut": [], "heal": []}
     least = bodies
     with site(plan) as fleet:

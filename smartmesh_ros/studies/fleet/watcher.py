@@ -12,53 +12,36 @@ from time import monotonic
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
-from smartmesh_msgs.srv import SpawnBodies
+from smartmesh_msgs.msg import Timing, TrackedBodyArray
 
 from smartmesh_ros.fleet_commands import FleetPlan
-from smartmesh_ros.fleet_layout import front_of, node_names
+from smartmesh_ros.fleet_layout import node_names
+from smartmesh_ros.fleet_watcher import FleetWatcher
 from smartmesh_ros.studies.fleet.network import Machine
 
-# Waits for anything [s]: a shared machine may be slow.
-PATIENCE = 120.0
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class Watcher(Node):
+class Watcher(FleetWatcher):
     """What the nodes of a fleet say. ``heard``: when each was heard last; ``timings``: since they were cleared."""
 
     def __init__(self, count: int) -> None:
-        super().__init__("fleet_watcher")
+        super().__init__()
         self.nodes = node_names(count)
         self.heard: dict[str, float] = {}
         self._states: dict[str, TrackedBodyArray] = {}
         self.timings: dict[str, list[Timing]] = {node: [] for node in self.nodes}
-        self.front: dict[str, str] = {}
         for node in self.nodes:
             self.create_subscription(TrackedBodyArray, f"{node}/body_states", self._keeper(node), NEWEST, raw=True)
             self.create_subscription(Timing, f"{node}/timing", self.timings[node].append, 10)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
-        self._spawner = self.create_client(SpawnBodies, f"{front_of()}/spawn_bodies")
 
     def spin(self, seconds: float) -> None:
         """Handles messages for so long."""
         end = monotonic() + seconds
         while monotonic() < end:
             rclpy.spin_once(self, timeout_sec=max(end - monotonic(), 0.0))
-
-    def wait_for(self, condition: Callable[[], Any], what: str) -> float:
-        """Handles messages until the condition holds; the time it took [s]."""
-        start = monotonic()
-        while not condition():
-            if monotonic() > start + PATIENCE:
-                raise TimeoutError(f"no {what} after {PATIENCE:.0f} s; the front says {self.front}")
-            rclpy.spin_once(self, timeout_sec=0.05)
-        return monotonic() - start
 
     def complete(self) -> bool:
         """Whether the front hears all nodes."""
@@ -81,17 +64,7 @@ class Watcher(Node):
 
     def spawn(self, places: list[tuple[float, float]], first: int, height: float = 0.6) -> None:
         """Has the front spawn a ball at each place, numbered from ``first`` on."""
-        request = SpawnBodies.Request()
-        for number, (x, y) in enumerate(places, first):
-            ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-            body = BodySpecification(id=f"ball_{number:05d}", shape=ball, mass=5.0)
-            body.pose.position.x, body.pose.position.y, body.pose.position.z = x, y, height
-            request.bodies.append(body)
-        self.wait_for(self._spawner.service_is_ready, "front")
-        future = self._spawner.call_async(request)
-        self.wait_for(future.done, "answer of the front")
-        if not future.result().success:
-            raise RuntimeError(f"bodies were not spawned: {future.result().message}")
+        self.spawn_balls(((f"ball_{number:05d}", x, y, height) for number, (x, y) in enumerate(places, first)), 0.2)
 
     def _bodies(self, node: str) -> list[str]:
         data = self._states.get(node)
@@ -102,11 +75,6 @@ class Watcher(Node):
             self._states[node], self.heard[node] = data, monotonic()
 
         return keep
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name == "fleet: nodes":
-                self.front = {pair.key: pair.value for pair in status.values} | {"": status.message}
 
 
 class Site:
