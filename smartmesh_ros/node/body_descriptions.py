@@ -67,11 +67,5 @@ def description(body: Body) -> BodyDescription:
         return made
     shape: Any = body.shape or Sphere(body.radius)
     made.shape = _KINDS[type(shape)]
-    made.dimensions = array.array("d", _dimensions(shape))
+    made.dimensions = array.array("d", list(shape.dimensions.values()))
     return made
-
-
-def _dimensions(shape: Shape) -> list[float]:
-    if isinstance(shape, Sphere):
-        return [shape.radius]
-    return [shape.x, shape.y, shape.z] if isinstance(shape, Box) else [shape.radius, shape.height]

@@ -41,6 +41,7 @@ class BodyStates:
                 "radius": states.radii[start:end],
                 "shape": states.kinds[start:end],
                 "dimensions": states.dimensions[start:end],
+                "centre": states.centres[start:end],
                 "mass": states.masses[start:end],
             }
             for column, path in enumerate(_STATE_FIELDS):

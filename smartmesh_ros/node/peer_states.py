@@ -18,14 +18,15 @@ Bytes = NDArray[np.uint8]
 # What follows the name of a TrackedBody, from the next multiple of eight bytes on.
 BODY = np.dtype(
     {
-        "names": ["numbers", "radius", "shape", "dimensions", "mass"],
-        "formats": [("<f8", (13,)), "<f4", "u1", ("<f4", (3,)), "<f4"],
-        "offsets": [0, 104, 108, 112, 124],
-        "itemsize": 128,
+        "names": ["numbers", "radius", "shape", "dimensions", "centre", "mass"],
+        "formats": [("<f8", (13,)), "<f4", "u1", ("<f4", (3,)), ("<f4", (3,)), "<f4"],
+        "offsets": [0, 104, 108, 112, 124, 136],
+        "itemsize": 140,
     }
 )
 # The least that a TrackedBody takes: its name's length and closing zero, and the above.
-LEAST = 5 + BODY.itemsize
+BODY_BYTES = BODY.itemsize
+LEAST = 5 + BODY_BYTES
 # States are published in the step that made them: they hold for no instant farther from their stamp than this [s].
 MOST_AHEAD = 1.0
 
@@ -71,10 +72,11 @@ class PeerReader:
         if not spans_of(content, reader.at, spans, starts):
             raise InputError("malformed", f"the message ends after {len(data)} bytes; {count} bodies need more")
         names = self._take_names(content, spans, longest)
-        bodies = content[starts[:, None] + np.arange(BODY.itemsize)].view(BODY)[:, 0]
+        bodies = content[starts[:, None] + np.arange(BODY_BYTES)].view(BODY)[:, 0]
         table = StateTable(
             names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64), bodies["shape"],
-            bodies["dimensions"].astype(np.float64), bodies["mass"].astype(np.float64),
+            bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
+            bodies["mass"].astype(np.float64),
         )  # fmt: skip
         x, y, z = gravity
         return PeerStates(sec, nanosec, frame_id, ahead, rate, (x, y, z), table)
@@ -118,7 +120,7 @@ def spans_of(content: Bytes, at: int, spans: NDArray[np.int64], starts: NDArray[
             return False
         spans[i, 0], spans[i, 1] = at, at + length - 1  # without the closing zero
         starts[i] = (at + length + 7) // 8 * 8
-        at = starts[i] + 128
+        at = starts[i] + BODY_BYTES
         if at > size:
             return False
     return True

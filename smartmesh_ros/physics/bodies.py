@@ -17,7 +17,7 @@ from smartmesh_ros.physics.body_shapes import read_shape
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
-from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, SolidKind, Sphere, kind_of
+from smartmesh_ros.physics.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.physics.state import BodyState
 
 # PyBullet rounds the edges of boxes and cylinders by its margin, usually 1 mm: standing on one, a box would be 0.4 mm
@@ -54,7 +54,7 @@ class Body:
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
-    hull: Box | None = None  # of a robot: about its base's centre of mass, around all links where they were at first
+    hull: Box | None = None  # of a robot: the box around its links where they were at first, about its base
 
     @property
     def simulated(self) -> bool:
@@ -62,9 +62,9 @@ class Body:
         return not self.tracked and not self.owner
 
     @cached_property
-    def form(self) -> tuple[SolidKind, list[float]]:
-        """Kind and dimensions [m] of what others may take it for."""
-        return kind_of(self.shape or self.hull or Sphere(self.radius))
+    def form(self) -> Form:
+        """What others may take it for."""
+        return form_of(self.shape or self.hull or Sphere(self.radius))
 
     @property
     def is_robot(self) -> bool:
@@ -174,11 +174,12 @@ class BodyFactory:
             self._client.resetJointState(body.uid, joint, 0.0, 0.0)
 
     def _hull(self, body: Body) -> Box:
-        """The box around the links of a robot that is at the origin; as deep below its centre as they are."""
-        bounds = np.abs(np.array([self._client.getAABB(body.uid, link) for link in body.links]))
-        x, y = bounds[:, :, :2].max(axis=(0, 1)).tolist()
-        z = float(bounds[:, 0, 2].max())
-        return Box(*(min(max(2.0 * half, SIZES[0]), SIZES[1]) for half in (x, y, z)))
+        """The box around the links of a robot that is at the origin."""
+        bounds = np.array([self._client.getAABB(body.uid, link) for link in body.links])
+        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+        edges = np.clip(high - low, *SIZES).tolist()
+        x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
+        return Box(*edges, centre=(x, y, z))
 
     def _shape(self, shape: Shape) -> int:
         if shape not in self._shapes:

@@ -29,7 +29,7 @@ def shape_record(shape: Shape) -> Any:
     if isinstance(shape, Sphere):
         return ball(shape.radius)
     if isinstance(shape, Box):
-        return _box((shape.x, shape.y, shape.z), CENTRE, UNTURNED)
+        return _box((shape.x, shape.y, shape.z), shape.centre, UNTURNED)
     return _round(shape.radius, shape.height, CENTRE, UNTURNED, capped=isinstance(shape, Capsule))
 
 

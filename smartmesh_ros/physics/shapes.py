@@ -4,24 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.limits import SIZES, require_between
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.physics.state import Vector
+
+CENTRED: Vector = (0.0, 0.0, 0.0)
 
 
 class _Shape:
     """Checks that every dimension is a possible number of metres."""
 
+    centre: Vector = CENTRED
+
     def __post_init__(self) -> None:
-        for field in fields(self):  # type: ignore[arg-type]  # every shape is a dataclass
-            what = f"{field.name} of the {type(self).__name__.lower()}"
-            require_between(what, getattr(self, field.name), SIZES, "m")
+        for name, value in self.dimensions.items():
+            require_between(f"{name} of the {type(self).__name__.lower()}", value, SIZES, "m")
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Its dimensions by their names [m]."""
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # every shape is a dataclass
+        return {name: getattr(self, name) for name in names if name != "centre"}
 
 
 @dataclass(frozen=True)
@@ -35,11 +45,6 @@ class Sphere(_Shape):
         """Radius of the sphere around the centre that holds the shape [m]."""
         return self.radius
 
-    @property
-    def inner_radius(self) -> float:
-        """Radius of the largest sphere around the centre inside the shape [m]."""
-        return self.radius
-
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
         return {"shapeType": pb.GEOM_SPHERE, "radius": self.radius}
@@ -47,25 +52,28 @@ class Sphere(_Shape):
 
 @dataclass(frozen=True)
 class Box(_Shape):
-    """A box of edge lengths x, y, z."""
+    """A box of edge lengths x, y, z, whose middle lies at ``centre`` from the centre of mass [m]."""
 
     x: float
     y: float
     z: float
+    centre: Vector = field(default=CENTRED, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not all(abs(value) <= SIZES[1] for value in self.centre):
+            raise InputError("geometry", f"centre of the box is {self.centre} m; at most {SIZES[1]:g} is possible")
+        object.__setattr__(self, "centre", tuple(self.centre))
 
     @property
     def bounding_radius(self) -> float:
         """Radius of the sphere around the centre that holds the shape [m]."""
-        return 0.5 * math.hypot(self.x, self.y, self.z)
-
-    @property
-    def inner_radius(self) -> float:
-        """Radius of the largest sphere around the centre inside the shape [m]."""
-        return 0.5 * min(self.x, self.y, self.z)
+        return 0.5 * math.hypot(self.x, self.y, self.z) + math.hypot(*self.centre)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
-        return {"shapeType": pb.GEOM_BOX, "halfExtents": [0.5 * self.x, 0.5 * self.y, 0.5 * self.z]}
+        half = [0.5 * self.x, 0.5 * self.y, 0.5 * self.z]
+        return {"shapeType": pb.GEOM_BOX, "halfExtents": half, "collisionFramePosition": self.centre}
 
 
 @dataclass(frozen=True)
@@ -79,11 +87,6 @@ class Cylinder(_Shape):
     def bounding_radius(self) -> float:
         """Radius of the sphere around the centre that holds the shape [m]."""
         return math.hypot(self.radius, 0.5 * self.height)
-
-    @property
-    def inner_radius(self) -> float:
-        """Radius of the largest sphere around the centre inside the shape [m]."""
-        return min(self.radius, 0.5 * self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -101,11 +104,6 @@ class Capsule(_Shape):
     def bounding_radius(self) -> float:
         """Radius of the sphere around the centre that holds the shape [m]."""
         return self.radius + 0.5 * self.height
-
-    @property
-    def inner_radius(self) -> float:
-        """Radius of the largest sphere around the centre inside the shape [m]."""
-        return self.radius
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -132,33 +130,29 @@ _KINDS: dict[SolidKind, type[Shape]] = {
     SolidKind.CAPSULE: Capsule,
 }
 # How many dimensions the shapes of each kind have.
-DIMENSIONS = np.array([len(fields(_KINDS[kind])) if kind in _KINDS else 0 for kind in SolidKind])
+DIMENSIONS = np.array([0, 3, 1, 2, 2])
 
 
-def kind_of(shape: Shape) -> tuple[SolidKind, list[float]]:
-    """The kind of a shape and its dimensions in the order of its class, zeros after them (3,) [m]."""
+class Form(NamedTuple):
+    """A shape as numbers: its kind, its dimensions in the order of its class with zeros after them (3,) [m], and where
+    its middle lies from the centre of mass (3,) [m], zero of all but boxes."""
+
+    kind: SolidKind
+    dimensions: Sequence[float]
+    centre: Sequence[float] = CENTRED
+
+
+def form_of(shape: Shape) -> Form:
+    """A shape as numbers."""
     [kind] = [kind for kind, made in _KINDS.items() if isinstance(shape, made)]
-    dimensions = [float(value) for value in astuple(shape)]
-    return kind, dimensions + [0.0] * (3 - len(dimensions))
+    dimensions = [float(value) for value in shape.dimensions.values()]
+    return Form(kind, dimensions + [0.0] * (3 - len(dimensions)), shape.centre)
 
 
-def shape_of(kind: SolidKind, dimensions: Sequence[float]) -> Shape:
-    """The shape that `kind_of` tells."""
-    return _KINDS[kind](*dimensions[: int(DIMENSIONS[kind])])
-
-
-def support(shape: Shape, orientation: tuple[float, float, float, float], normal: FloatArray) -> float:
-    """How far a shape in an ``orientation`` (x, y, z, w) reaches from its middle against a unit ``normal`` (3,) [m]."""
-    if isinstance(shape, Sphere):
-        return shape.radius
-    x, y, z, w = orientation
-    across = np.array([  # the normal along the shape's own axes
-        normal @ (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
-        normal @ (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
-        normal @ (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)),
-    ])  # fmt: skip
-    if isinstance(shape, Box):
-        return float(0.5 * np.abs(across) @ (shape.x, shape.y, shape.z))
-    if isinstance(shape, Cylinder):
-        return float(shape.radius * math.hypot(across[0], across[1]) + 0.5 * shape.height * abs(across[2]))
-    return float(shape.radius + 0.5 * shape.height * abs(across[2]))
+def shape_of(form: Form) -> Shape:
+    """The shape that `form_of` tells."""
+    made, used = _KINDS[form.kind], form.dimensions[: int(DIMENSIONS[form.kind])]
+    if made is Box:
+        x, y, z = form.centre
+        return Box(*used, centre=(x, y, z))
+    return made(*used)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.limits import FARTHEST, FASTEST, FASTEST_SPIN, MASSES, SIZES
-from smartmesh_ros.physics.shapes import DIMENSIONS, Shape, SolidKind, shape_of
+from smartmesh_ros.physics.shapes import DIMENSIONS, Form, Shape, SolidKind, shape_of
 from smartmesh_ros.physics.state import QUATERNION_SLACK
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 
@@ -19,18 +19,20 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 class StateTable(NamedTuple):
     """n bodies: ``names``; position [m], orientation (x, y, z, w), velocity [m/s] and angular velocity
     [rad/s] as columns of ``numbers`` (n, 13); bounding ``radii`` (n,) [m]; ``kinds`` (n,) of `SolidKind` with their
-    ``dimensions`` (n, 3) [m]; ``masses`` (n,) [kg]."""
+    ``dimensions`` (n, 3) and the ``centres`` (n, 3) of boxes from their centre of mass [m]; ``masses`` (n,) [kg]."""
 
     names: list[str]
     numbers: FloatArray
     radii: FloatArray
     kinds: NDArray[np.uint8]
     dimensions: FloatArray
+    centres: FloatArray
     masses: FloatArray
 
     def shape(self, row: int) -> Shape:
         """The shape of a body."""
-        return shape_of(SolidKind(int(self.kinds[row])), self.dimensions[row].tolist())
+        dimensions, centre = self.dimensions[row].tolist(), self.centres[row].tolist()
+        return shape_of(Form(SolidKind(int(self.kinds[row])), dimensions, centre))
 
     def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
         """Whether two bodies have the same shape and mass."""
@@ -38,6 +40,7 @@ class StateTable(NamedTuple):
             self.kinds[row] == other.kinds[other_row]
             and self.masses[row] == other.masses[other_row]
             and (self.dimensions[row] == other.dimensions[other_row]).all()
+            and (self.centres[row] == other.centres[other_row]).all()
         )
 
     def same_bodies(self, other: StateTable) -> bool:
@@ -46,6 +49,7 @@ class StateTable(NamedTuple):
             self.names == other.names
             and np.array_equal(self.kinds, other.kinds)
             and np.array_equal(self.dimensions, other.dimensions)
+            and np.array_equal(self.centres, other.centres)
             and np.array_equal(self.masses, other.masses)
         )
 
@@ -65,6 +69,7 @@ def require_sound(states: StateTable) -> None:
         ("geometry", _within(numbers[:, 10:], FASTEST_SPIN), f"an angular velocity above {FASTEST_SPIN:g} rad/s"),
         ("shape", (kinds > SolidKind.NONE) & (kinds < len(DIMENSIONS)), "a shape of no known kind"),
         ("geometry", _between(sizes, SIZES).all(axis=1), f"a shape not within {SIZES[0]:g} to {SIZES[1]:g} m"),
+        ("geometry", _within(states.centres, SIZES[1]), f"a shape farther than {SIZES[1]:g} m from its centre of mass"),
         ("geometry", _between(states.radii, SIZES), f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
         ("geometry", _between(states.masses, MASSES), f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
     ):

@@ -24,6 +24,6 @@ def simulated_states(world: World) -> StateTable:
     forms = [body.form for body in bodies]
     return StateTable(
         [body.name for body in bodies], numbers, np.array([body.radius for body in bodies]),
-        np.array([kind for kind, _ in forms], np.uint8), np.array([sizes for _, sizes in forms]).reshape(-1, 3),
-        np.array([body.mass for body in bodies]),
+        np.array([form.kind for form in forms], np.uint8), np.array([form.dimensions for form in forms]).reshape(-1, 3),
+        np.array([form.centre for form in forms]).reshape(-1, 3), np.array([body.mass for body in bodies]),
     )  # fmt: skip

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, Vector3
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros import fleet_layout as layout
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.peer_bodies import NEWEST
 from smartmesh_ros.node.peer_names import peer_names
 from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
 
@@ -32,14 +34,14 @@ class Fleet:
         self.states = [probe.listen(f"{name}/body_states", TrackedBodyArray) for name in NODES]
         self.maps = probe.node.create_publisher(Heightmap, "/fleet/heightmap", 10)
 
-    def show_ground(self) -> None:
-        """Publishes flat ground until every node has it, which names its frame."""
+    def show_ground(self, nodes: int = len(NODES)) -> None:
+        """Publishes flat ground until the nodes have it, which names its frame."""
         flat = np.zeros((41, 161))
 
         def known() -> bool:
             self.maps.publish(heightmap_message(flat, resolution=0.25, origin=(-20.0, -5.0, 0.0)))
             self.probe.spin(0.1)
-            return all(states and states[-1].header.frame_id for states in self.states)
+            return all(states and states[-1].header.frame_id for states in self.states[:nodes])
 
         self.probe.wait_for(known)
 
@@ -124,11 +126,25 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
 
 def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> None:
     probe = fleet.probe
-    with node(0) as one, node(1, **{"physics.gravity": [0.0, 0.0, -1.62]}) as other:
-        fleet.show_ground()
-        probe.wait_for(lambda: "has gravity (0, 0, -1.62) m/s^2, this node (0, 0, -9.81)" in one.output)
-        probe.wait_for(lambda: "set one physics.gravity" in other.output)
-        assert f"{NODES[1]}/body_states refused" in one.output
+    publisher = probe.node.create_publisher(TrackedBodyArray, "/other/body_states", NEWEST)
+
+    def refused(one: Process, said: TrackedBodyArray, words: str) -> bool:
+        said.header.stamp = probe.node.get_clock().now().to_msg()
+        publisher.publish(said)
+        probe.spin(0.05)
+        return any("/other/body_states refused" in line and words in line for line in one.output.splitlines())
+
+    with node(0, **{"bodies.peers": ["/other"]}) as one:
+        fleet.show_ground(nodes=1)
+        for rate, gravity, frame, bodies, words in (
+            (60.0, -9.81, "map", [], "/other steps at 60 Hz, this node at 120 Hz; set one rate"),
+            (120.0, -1.62, "map", [], "has gravity (0, 0, -1.62) m/s^2, this node (0, 0, -9.81) m/s^2"),
+            (120.0, -9.81, "odom", [], "frame 'odom' is not the terrain's frame 'map'"),
+            (120.0, -9.81, "map", [TrackedBody(id="b")], "body 'b' has a shape of no known kind"),
+        ):
+            said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
+            said.header.frame_id = frame
+            probe.wait_for(partial(refused, one, said, words))
 
 
 @pytest.mark.parametrize(

@@ -65,8 +65,9 @@ class World:
 
 def table(names: list[str]) -> StateTable:
     n = len(names)
-    numbers = np.zeros((n, 13))
-    return StateTable(list(names), numbers, np.ones(n), np.full(n, 2, np.uint8), np.ones((n, 3)), np.ones(n))
+    numbers, centres = np.zeros((n, 13)), np.zeros((n, 3))
+    balls, sizes = np.full(n, 2, np.uint8), np.ones((n, 3))
+    return StateTable(list(names), numbers, np.ones(n), balls, sizes, centres, np.ones(n))
 
 
 def test_bodies_are_spread_evenly_and_names_are_taken_once() -> None:

@@ -170,7 +170,14 @@ def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
     bodies = zip(message.bodies, reversed(message.bodies), strict=True)
     turned = [
         TrackedBody(
-            id=a.id, radius=a.radius, pose=b.pose, twist=b.twist, shape=a.shape, dimensions=a.dimensions, mass=a.mass
+            id=a.id,
+            radius=a.radius,
+            pose=b.pose,
+            twist=b.twist,
+            shape=a.shape,
+            dimensions=a.dimensions,
+            centre=a.centre,
+            mass=a.mass,
         )
         for a, b in bodies
     ]
@@ -184,16 +191,17 @@ def reversed_states(message: TrackedBodyArray) -> TrackedBodyArray:
 def test_body_states_equal_those_of_message_objects(rows: list[tuple[str, float, tuple[float, ...]]]) -> None:
     unit = (0.0, 0.6, 0.0, 0.8)
     table = np.array([(*v[0:3], *unit, *v[3:9]) for _, _, v in rows]).reshape(-1, 13)
-    n, sizes = len(rows), (0.5, 0.25, 0.125)
+    n, sizes, centre = len(rows), (0.5, 0.25, 0.125), (0.0, -0.5, 0.25)
     states = StateTable(
         [name for name, _, _ in rows], table, np.array([radius for _, radius, _ in rows]),
-        np.arange(n, dtype=np.uint8) % 5, np.tile(sizes, (n, 1)), np.arange(1.0, n + 1.0),
+        np.arange(n, dtype=np.uint8) % 5, np.tile(sizes, (n, 1)), np.tile(centre, (n, 1)), np.arange(1.0, n + 1.0),
     )  # fmt: skip
     gravity = np.array(PHYSICS.gravity, np.float32)
     expected = TrackedBodyArray(header=HEADER, ahead=0.25, rate=PHYSICS.rate, gravity=gravity)
     for row, (name, radius, v) in enumerate(rows):
         body = TrackedBody(id=name, radius=radius, pose=Pose(position=Point(**xyz(v[0:3]))))
         body.shape, body.dimensions, body.mass = row % 5, np.array(sizes, np.float32), row + 1.0
+        body.centre = np.array(centre, np.float32)
         body.pose.orientation.y, body.pose.orientation.w = 0.6, 0.8
         body.twist = Twist(linear=Vector3(**xyz(v[3:6])), angular=Vector3(**xyz(v[6:9])))
         expected.bodies.append(body)

@@ -32,7 +32,9 @@ def message_of(names: list[str], seed: int, frame: str = "map") -> TrackedBodyAr
         twist = Twist(linear=Vector3(x=x[7], y=x[8], z=x[9]), angular=Vector3(x=x[10], y=x[11], z=x[12]))
         kind = int(rng.integers(5))
         sizes = rng.uniform(0.1, 1.0, 3).astype(np.float32)
-        bodies.append(TrackedBody(id=name, pose=pose, twist=twist, radius=0.5, shape=kind, dimensions=sizes, mass=2.0))
+        body = TrackedBody(id=name, pose=pose, twist=twist, radius=0.5, shape=kind, dimensions=sizes, mass=2.0)
+        body.centre = rng.normal(size=3).astype(np.float32)
+        bodies.append(body)
     message = TrackedBodyArray(bodies=bodies, ahead=0.004, rate=240.0, gravity=np.array([0, 0, -9.81], np.float32))
     message.header.frame_id = frame
     message.header.stamp.sec, message.header.stamp.nanosec = 7, 8
@@ -59,6 +61,7 @@ def test_messages_are_read_as_ros_reads_them(names: list[str], seed: int, frame:
                 assert all(getattr(part, axis) == next(numbers) for axis in axes)
             assert read.bodies.kinds[row] == body.shape
             assert read.bodies.dimensions[row].tolist() == body.dimensions.tolist()
+            assert read.bodies.centres[row].tolist() == body.centre.tolist()
             assert (read.bodies.radii[row], read.bodies.masses[row]) == (0.5, 2.0)
 
 
@@ -105,7 +108,7 @@ def test_what_a_node_writes_is_what_its_peers_read() -> None:
     with World(HeightMap(np.zeros((9, 9)), resolution=1.0)) as world:
         for name, shape in (
             ("ball", Sphere(0.25)),
-            ("box", Box(0.5, 0.25, 1.0)),
+            ("box", Box(0.5, 0.25, 1.0, centre=(0.25, 0.0, -0.5))),
             ("longer", Capsule(0.25, 0.5)),
         ):
             world.spawn(name, shape, 2.0, BodyState((4.0, 4.0, 3.0), linear=(1.0, 2.0, 3.0)))

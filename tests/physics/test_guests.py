@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
 from smartmesh_ros.physics.guests import GuestConfig, Guests
-from smartmesh_ros.physics.shapes import Shape, kind_of, shape_of
+from smartmesh_ros.physics.shapes import Shape, form_of, shape_of
 from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any
 from smartmesh_ros.physics.states import simulated_states
 from smartmesh_ros.studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
 
 BALL = Sphere(0.2)
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 SMOOTH = PhysicsConfig(rate=RATE, restitution=0.97, friction=0.0)
 IMPACTS = {  # speeds [m/s] and masses [kg] of two balls
     "head-on": ((2.5, 1.0), (-2.5, 1.0)),
@@ -107,6 +109,26 @@ def test_a_box_of_one_world_is_pushed_by_that_of_another(late: int) -> None:
     assert np.allclose(ends[1], ends[0], atol=0.03)
 
 
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_box_is_pushed_by_a_robot_of_another_world(late: int) -> None:
+    """The rover drives up to it at its own pace and takes it along; where one world and two have it then."""
+    rough = PhysicsConfig(rate=RATE, friction=0.5)
+    ends = []
+    for split, age in (([0, 0], 0), ([0, 1], late)):
+        made = Peers(max(split) + 1, age, rough)
+        rovers, boxes = (made.worlds[index] for index in split)
+        rovers.spawn_robot("rover", ROVER, BodyState((-1.5, 0.0, 0.12)))
+        boxes.spawn("box", Box(0.4, 1.0, 0.4), 1.0, BodyState((0.0, 0.0, 0.2)))
+        for wheel in ("front_left", "front_right", "rear_left", "rear_right"):
+            rovers.drive("rover", wheel, 6.0)
+        made.step(960)
+        ends.append([made.state(name).position[0] for name in ("rover", "box")])
+        for world in made.worlds:
+            world.close()
+    assert ends[0][1] > 0.5, "it was pushed"
+    assert np.allclose(ends[1], ends[0], atol=0.03)
+
+
 @pytest.mark.parametrize("late", [0, 1, 6])
 def test_a_pile_of_four_worlds_boxes_stands(late: int) -> None:
     boxes = [Start(Box(0.4, 0.4, 0.4), 1.0, 0.02 * place, 0.0, 0.2 + 0.4 * place) for place in range(4)]
@@ -118,9 +140,12 @@ def test_a_pile_of_four_worlds_boxes_stands(late: int) -> None:
             assert math.hypot(*state.linear) < 0.02
 
 
-@pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.3, 0.4, 0.5), Cylinder(0.2, 0.5), Capsule(0.1, 0.4)])
+@pytest.mark.parametrize(
+    "shape",
+    [Sphere(0.2), Box(0.3, 0.4, 0.5), Box(0.3, 0.4, 0.5, centre=(0.1, 0, 0.1)), Cylinder(0.2, 0.5), Capsule(0.1, 0.4)],
+)
 def test_a_guest_is_its_owners_body(shape: Shape) -> None:
-    assert shape_of(*kind_of(shape)) == shape
+    assert shape_of(form_of(shape)) == shape
     with peers([[Start(shape, 2.5, 0.0, 0.0, 0.6)], [ball(1.2, 0.0)]], 1) as made:
         made.step(60)
         guest = made.worlds[1].bodies["b0"]

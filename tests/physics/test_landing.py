@@ -7,8 +7,9 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics.shapes import Capsule, Cylinder, Shape, support
+from smartmesh_ros.physics.shapes import Capsule, Cylinder, Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.bodies import rotation
 
 DT = 1.0 / 240.0
 TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
@@ -17,6 +18,18 @@ TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
 def rough(seed: int = 0, scale: float = 0.02) -> HeightMap:
     rng = np.random.default_rng(seed)
     return HeightMap(rng.normal(scale=scale, size=(81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+
+
+def support(shape: Shape, orientation: tuple[float, float, float, float], normal: np.ndarray) -> float:
+    """How far a shape in an orientation (x, y, z, w) reaches from its middle against a unit normal [m]."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    across = rotation(np.array(orientation)).T @ normal  # along the shape's own axes
+    if isinstance(shape, Box):
+        return float(0.5 * np.abs(across) @ (shape.x, shape.y, shape.z))
+    if isinstance(shape, Cylinder):
+        return float(shape.radius * math.hypot(across[0], across[1]) + 0.5 * shape.height * abs(across[2]))
+    return float(shape.radius + 0.5 * shape.height * abs(across[2]))
 
 
 def deepest(heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float) -> tuple[float, int]:

@@ -9,6 +9,7 @@ from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.node.fleet.ledger import Respawning
+from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
 
 FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist")
@@ -31,6 +32,9 @@ def specification_of(respawning: Respawning) -> BodySpecification:
     else:
         request.shape, request.mass = primitive_of(states.shape(row)), float(states.masses[row])
     numbers = states.numbers[row].tolist()
+    if not request.urdf:  # a box is spawned about its middle
+        away = rotate(numbers[3:7], states.centres[row].tolist())
+        numbers[:3] = [value + by for value, by in zip(numbers[:3], away, strict=True)]
     position, orientation = request.pose.position, request.pose.orientation
     position.x, position.y, position.z = numbers[:3]
     orientation.x, orientation.y, orientation.z, orientation.w = numbers[3:7]

@@ -54,6 +54,11 @@ ENCOUNTERS = (
         (Start(Box(0.6, 0.6, 0.4), 20.0, -1.5, 3.0, 0.2), Start(Box(0.4, 0.4, 0.4), 1.0, 0.0, 0.0, 0.2)),
         ROUGH, 3.0, pushing=True,
     ),
+    Encounter(
+        "a box pushed by a rover",
+        (Start(None, 10.0, -2.0, 1.0, 0.15), Start(Box(0.4, 1.0, 0.4), 5.0, 0.0, 0.0, 0.2)),
+        ROUGH, 1.0, steps=720, pushing=True,
+    ),
 )  # fmt: skip
 
 

@@ -18,10 +18,15 @@ from smartmesh_ros.physics.states import simulated_states
 RATE = 240.0
 
 
-class Start(NamedTuple):
-    """A body: its shape, mass [kg], where and how fast along x it starts [m, m/s], without spin."""
+# Radius of a rover's wheels [m].
+WHEEL = 0.15
 
-    shape: Shape
+
+class Start(NamedTuple):
+    """A body: its shape, None = a rover, whose wheels go on turning; its mass [kg], where and how fast along x it
+    starts [m, m/s], without spin."""
+
+    shape: Shape | None
     mass: float
     x: float
     speed: float
@@ -108,4 +113,29 @@ def peers(
 def spawn(world: World, name: str, body: Start) -> None:
     """Adds a body."""
     state = BodyState((body.x, body.y, body.z), linear=(body.speed, 0.0, 0.0))
-    world.spawn(name, body.shape, body.mass, state)
+    if body.shape is not None:
+        world.spawn(name, body.shape, body.mass, state)
+        return
+    world.spawn_robot(name, rover(body.mass), state)
+    for joint in world.bodies[name].joints:
+        world.drive(name, joint, body.speed / WHEEL)
+
+
+def rover(mass: float) -> str:
+    """The URDF of a frame of such a ``mass`` [kg] on four wheels of 1 kg."""
+    wheels = [(x, y) for x in (-0.3, 0.3) for y in (-0.25, 0.25)]
+    links = [_link("frame", mass, 0.3, '<origin xyz="0 0 0.1"/><geometry><box size="0.7 0.35 0.1"/></geometry>')]
+    links += [_link(f"wheel_{k}", 1.0, 0.01, f'<geometry><sphere radius="{WHEEL}"/></geometry>') for k in range(4)]
+    joints = [
+        f'<joint name="axle_{k}" type="continuous"><parent link="frame"/><child link="wheel_{k}"/>'
+        f'<origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/><limit effort="30" velocity="50"/></joint>'
+        for k, (x, y) in enumerate(wheels)
+    ]
+    return f'<robot name="rover">{"".join(links + joints)}</robot>'
+
+
+def _link(name: str, mass: float, inertia: float, shape: str) -> str:
+    spins = f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/>{spins}</inertial><collision>{shape}</collision></link>'
+    )
