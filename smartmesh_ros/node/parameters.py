@@ -138,7 +138,7 @@ SPECS = (
     Spec("bodies.peers", [], "Other terrain_collider nodes, by full name, whose bodies meet those of this one; auto = "
          "all that are found on the same terrain frame.", read_only=True),
     Spec("bodies.peer_margin", _D.world.guests.margin, "Bodies of peers that come so near to an own one are simulated "
-         "here as well, as guests [m].", 0.01, 1000.0),
+         "here as well, as guests [m]; fast ones sooner.", 0.01, 1000.0),
     Spec("robot.description", _D.robot.description, "URDF of a robot, or the path of a URDF file; empty = the robot "
          "that ~/robot_description brings, if any.", read_only=True),
     Spec("robot.name", _D.robot.name, "What that robot is called.", read_only=True),

@@ -68,11 +68,11 @@ class PeerReader:
         if abs(ahead) > MOST_AHEAD:
             raise InputError("stamp", f"states hold {ahead} s after their stamp; at most {MOST_AHEAD:g} s can be")
         content = np.frombuffer(data, np.uint8)[4:]
-        spans, starts = np.empty((count, 2), np.int64), np.empty(count, np.int64)
-        if not spans_of(content, reader.at, spans, starts):
+        spans, rows = np.empty((count, 2), np.int64), np.empty((count, BODY_BYTES), np.uint8)
+        if not split(content, reader.at, spans, rows):
             raise InputError("malformed", f"the message ends after {len(data)} bytes; {count} bodies need more")
         names = self._take_names(content, spans, longest)
-        bodies = content[starts[:, None] + np.arange(BODY_BYTES)].view(BODY)[:, 0]
+        bodies = rows.view(BODY)[:, 0]
         table = StateTable(
             names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64), bodies["shape"],
             bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
@@ -104,9 +104,9 @@ def _names_in(content: bytes, spans: NDArray[np.int64], longest: int) -> list[st
 
 
 @compiled
-def spans_of(content: Bytes, at: int, spans: NDArray[np.int64], starts: NDArray[np.int64]) -> bool:
-    """Where the names of bodies begin and end in a message's ``content`` (n, 2), from the byte ``at`` on, and where
-    what follows them starts (n,); False where the content ends too soon."""
+def split(content: Bytes, at: int, spans: NDArray[np.int64], rows: Bytes) -> bool:
+    """Where the names of bodies begin and end in a message's ``content`` (n, 2), from the byte ``at`` on, and what
+    follows them (n, bytes of a body); False where the content ends too soon."""
     size = len(content)
     for i in range(len(spans)):
         at = (at + 3) // 4 * 4
@@ -119,10 +119,11 @@ def spans_of(content: Bytes, at: int, spans: NDArray[np.int64], starts: NDArray[
         if length < 1 or at + length > size:
             return False
         spans[i, 0], spans[i, 1] = at, at + length - 1  # without the closing zero
-        starts[i] = (at + length + 7) // 8 * 8
-        at = starts[i] + BODY_BYTES
+        start = (at + length + 7) // 8 * 8
+        at = start + BODY_BYTES
         if at > size:
             return False
+        rows[i] = content[start:at]
     return True
 
 

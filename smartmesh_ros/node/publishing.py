@@ -28,7 +28,7 @@ from smartmesh_ros.node.clock_publishing import ClockPublishing
 from smartmesh_ros.node.peer_bodies import PeerBodies
 from smartmesh_ros.node.peers import incompatible_peers, publishers_of
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.states import simulated_states
+from smartmesh_ros.physics.states import SimulatedStates
 
 # In incremental mode all patches are published at least so often [s].
 ALL_PATCHES_PERIOD = 5.0
@@ -103,6 +103,7 @@ class Publishing:
         self._node, self._world = session.node, session.world
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
         self._collider_patches = patch_outputs.ColliderPatches()
+        self._states = SimulatedStates(session.world)
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
@@ -202,9 +203,7 @@ class Publishing:
 
     def _make_body_states(self) -> bytes:
         physics = self._world.config.physics
-        return self._body_states.write(
-            self._header(), simulated_states(self._world), physics, self._session.ahead_of_stamps()
-        )
+        return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
 
     def _make_contacts(self) -> bytes:
         return self._contacts.write(self._header(), self._world.contacts())

@@ -104,7 +104,7 @@ class TerrainInputs:
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
         """Notes publishers whose maps disagree, and says so once."""
         session, topics = self._session, self._session.terrain_subscriptions
-        if sum(topic.get_publisher_count() for topic in topics) < 2:
+        if all(topic.get_publisher_count() < 2 for topic in topics):
             if self._rivals:
                 self._rivals.clear()
                 session.rival_maps = []

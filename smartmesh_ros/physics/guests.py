@@ -38,10 +38,11 @@ NOBODY = np.zeros(0, bool)
 class GuestConfig:
     """How guests come, follow and go.
 
-    ``margin`` [m]: bodies of others that come so near to an own one, surface to surface, become guests; more than a
-    body goes in the time that a state is late. ``stay``: they remain guests up to so many margins, so that none comes
-    and goes at every step. ``apart``: worlds find the same contact up to so many steps apart. ``settle`` [s]: in
-    lasting contact the distance to the owner's state shrinks to 1/e in this time, or in the time that its states are
+    ``margin`` [m]: bodies of others that come so near to an own one, surface to surface, become guests; so wide that a
+    row of bodies passes an impact on. ``horizon`` [s]: or that come there in this time at the speed they have to each
+    other; longer than states are late. ``stay``: they remain guests up to so many margins, so that none comes and goes
+    at every step. ``apart``: worlds find the same contact up to so many steps apart. ``settle`` [s]: in lasting contact
+    the distance to the owner's state shrinks to 1/e in this time, or in the time that its states are
     late if that is longer: what pulls faster than it is told swings. ``farthest`` [s]: a state is moved on no farther
     than this, since a velocity says nothing of what comes later. ``touching`` [m]: bodies are asked for contacts where
     the balls around them are so near, which PyBullet's own contacts reach. ``forget``: a delay that was longer is
@@ -53,6 +54,7 @@ class GuestConfig:
     """
 
     margin: float = 1.0
+    horizon: float = 0.2
     stay: float = 1.5
     apart: int = 2
     settle: float = 0.03
@@ -239,8 +241,8 @@ class Guests:
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
         near = near_any(
-            states.numbers, self._age(now), states.radii, ground.positions_w, ground.radii, world.followers.own,
-            margins,
+            states.numbers, self._age(now), states.radii, ground.positions_w, ground.moved_w / world.config.physics.dt,
+            ground.radii, world.followers.own, margins, self.config.horizon,
         )  # fmt: skip
         if known.barred.size:
             near &= ~known.barred

@@ -54,35 +54,62 @@ class StateTable(NamedTuple):
         )
 
 
+# What `first_unsound` says of a body, with the reason that it is refused for.
+UNSOUND = {
+    1: ("non_finite", "a state that is not finite"),
+    2: ("quaternion", "an orientation whose length is not 1"),
+    3: ("geometry", f"a position farther than {FARTHEST:g} m"),
+    4: ("geometry", f"a velocity above {FASTEST:g} m/s"),
+    5: ("geometry", f"an angular velocity above {FASTEST_SPIN:g} rad/s"),
+    6: ("shape", "a shape of no known kind"),
+    7: ("geometry", f"a shape not within {SIZES[0]:g} to {SIZES[1]:g} m"),
+    8: ("geometry", f"a shape farther than {SIZES[1]:g} m from its centre of mass"),
+    9: ("geometry", f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
+    10: ("geometry", f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
+}
+
+
 def require_sound(states: StateTable) -> None:
     """Raises `InputError`, naming the first body, where a state or a shape can be no body's."""
-    numbers, kinds = states.numbers, states.kinds
-    used = DIMENSIONS[np.minimum(kinds, len(DIMENSIONS) - 1)]
-    sizes = np.where(np.arange(3) < used[:, None], states.dimensions, SIZES[0])
-    with np.errstate(over="ignore"):
-        turned = np.sqrt((numbers[:, 3:7] ** 2).sum(axis=1))
-    for reason, sound, wrong in (
-        ("non_finite", np.isfinite(numbers).all(axis=1), "a state that is not finite"),
-        ("quaternion", np.abs(turned - 1.0) <= QUATERNION_SLACK, "an orientation whose length is not 1"),
-        ("geometry", _within(numbers[:, :3], FARTHEST), f"a position farther than {FARTHEST:g} m"),
-        ("geometry", _within(numbers[:, 7:10], FASTEST), f"a velocity above {FASTEST:g} m/s"),
-        ("geometry", _within(numbers[:, 10:], FASTEST_SPIN), f"an angular velocity above {FASTEST_SPIN:g} rad/s"),
-        ("shape", (kinds > SolidKind.NONE) & (kinds < len(DIMENSIONS)), "a shape of no known kind"),
-        ("geometry", _between(sizes, SIZES).all(axis=1), f"a shape not within {SIZES[0]:g} to {SIZES[1]:g} m"),
-        ("geometry", _within(states.centres, SIZES[1]), f"a shape farther than {SIZES[1]:g} m from its centre of mass"),
-        ("geometry", _between(states.radii, SIZES), f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
-        ("geometry", _between(states.masses, MASSES), f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
-    ):
-        if not sound.all():
-            raise InputError(reason, f"body {states.names[int(np.argmin(sound))]!r} has {wrong}")
+    row, code = first_unsound(
+        states.numbers, states.radii, states.kinds, states.dimensions, states.centres, states.masses
+    )
+    if code:
+        reason, wrong = UNSOUND[code]
+        raise InputError(reason, f"body {states.names[row]!r} has {wrong}")
 
 
-def _within(values: FloatArray, most: float) -> BoolArray:
-    return np.asarray((np.abs(values) <= most).all(axis=1))
-
-
-def _between(values: FloatArray, bounds: tuple[float, float]) -> BoolArray:
-    return np.asarray((values >= bounds[0]) & (values <= bounds[1]))
+@compiled
+def first_unsound(
+    numbers: FloatArray, radii: FloatArray, kinds: NDArray[np.uint8], dimensions: FloatArray, centres: FloatArray,
+    masses: FloatArray,
+) -> tuple[int, int]:  # fmt: skip
+    """The row of the first body that can be none, and why not (`UNSOUND`); zeros where all can."""
+    for i in range(len(numbers)):
+        turned = math.sqrt(numbers[i, 3] ** 2 + numbers[i, 4] ** 2 + numbers[i, 5] ** 2 + numbers[i, 6] ** 2)
+        if not np.isfinite(numbers[i]).all():
+            return i, 1
+        if not abs(turned - 1.0) <= QUATERNION_SLACK:
+            return i, 2
+        if np.abs(numbers[i, :3]).max() > FARTHEST:
+            return i, 3
+        if np.abs(numbers[i, 7:10]).max() > FASTEST:
+            return i, 4
+        if np.abs(numbers[i, 10:]).max() > FASTEST_SPIN:
+            return i, 5
+        if kinds[i] == 0 or kinds[i] >= len(DIMENSIONS):
+            return i, 6
+        for k in range(DIMENSIONS[kinds[i]]):
+            if not SIZES[0] <= dimensions[i, k] <= SIZES[1]:
+                return i, 7
+        for k in range(3):
+            if not abs(centres[i, k]) <= SIZES[1]:
+                return i, 8
+        if not SIZES[0] <= radii[i] <= SIZES[1]:
+            return i, 9
+        if not MASSES[0] <= masses[i] <= MASSES[1]:
+            return i, 10
+    return 0, 0
 
 
 @compiled
@@ -125,22 +152,32 @@ def drawn_to(numbers: FloatArray, targets: FloatArray, share: float) -> FloatArr
 
 @compiled
 def near_any(
-    numbers: FloatArray, duration: float, radii: FloatArray, positions: FloatArray, own_radii: FloatArray,
-    own: BoolArray, margins: FloatArray,
+    numbers: FloatArray, duration: float, radii: FloatArray, positions: FloatArray, velocities: FloatArray,
+    own_radii: FloatArray, own: BoolArray, margins: FloatArray, horizon: float,
 ) -> BoolArray:  # fmt: skip
     """Which bodies (n,) of ``numbers`` (n, 13), moved on by a ``duration`` [s], come within ``margins`` (n,) [m] of the
-    ball around any follower at ``positions`` (N, 3) [m] that is this world's ``own`` (N,)."""
+    ball around any follower that is this world's ``own`` (N,), or may come there within a ``horizon`` [s] at the speed
+    that they have to each other; ``positions`` [m] and ``velocities`` [m/s] (N, 3) of the followers."""
     found = np.zeros(len(numbers), np.bool_)
+    fastest = 0.0
+    for j in range(len(positions)):
+        if own[j]:
+            speed = math.sqrt(velocities[j, 0] ** 2 + velocities[j, 1] ** 2 + velocities[j, 2] ** 2)
+            fastest = max(fastest, speed)
     for i in range(len(numbers)):
         x = numbers[i, 0] + duration * numbers[i, 7]
         y = numbers[i, 1] + duration * numbers[i, 8]
         z = numbers[i, 2] + duration * numbers[i, 9]
+        speed = math.sqrt(numbers[i, 7] ** 2 + numbers[i, 8] ** 2 + numbers[i, 9] ** 2)
+        most = radii[i] + margins[i] + (speed + fastest) * horizon
         for j in range(len(positions)):
-            reach = radii[i] + own_radii[j] + margins[i]
             away = positions[j, 0] - x
-            if own[j] and abs(away) < reach:
-                square = away * away + (positions[j, 1] - y) ** 2 + (positions[j, 2] - z) ** 2
-                if square < reach * reach:
+            if own[j] and abs(away) < most + own_radii[j]:
+                distance = math.sqrt(away * away + (positions[j, 1] - y) ** 2 + (positions[j, 2] - z) ** 2)
+                square = 0.0
+                for axis in range(3):
+                    square += (numbers[i, 7 + axis] - velocities[j, axis]) ** 2
+                if distance < radii[i] + own_radii[j] + margins[i] + math.sqrt(square) * horizon:
                     found[i] = True
                     break
     return found

@@ -173,11 +173,13 @@ def test_bodies_come_and_go_with_the_distance_and_with_their_owner() -> None:
         world, near = made.worlds[1], []
         for _ in range(720):
             made.step()
-            distance = math.dist(made.state("b0").position, made.state("b1").position) - 2.0 * BALL.radius
+            one, other = made.state("b0"), made.state("b1")
+            distance = math.dist(one.position, other.position) - 2.0 * BALL.radius
+            goes = 0.2 * math.dist(one.linear, other.linear)
             near.append("b0" in world.bodies)
-            if distance < 2.5:
+            if distance < 2.5 + 0.9 * goes:
                 assert near[-1]
-            if distance > 4.0:
+            if distance > 1.5 * 2.6 + goes + 0.1:
                 assert not near[-1]
         assert sum(a != b for a, b in pairwise(near)) == 2
     with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
@@ -300,9 +302,11 @@ def test_bodies_are_near_as_brute_force_says(seed: int) -> None:
     numbers, places = rng.uniform(-2, 2, (6, 13)), rng.uniform(-2, 2, (5, 3))
     radii, own_radii, margins = rng.uniform(0, 0.5, 6), rng.uniform(0, 0.5, 5), rng.uniform(0, 1, 6)
     own = rng.random(5) < 0.6
-    found = near_any(numbers, 0.1, radii, places, own_radii, own, margins)
+    velocities, horizon = rng.uniform(-2, 2, (5, 3)), rng.uniform(0, 0.3)
+    found = near_any(numbers, 0.1, radii, places, velocities, own_radii, own, margins, horizon)
     there = numbers[:, :3] + 0.1 * numbers[:, 7:10]
     gaps = np.linalg.norm(there[:, None] - places[None], axis=2) - radii[:, None] - own_radii - margins[:, None]
+    gaps -= horizon * np.linalg.norm(numbers[:, None, 7:10] - velocities[None], axis=2)
     assert np.array_equal(found, (gaps[:, own] < 0.0).any(axis=1))
     at_rest = np.zeros((5, 3))
     close = may_touch(places, at_rest, own_radii, own, np.ones(5, bool), 0.3)

@@ -29,9 +29,9 @@ from smartmesh_ros.node.declaring import Spec, declare
 from smartmesh_ros.node.fleet import timing
 from smartmesh_ros.node.fleet.calls import Calls
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.polling import Polled
 from smartmesh_ros.node.fleet.requests import place_of, specification_of
 from smartmesh_ros.node.helping import answer
-from smartmesh_ros.node.peer_bodies import NEWEST
 from smartmesh_ros.node.peer_states import PeerReader
 from smartmesh_ros.node.session import SERVICES
 
@@ -62,12 +62,9 @@ class Front(Node):
         self._group = ReentrantCallbackGroup()
         self._calls = Calls(self, self.ledger.members, self._group)
         self._readers = {node: PeerReader() for node in self.ledger.members}
-        self._raw: dict[str, bytes] = {}
+        self._states = {node: Polled(self, TrackedBodyArray, f"{node}/body_states") for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
         self._listening: list[Any] = []
-        for node in self.ledger.members:
-            take = partial(self._on_states, node)
-            self.create_subscription(TrackedBodyArray, f"{node}/body_states", take, NEWEST, raw=True)
         for kind, name, act in (
             (SpawnBody, "spawn_body", self._on_spawn),
             (SpawnBodies, "spawn_bodies", self._on_spawn_all),
@@ -81,18 +78,17 @@ class Front(Node):
         self.create_timer(LOOK, self._look, callback_group=self._group)
         self.create_timer(REPORT, self._report, callback_group=self._group)
 
-    def _on_states(self, node: str, data: bytes) -> None:
-        self._raw[node] = data
-        self.ledger.hear(node, monotonic())
-
     async def _look(self) -> None:
         """Looks after the nodes: spawns again what was lost with one, and has one remove what another has."""
-        for node, data in self._raw.items():
+        for node, states in self._states.items():
+            data = states.take()
+            if data is None:
+                continue
+            self.ledger.hear(node, monotonic())
             try:
                 self.ledger.learn(node, self._readers[node].read(data, MOST, LONGEST).bodies)
             except InputError as error:
                 self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=5.0)
-        self._raw.clear()
         duties = self.ledger.look(monotonic())
         self._say(duties)
         for node in duties.died:

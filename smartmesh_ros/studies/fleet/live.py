@@ -33,7 +33,7 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) ->
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0})
     runs = []
-    with site(plan) as fleet:
+    with site(plan, with_bodies=False) as fleet:
         count = 0
         while count < most:
             added = start if count == 0 else more

@@ -25,16 +25,18 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Watcher(FleetWatcher):
-    """What the nodes of a fleet say. ``heard``: when each was heard last; ``timings``: since they were cleared."""
+    """What the nodes of a fleet say. ``heard``: when each was heard last; ``timings``: since they were cleared.
+    ``with_bodies``: what bodies they have as well, which takes as much as a node more."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, with_bodies: bool) -> None:
         super().__init__()
         self.nodes = node_names(count)
         self.heard: dict[str, float] = {}
         self._states: dict[str, TrackedBodyArray] = {}
         self.timings: dict[str, list[Timing]] = {node: [] for node in self.nodes}
         for node in self.nodes:
-            self.create_subscription(TrackedBodyArray, f"{node}/body_states", self._keeper(node), NEWEST, raw=True)
+            if with_bodies:
+                self.create_subscription(TrackedBodyArray, f"{node}/body_states", self._keeper(node), NEWEST, raw=True)
             self.create_subscription(Timing, f"{node}/timing", self.timings[node].append, 10)
 
     def spin(self, seconds: float) -> None:
@@ -80,11 +82,11 @@ class Watcher(FleetWatcher):
 class Site:
     """A fleet on machines of its own: node i on ``machines[i]``, the source of terrain and the front on another."""
 
-    def __init__(self, plan: FleetPlan, folder: Path) -> None:
+    def __init__(self, plan: FleetPlan, folder: Path, *, with_bodies: bool) -> None:
         self._plan, self._folder = plan, folder
         self.machines = [Machine(index) for index in range(plan.count)]
         self._hub = [Machine(plan.count), Machine(plan.count + 1)]
-        self.watcher = Watcher(plan.count)
+        self.watcher = Watcher(plan.count, with_bodies=with_bodies)
 
     def start(self) -> None:
         """Starts everything and waits until the front hears all nodes."""
@@ -106,11 +108,11 @@ class Site:
 
 
 @contextmanager
-def site(plan: FleetPlan) -> Iterator[Site]:
-    """A running fleet."""
+def site(plan: FleetPlan, *, with_bodies: bool = True) -> Iterator[Site]:
+    """A running fleet, and whether its bodies are watched."""
     rclpy.init()
     with tempfile.TemporaryDirectory() as folder:
-        made = Site(plan, Path(folder))
+        made = Site(plan, Path(folder), with_bodies=with_bodies)
         try:
             made.start()
             yield made
