@@ -92,6 +92,7 @@ class Machine:
     def close(self) -> None:
         """Ends it."""
         self.kill()
+        _ip(f"link delete {self._cable}")  # the kernel takes its time with the namespace, and the next one has its name
         self._holder.kill()
         self._holder.wait()
 
