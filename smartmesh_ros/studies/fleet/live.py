@@ -14,6 +14,7 @@ from smartmesh_ros.studies.fleet.watcher import Site, load, site
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.0, 24
+NOBODY = "/nobody"  # a peer that is never heard
 
 
 def places(count: int, first: int) -> list[tuple[float, float]]:
@@ -26,12 +27,14 @@ def places(count: int, first: int) -> list[tuple[float, float]]:
     return found
 
 
-def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) -> dict[str, Any]:
+def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
     """Adds bodies until the slowest node of a fleet falls behind real time: the real-time factors at each number, and
-    what the network carried, in bytes a second of a node."""
+    what the network carried, in bytes a second of a node. ``meet``: whether bodies of different nodes do, or each node
+    is by itself."""
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
-    plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0})
+    alone = {} if meet else {"bodies.peers": [NOBODY]}
+    plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
     runs = []
     with site(plan, with_bodies=False) as fleet:
         count = 0
@@ -43,14 +46,14 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float) ->
             run = measure(fleet, seconds)
             runs.append({"bodies": count, **run})
             print(
-                f"{nodes} nodes, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
+                f"{nodes} nodes{'' if meet else ' by themselves'}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
                 f"{run['busy']:.2f} s of processor time a simulated second, "
                 f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {load():.1f}",
                 flush=True,
             )
             if run["real_time"] < REAL_TIME - 0.05:
                 break
-    return {"nodes": nodes, "runs": runs, "carried": carried(runs), "load": load()}
+    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": load()}
 
 
 def measure(fleet: Site, seconds: float) -> dict[str, float]:

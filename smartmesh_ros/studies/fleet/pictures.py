@@ -48,8 +48,10 @@ def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) ->
     axes = figure.subplots()
     for capacity in capacities:
         runs = capacity["runs"]
-        label = f"{capacity['nodes']} node{'s' if capacity['nodes'] > 1 else ''}: {capacity['carried']:.0f} bodies"
-        axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], marker="o", label=label)
+        which = f"{capacity['nodes']} node{'s' if capacity['nodes'] > 1 else ''}"
+        label = f"{which}{'' if capacity['meet'] else ' by themselves'}: {capacity['carried']:.0f} bodies"
+        style = "o-" if capacity["meet"] else "o:"
+        axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], style, label=label)
     axes.axhline(0.98, color="black", linestyle="--", linewidth=1)
     axes.set_xlabel("bodies of the fleet")
     axes.set_ylabel("real-time factor of the slowest node")
