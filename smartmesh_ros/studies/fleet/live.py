@@ -45,8 +45,9 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
             fleet.watcher.spin(2.0)
             run = measure(fleet, seconds)
             runs.append({"bodies": count, **run})
+            which = "" if meet else " by themselves"
             print(
-                f"{nodes} nodes{'' if meet else ' by themselves'}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
+                f"{nodes} nodes{which}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
                 f"{run['busy']:.2f} s of processor time a simulated second, "
                 f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {load():.1f}",
                 flush=True,
