@@ -52,11 +52,13 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     """
     rclpy.init(args=_with_logs_that_can_be_written(args), signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: stop.append(received))
     try:
         try:
-            node = make_node()
+            node = make_node()  # compiles for half a minute the first time; signals end that at once
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, lambda received, _: stop.append(received))
+        except KeyboardInterrupt:
+            return
         except InputError as error:
             print(f"cannot start: {error}", file=sys.stderr)
             sys.exit(2)
