@@ -159,20 +159,26 @@ def near_any(
     ball around any follower that is this world's ``own`` (N,), or may come there within a ``horizon`` [s] at the speed
     that they have to each other; ``positions`` [m] and ``velocities`` [m/s] (N, 3) of the followers."""
     found = np.zeros(len(numbers), np.bool_)
-    fastest = 0.0
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    fastest = largest = 0.0
     for j in range(len(positions)):
-        if own[j]:
+        if own[j] and not math.isnan(positions[j, 0]):  # it has a place
+            low_x, high_x = min(low_x, positions[j, 0]), max(high_x, positions[j, 0])
+            low_y, high_y = min(low_y, positions[j, 1]), max(high_y, positions[j, 1])
             speed = math.sqrt(velocities[j, 0] ** 2 + velocities[j, 1] ** 2 + velocities[j, 2] ** 2)
-            fastest = max(fastest, speed)
+            fastest, largest = max(fastest, speed), max(largest, own_radii[j])
     for i in range(len(numbers)):
         x = numbers[i, 0] + duration * numbers[i, 7]
         y = numbers[i, 1] + duration * numbers[i, 8]
         z = numbers[i, 2] + duration * numbers[i, 9]
         speed = math.sqrt(numbers[i, 7] ** 2 + numbers[i, 8] ** 2 + numbers[i, 9] ** 2)
-        most = radii[i] + margins[i] + (speed + fastest) * horizon
+        most = radii[i] + largest + margins[i] + (speed + fastest) * horizon
+        if x < low_x - most or x > high_x + most or y < low_y - most or y > high_y + most:
+            continue  # far from all of them
         for j in range(len(positions)):
             away = positions[j, 0] - x
-            if own[j] and abs(away) < most + own_radii[j]:
+            if own[j] and abs(away) < most:
                 distance = math.sqrt(away * away + (positions[j, 1] - y) ** 2 + (positions[j, 2] - z) ** 2)
                 square = 0.0
                 for axis in range(3):

@@ -302,12 +302,14 @@ def test_bodies_are_near_as_brute_force_says(seed: int) -> None:
     numbers, places = rng.uniform(-2, 2, (6, 13)), rng.uniform(-2, 2, (5, 3))
     radii, own_radii, margins = rng.uniform(0, 0.5, 6), rng.uniform(0, 0.5, 5), rng.uniform(0, 1, 6)
     own = rng.random(5) < 0.6
+    places[rng.random(5) < 0.2] = np.nan  # just come
     velocities, horizon = rng.uniform(-2, 2, (5, 3)), rng.uniform(0, 0.3)
     found = near_any(numbers, 0.1, radii, places, velocities, own_radii, own, margins, horizon)
     there = numbers[:, :3] + 0.1 * numbers[:, 7:10]
     gaps = np.linalg.norm(there[:, None] - places[None], axis=2) - radii[:, None] - own_radii - margins[:, None]
     gaps -= horizon * np.linalg.norm(numbers[:, None, 7:10] - velocities[None], axis=2)
     assert np.array_equal(found, (gaps[:, own] < 0.0).any(axis=1))
+    places = np.nan_to_num(places)
     at_rest = np.zeros((5, 3))
     close = may_touch(places, at_rest, own_radii, own, np.ones(5, bool), 0.3)
     between = np.linalg.norm(places[:, None] - places[None], axis=2) - own_radii[:, None] - own_radii - 0.3
