@@ -9,9 +9,9 @@ NAME = "smartmesh_ros"
 
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
 IN_WORKSPACES = [
-    f"fleet_front = {NAME}.node.fleet.front:main",
+    f"fleet_front = {NAME}.starting:fleet_front",
     f"tune = {NAME}.tune.cli:start",
-    f"view = {NAME}.view.main:main",
+    f"view = {NAME}.starting:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
 
@@ -51,13 +51,13 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            f"terrain_collider = {NAME}.node.starting:terrain_collider",
-            f"smartmesh-fleet = {NAME}.node.fleet.command:main",
-            f"terrain_source = {NAME}.node.terrain_source:main",
-            f"smartmesh-demo = {NAME}.node.demo:main",
+            f"terrain_collider = {NAME}.starting:terrain_collider",
+            f"smartmesh-fleet = {NAME}.starting:fleet",
+            f"terrain_source = {NAME}.starting:terrain_source",
+            f"smartmesh-demo = {NAME}.starting:demo",
             f"smartmesh-studies = {NAME}.studies.cli:main",
             f"smartmesh-tune = {NAME}.tune.cli:start",
-            f"smartmesh-view = {NAME}.view.main:main",
+            f"smartmesh-view = {NAME}.starting:view",
             *([] if IS_WHEEL else IN_WORKSPACES),
         ],
     },
