@@ -6,7 +6,7 @@ import importlib
 import sys
 from importlib.util import find_spec
 
-from smartmesh_ros.node.quiet import silence_pybullet
+from smartmesh_ros.node.quiet import import_pybullet_quietly, silence_pybullet
 
 
 def terrain_collider() -> None:
@@ -33,11 +33,13 @@ def fleet() -> None:
 
 def demo() -> None:
     """The demo."""
+    import_pybullet_quietly()
     _start("smartmesh-demo", "smartmesh_ros.node.demo")
 
 
 def view() -> None:
     """The page in the browser."""
+    import_pybullet_quietly()
     _start("smartmesh-view", "smartmesh_ros.view.main")
 
 

@@ -20,6 +20,11 @@ def silence_pybullet() -> None:
         sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
         with _devnull() as nowhere:
             os.dup2(nowhere, STDOUT)
+    import_pybullet_quietly()
+
+
+def import_pybullet_quietly() -> None:
+    """Imports PyBullet, which tells its build time then. Leaves the standard output to those who start processes."""
     sys.stderr.flush()
     kept = os.dup(STDERR)
     try:
