@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import viser
 
 from smartmesh_ros.view.knob_panel import KnobPanel
 from smartmesh_ros.view.panel import Panel
 from smartmesh_ros.view.remote import OF_ROBOTS, OUTPUTS, Remote
 from smartmesh_ros.view.scene import Scene, bodies_of
+from smartmesh_ros.view.server import start_server, stop_server
 
 # Where a page looks from at first, in lengths of what there is to be seen.
 FROM = np.array([-0.8, -1.0, 0.8])
@@ -23,7 +23,7 @@ class Page:
 
     def __init__(self, remote: Remote, host: str, port: int) -> None:
         self._remote = remote
-        self._server: Any = viser.ViserServer(host=host, port=port, label=remote.name, verbose=False)
+        self._server: Any = start_server(host, port, remote.name)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self.scene = Scene(self._server)
         tabs = self._server.gui.add_tab_group()
@@ -34,7 +34,7 @@ class Page:
 
     def close(self) -> None:
         """Stops serving."""
-        self._server.stop()
+        stop_server(self._server)
 
     def refresh(self) -> None:
         """Brings the page up to date; without anybody who looks at it, there is nothing to do."""

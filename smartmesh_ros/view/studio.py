@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.view.browser import FLAGS
 from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.scene import Scene
+from smartmesh_ros.view.server import start_server, stop_server
 from smartmesh_ros.view.sight import Sight
 
 # A browser has so long to open the page, and to draw a picture without a graphics card [s].
@@ -38,7 +39,7 @@ class Studio:
         self.size = size
         self._warm = False
         self._folder = tempfile.TemporaryDirectory()
-        self.server: Any = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self.server: Any = start_server("127.0.0.1", 0)
         self.scene = Scene(self.server, fine=True)
         command = [
             path, "--headless", f"--user-data-dir={self._folder.name}", f"--window-size={size[0]},{size[1] + 200}",
@@ -54,7 +55,7 @@ class Studio:
         with suppress(subprocess.TimeoutExpired):
             self._browser.wait(10.0)
         self._browser.kill()
-        self.server.stop()
+        stop_server(self.server)
         with suppress(OSError):  # the browser's own processes may still write
             self._folder.cleanup()
 
