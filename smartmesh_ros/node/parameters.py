@@ -34,7 +34,7 @@ from smartmesh_ros.node.settings import (
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.guests import GuestConfig
+from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode

@@ -19,6 +19,7 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any, require_sound
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 
@@ -32,41 +33,6 @@ MOST_TOLD = 64
 # Times that differ by rounding only are equal [s].
 INSTANT = 1e-9
 NOBODY = np.zeros(0, bool)
-
-
-@dataclass(frozen=True, kw_only=True)
-class GuestConfig:
-    """How guests come, follow and go.
-
-    ``margin`` [m]: bodies of others that come so near to an own one, surface to surface, become guests; so wide that a
-    row of bodies passes an impact on. ``horizon`` [s]: or that come there in this time at the speed they have to each
-    other; longer than states are late. ``stay``: they remain guests up to so many margins, so that none comes and goes
-    at every step. ``apart``: worlds find the same contact up to so many steps apart. ``settle`` [s]: in lasting contact
-    the distance to the owner's state shrinks to 1/e in this time, or in the time that its states are
-    late if that is longer: what pulls faster than it is told swings. ``farthest`` [s]: a state is moved on no farther
-    than this, since a velocity says nothing of what comes later. ``touching`` [m]: bodies are asked for contacts where
-    the balls around them are so near, which PyBullet's own contacts reach. ``forget``: a delay that was longer is
-    forgotten by this share at each state. ``drift``, ``slip``: states are taken to hold at the nearest beat of this
-    world. What comes of an impact depends on how deep bodies are in each other when it is found, and that on where in
-    a step they meet; both worlds are to find the same. The distance of the two beats is followed by this share at each
-    state, and another beat is the nearest once it is beyond so many steps: between half, where it could be either, and
-    one.
-    """
-
-    margin: float = 1.0
-    horizon: float = 0.2
-    stay: float = 1.5
-    apart: int = 2
-    settle: float = 0.03
-    farthest: float = 0.2
-    touching: float = 0.02
-    forget: float = 0.05
-    drift: float = 0.02
-    slip: float = 0.7
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.margin) and self.margin > 0.0):
-            raise InputError("parameter", f"the margin of guests is {self.margin} m; it must be greater than zero")
 
 
 @dataclass(eq=False)

@@ -23,7 +23,8 @@ from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.follower_index import FollowerIndex, index_followers
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guard import Guard
-from smartmesh_ros.physics.guests import GuestConfig, Guests
+from smartmesh_ros.physics.guest_config import GuestConfig
+from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.limits import FARTHEST, require_possible

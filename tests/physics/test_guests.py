@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
-from smartmesh_ros.physics.guests import GuestConfig, Guests
+from smartmesh_ros.physics.guest_config import GuestConfig
+from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.shapes import Shape, form_of, shape_of
 from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any
 from smartmesh_ros.physics.states import simulated_states

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros import BodyState, HeightMap, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.physics.guests import GuestConfig
+from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.physics.states import simulated_states
