@@ -1,6 +1,7 @@
 """Starting, stopping and restarting processes."""
 
 import signal
+from pathlib import Path
 from time import monotonic
 
 import numpy as np
@@ -16,6 +17,14 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, ex
         probe.publish_map(np.zeros((50, 50)))
         probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
         assert process.stop(number) == 0
+        assert "Traceback" not in process.output
+
+
+def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_path: Path) -> None:
+    with Process("terrain_collider", environment={"NUMBA_CACHE_DIR": str(tmp_path)}) as process:
+        probe.wait_for(lambda: any(tmp_path.rglob("*.nbi")), watch=process)
+        assert process.stop() == 0
+        assert "compiled functions ready" not in process.output
         assert "Traceback" not in process.output
 
 
