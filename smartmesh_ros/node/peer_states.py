@@ -24,8 +24,8 @@ BODY = np.dtype(
         "itemsize": 140,
     }
 )
-# The least that a TrackedBody takes: its name's length and closing zero, and the above.
 BODY_BYTES = BODY.itemsize
+# The least that a TrackedBody takes: its name's length and closing zero, and the above.
 LEAST = 5 + BODY_BYTES
 # States are published in the step that made them: they hold for no instant farther from their stamp than this [s].
 MOST_AHEAD = 1.0

@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig
+from smartmesh_ros.node.fleet.ledger import Duties, Last, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.requests import specification_of
+from smartmesh_ros.physics.shapes import SolidKind
 from smartmesh_ros.physics.state_table import StateTable
 
 NODES = ["a", "b", "c"]
@@ -68,6 +70,17 @@ def table(names: list[str]) -> StateTable:
     numbers, centres = np.zeros((n, 13)), np.zeros((n, 3))
     balls, sizes = np.full(n, 2, np.uint8), np.ones((n, 3))
     return StateTable(list(names), numbers, np.ones(n), balls, sizes, centres, np.ones(n))
+
+
+def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_was() -> None:
+    states = table(["robot"])
+    quarter_turn = (0.0, 0.0, 0.5**0.5, 0.5**0.5)  # about z: x goes to y
+    states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
+    states.kinds[0] = SolidKind.BOX
+    states.centres[0] = (0.5, 0.0, 0.25)
+    again = specification_of(Respawning("robot", "/a", None, Last(states)))
+    position = again.pose.position
+    assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 
 
 def test_bodies_are_spread_evenly_and_names_are_taken_once() -> None:
