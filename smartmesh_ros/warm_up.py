@@ -13,6 +13,7 @@ from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.noise_check import NoiseCheck
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 # Samples on a side of the maps, and how far they are apart [m].
@@ -35,6 +36,7 @@ def warm_up() -> float:
             world.reset_bodies()
         _with_guests(world)
     _fuse_maps()
+    _check_maps()
     return perf_counter() - start
 
 
@@ -113,3 +115,11 @@ def _fuse_maps() -> None:
     heights = np.zeros((SIDE, SIDE), np.float32)
     for variance in (1e-4, np.full((SIDE, SIDE), 1e-4, np.float32)):
         fuse(nothing_known(SIDE, SIDE), heights, variance, 0.1, FusionConfig())
+
+
+def _check_maps() -> None:
+    """Whether maps look like those of a mapper: of ground that stays, and of a map that travels by a cell."""
+    check = NoiseCheck()
+    hills = _hills(0.0)
+    for x, time in ((0.0, 0.0), (0.0, 0.1), (SPACING, 0.2)):
+        check.take(HeightMap(hills.heights, resolution=SPACING, origin=(x, 0.0), time=time))

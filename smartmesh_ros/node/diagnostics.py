@@ -22,6 +22,7 @@ class Health:
     ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
     publishers on the topics that bring them. ``publishers``: those that the node is connected to, by topic.
     ``rival_clocks``: other publishers of ``/clock``. ``rival_maps``: those whose maps disagree.
+    ``doubtful_maps``: what is wrong with the maps themselves, empty where nothing is.
     ``incompatible``: peers whose QoS does not fit, by topic. ``peers``: what there is to say of each node whose bodies
     may be guests; ``silent_peers``: those that are not heard although parameters name them.
     """
@@ -38,6 +39,7 @@ class Health:
     new_refusals: int
     rival_clocks: list[str]
     rival_maps: list[str]
+    doubtful_maps: str
     incompatible: dict[str, str]
     peers: dict[str, str] = field(default_factory=dict)
     silent_peers: list[str] = field(default_factory=list)
@@ -74,6 +76,8 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     if health.rival_maps:
         names = ", ".join(health.rival_maps)
         return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
+    if health.doubtful_maps:
+        return DiagnosticStatus.WARN, health.doubtful_maps, values
     return DiagnosticStatus.OK, "maps arrive", values
 
 

@@ -249,6 +249,7 @@ class Publishing:
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
+            doubtful_maps=session.doubtful_maps,
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,

@@ -31,7 +31,8 @@ class Session:
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
     taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands
     still. ``lock``: held by whatever touches the world, for executors with several threads. ``handled``: messages and
-    calls so far. ``rival_maps``: publishers whose maps disagree. ``terrain_subscriptions``: those that bring terrain.
+    calls so far. ``rival_maps``: publishers whose maps disagree. ``doubtful_maps``: what is wrong with the maps, empty
+    where nothing is. ``terrain_subscriptions``: those that bring terrain.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -52,6 +53,7 @@ class Session:
         self.overtaken = 0  # maps that came after one with a newer stamp
         self.maps = 0
         self.rival_maps: list[str] = []
+        self.doubtful_maps = ""
         self.paused = False
 
     def listen(

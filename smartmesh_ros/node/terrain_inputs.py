@@ -16,6 +16,7 @@ from smartmesh_ros.node import conversions
 from smartmesh_ros.node.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.node.bounds import require_name, require_tile_fits
 from smartmesh_ros.node.conversions import FloatGrid
+from smartmesh_ros.node.map_checks import MapChecks
 from smartmesh_ros.node.map_taking import take_map
 from smartmesh_ros.node.optional_messages import find_message, require_message
 from smartmesh_ros.node.pacing import StampClock
@@ -44,6 +45,7 @@ class TerrainInputs:
         self._clocks: dict[str, StampClock] = {}
         self._rivals: dict[str, Rivals] = {}  # by tile
         self._rivals_told = False
+        self._map_checks = MapChecks(session.node.get_logger())
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
         reliability = ReliabilityPolicy[settings.reliability.upper()]
@@ -67,6 +69,8 @@ class TerrainInputs:
     def forget_stamps(self) -> None:
         """Accepts whatever stamps come next, after a reset."""
         self._clocks.clear()
+        self._map_checks.forget()
+        self._session.doubtful_maps = ""
 
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
@@ -76,6 +80,8 @@ class TerrainInputs:
         with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as time:
             if new.geometry is None:
                 self._terrain.remove(start.tile)
+                self._map_checks.forget(start.tile)
+                self._session.doubtful_maps = self._map_checks.doubt
             else:
                 self._take_map(start.tile, new.geometry, new.heights, new.velocities, time)
 
@@ -100,6 +106,10 @@ class TerrainInputs:
         """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
         self._look_for_rivals(tile, geometry, heights)
         take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
+        taken = self._terrain.tiles[tile]
+        if isinstance(taken, HeightMap):
+            self._map_checks.take(tile, taken, given=velocities is not None)
+            self._session.doubtful_maps = self._map_checks.doubt
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
         """Notes publishers whose maps disagree, and says so once."""

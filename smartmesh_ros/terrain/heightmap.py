@@ -118,6 +118,11 @@ class HeightMap:
         return self._has_holes
 
     @property
+    def noise(self) -> float:
+        """Standard deviation of the heights [m] as far as velocities are concerned; 0 = they are exact."""
+        return self.motion.noise if self._deviation is None else self._deviation
+
+    @property
     def time(self) -> float:
         """Time of the newest sample [s]."""
         return float(self._clocks["time"].max())
@@ -226,7 +231,7 @@ class HeightMap:
         return MovingGrid(
             self._heights, self._velocities, self._clocks, x, y, z, math.cos(geometry.yaw), math.sin(geometry.yaw),
             geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity, self._offsets, self._shown,
-            motion.settle, motion.noise if self._deviation is None else self._deviation,
+            motion.settle, self.noise,
         )  # fmt: skip
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:

@@ -1,22 +1,32 @@
 """Maps as mappers publish them, over real topics: corrections, messages that overtake each other, rival publishers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
 
 import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from rcl_interfaces.srv import GetParameters
+from diagnostic_msgs.msg import DiagnosticStatus
+from numpy.typing import NDArray
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import Trigger
 
 from smartmesh_ros.node import parameters
+from smartmesh_ros.node.map_checks import MapChecks
 from smartmesh_ros.node.parameters import SPECS, settings_from
 from smartmesh_ros.node.rivals import Rivals
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.scenes import InwardWaves, Wave
 from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message, pose_message
+from smartmesh_ros.testing.probe import DIAGNOSTICS
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -94,6 +104,88 @@ def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(probe: Probe) -> 
             probe.wait_for(warned)
     finally:
         other.destroy_node()
+
+
+ADVICE = "set terrain.changes: correction"
+
+
+def of_mapper(number: int) -> NDArray[np.float32]:
+    """Maps of level ground at 10 Hz: 5 mm of noise, 1 cm/s of drift, a closure of 8 cm every 2 s."""
+    noise = np.random.default_rng(number).normal(0.0, 0.005, LEVEL.shape)
+    return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
+
+
+@contextmanager
+def maps_of(probe: Probe, heights: Callable[[int], NDArray[np.float32]]) -> Iterator[None]:
+    """Publishes maps at 10 Hz while the block lasts."""
+    numbers = count()
+    timer = probe.node.create_timer(0.1, lambda: probe.publish_map(heights(next(numbers)), resolution=0.5))
+    try:
+        yield
+    finally:
+        probe.node.destroy_timer(timer)
+
+
+def terrain_status(probe: Probe) -> DiagnosticStatus:
+    [status] = [status for status in probe.latest(DIAGNOSTICS).status if status.name == "terrain_collider: terrain"]
+    return status
+
+
+def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(probe: Probe) -> None:
+    with probe.running() as process, maps_of(probe, of_mapper):
+        maps = "updates of ''"
+        probe.wait_for(lambda: ADVICE in probe.diagnostics("terrain")["message"])
+        assert int(probe.diagnostics("terrain")[maps]) <= 60  # 5 s, and a second until the diagnostics say so
+        probe.wait_for(lambda: "jumps of still ground" in probe.diagnostics("terrain")["message"])
+        status = terrain_status(probe)
+        assert status.level == DiagnosticStatus.WARN
+        assert "noise of 5." in status.message
+        assert process.output.count(ADVICE) == 1
+        parameter = Parameter("terrain.changes", value="correction").to_parameter_msg()
+        assert probe.call("set_parameters", SetParameters, parameters=[parameter]).results[0].successful
+        probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
+
+
+def test_maps_of_waves_are_no_warning(probe: Probe) -> None:
+    waves = InwardWaves(GRID, Wave(amplitude=0.3, number=1.0, frequency=4.0))
+    with probe.running() as process, maps_of(probe, lambda number: waves.heights(0.1 * number)):
+        probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 40)
+        assert probe.diagnostics("terrain")["message"] == "maps arrive"
+        assert ADVICE not in process.output
+
+
+class Log:
+    """What a logger was told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def warning(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = None) -> tuple[MapChecks, Log]:
+    checks = MapChecks(log := Log())
+    for number in range(maps):
+        heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number, motion=motion)
+        checks.take("", heightmap, given=given)
+    return checks, log
+
+
+def test_a_doubt_is_logged_once_and_goes_with_its_tile() -> None:
+    checks, log = checked(50)
+    assert log.lines and ADVICE in log.lines[0] and ADVICE in checks.doubt
+    checks.forget("")
+    assert checks.doubt == ""
+    for number in range(50):
+        checks.take("east", HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number), given=False)
+    assert "tile 'east'" in checks.doubt
+    assert len(log.lines) == 1
+
+
+def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> None:
+    for checks, log in (checked(50, given=True), checked(50, motion=MotionConfig(changes="correction"))):
+        assert checks.doubt == "" and not log.lines
 
 
 def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(probe: Probe) -> None:

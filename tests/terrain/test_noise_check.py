@@ -1,0 +1,322 @@
+"""Maps of sensors and mappers are told from those of ground that moves: what is seen in them, and no false alarm."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import count, islice
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from smartmesh_ros.studies.grounds import make_ground
+from smartmesh_ros.studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
+from smartmesh_ros.studies.matrix.arena import square
+from smartmesh_ros.studies.matrix.moving_ground import WAVES
+from smartmesh_ros.studies.matrix.uneven_maps import STAMPS
+from smartmesh_ros.studies.scene import Scene, read_scenes
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.noise_check import NOTHING, Lattice, NoiseCheck, NoiseCheckConfig, compare
+
+Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
+GRID = square(61, 0.1)
+# Hills under the maps: still ground is seldom level.
+HILLS = np.asarray(make_ground(GRID, "sinusoid", amplitude=0.2, wavelength=2.0).heights(0.0), np.float64)
+# A warning comes within so long [s].
+SOON = 5.0
+
+
+def check_of(
+    feed: Iterable[tuple[float, GridGeometry, NDArray[Any]]], motion: MotionConfig | None = None
+) -> NoiseCheck:
+    """A check that has looked at all maps of a feed: time [s], geometry, heights [m]."""
+    check = NoiseCheck()
+    for time, geometry, heights in feed:
+        check.take(HeightMap(heights, geometry=geometry, time=time, motion=motion))
+    return check
+
+
+def of_mapper(
+    seconds: float, rate: float, noise: float = 0.0, drift: float = 0.0, closure: float = 0.0, every: float = 2.0
+) -> Feed:
+    """Maps of still hills with white noise [m], drift [m/s], and closures of a height [m], up and down in turns."""
+    rng = np.random.default_rng(1)
+    for number in range(round(seconds * rate)):
+        time = number / rate
+        level = drift * time + closure * (math.floor(time / every + 1e-9) % 2)
+        yield time, GRID, HILLS + level + rng.normal(0.0, noise, HILLS.shape)
+
+
+def of_ground(heights: Callable[[float], NDArray[Any]], geometry: GridGeometry, stamps: Iterable[float]) -> Feed:
+    """Exact maps of ground at so many ``stamps`` [s]."""
+    for time in stamps:
+        yield time, geometry, heights(time)
+
+
+def at_rate(rate: float, seconds: float = 4.0, most: int = 120) -> list[float]:
+    """Even stamps [s]."""
+    return [number / rate for number in range(min(round(seconds * rate), most))]
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0, 240.0])
+def test_noise_is_seen_within_five_seconds_and_measured(rate: float) -> None:
+    seen = check_of(of_mapper(SOON, rate, noise=0.005)).seen
+    assert seen.noise == pytest.approx(0.005, rel=0.15)
+    assert seen.jump == 0.0
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_closures_are_seen_within_five_seconds_and_measured(rate: float, noise: float) -> None:
+    seen = check_of(of_mapper(SOON, rate, noise=noise, closure=0.08)).seen
+    assert seen.jump == pytest.approx(0.08, rel=0.1)
+    assert (seen.noise > 0.0) == (noise > 0.0)
+
+
+def test_noise_drift_and_closures_together_are_seen_within_five_seconds() -> None:
+    seen = check_of(of_mapper(SOON, 10.0, noise=0.005, drift=0.01, closure=0.08)).seen
+    assert seen.noise == pytest.approx(0.005, rel=0.15)
+    assert seen.jump == pytest.approx(0.08, rel=0.1)
+    assert str(seen).startswith("noise of 5.")
+    assert "jumps of still ground by up to 8." in str(seen)
+
+
+def test_drift_alone_is_motion() -> None:
+    assert check_of(of_mapper(10.0, 10.0, drift=0.01)).seen == NOTHING
+
+
+@pytest.mark.parametrize("config", [MappingConfig(duration=SOON), MappingConfig(duration=SOON, drift=NO_DRIFT)])
+def test_the_maps_of_the_mapper_of_the_studies_are_noisy(config: MappingConfig) -> None:
+    """Its map travels with the rover by whole cells, has holes, and is filtered over time."""
+    check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
+    assert 0.0005 < check.seen.noise < 0.005
+
+
+def test_the_mapper_of_a_rover_that_stands_jumps_at_its_closures() -> None:
+    path, drift = (
+        LoopPath(radii=(1e-6, 1e-6), speed=0.0),
+        replace(MappingConfig().drift, vertical=0.05, closures=(2.0,)),
+    )
+    config = MappingConfig(duration=4.0, path=path, drift=drift)
+    check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
+    assert check.seen != NOTHING
+
+
+def test_smoothed_noise_is_seen() -> None:
+    """A mapper that takes means over 3 x 3 samples."""
+
+    def smoothed(heights: NDArray[Any]) -> NDArray[Any]:
+        return sum(np.roll(heights, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)) / 9.0
+
+    feed = ((time, grid, smoothed(heights)) for time, grid, heights in of_mapper(SOON, 10.0, noise=0.015))
+    assert check_of(feed).seen.noise > 0.0
+
+
+def test_noise_that_was_told_of_is_not_warned_of() -> None:
+    feed = list(of_mapper(SOON, 10.0, noise=0.005, closure=0.08))
+    seen = check_of(feed, MotionConfig(noise=0.005)).seen
+    assert seen.noise == 0.0
+    assert seen.jump == pytest.approx(0.08, rel=0.1)
+
+
+def test_what_is_not_seen_any_more_is_forgotten_after_a_while() -> None:
+    check = check_of(of_mapper(SOON, 10.0, noise=0.005))
+    for number in range(200):
+        check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number))
+    assert check.seen != NOTHING
+    for number in range(200, 500):
+        check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number))
+    assert check.seen == NOTHING
+
+
+@pytest.mark.parametrize("scene", [scene for scene in read_scenes() if scene.moves], ids=lambda scene: scene.name)
+def test_no_scene_of_the_chart_gives_a_false_alarm(scene: Scene) -> None:
+    ground = scene.make_ground()
+
+    def feed() -> Feed:
+        for time in at_rate(scene.map_rate, max(scene.duration, 3.0), 30 if scene.grid[0] > 500 else 180):
+            x, y = scene.slide[0] * time, scene.slide[1] * time
+            yield time, replace(scene.geometry, origin=(x, y, 0.0)), ground.heights(time)
+
+    assert check_of(feed()).seen == NOTHING
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 60.0, 240.0])
+@pytest.mark.parametrize("frequency", WAVES)
+def test_the_waves_of_the_matrix_give_no_false_alarm(frequency: int, rate: float) -> None:
+    geometry = square(61, 0.25)
+    assert (
+        check_of(of_ground(make_ground(geometry, **WAVES[frequency]).heights, geometry, at_rate(rate))).seen == NOTHING
+    )
+
+
+@pytest.mark.parametrize("rate", [20.0, 60.0])
+@pytest.mark.parametrize("name", STAMPS)
+def test_waves_that_are_told_unevenly_give_no_false_alarm(name: str, rate: float) -> None:
+    geometry = square(61, 0.25)
+    feed = of_ground(make_ground(geometry, **WAVES[4]).heights, geometry, sorted(STAMPS[name](rate)))
+    assert check_of(feed).seen == NOTHING
+
+
+MOTIONS = {
+    "lift, 0.1 m/s": {"kind": "lift", "speed": 0.1, "duration": 2.0},
+    "lift, 8 m/s": {"kind": "lift", "speed": 8.0, "duration": 1.0},
+    "lift down, 1 m/s": {"kind": "lift", "speed": -1.0, "duration": 0.5},
+    "drop at 2 g": {"kind": "drop", "acceleration": 19.62, "depth": 2.0},
+    "heave": {"kind": "heave", "height": 0.5, "period": 2.0},
+    "crater": {"kind": "crater", "duration": 0.5},
+    "rut": {"kind": "rut", "speed": 3.0},
+    "rut, slow": {"kind": "rut", "speed": 0.2, "depth": 0.05},
+}
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 30.0, 60.0, 240.0])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_ground_that_starts_and_stops_at_once_gives_no_false_alarm(name: str, rate: float) -> None:
+    """At rest for 1.5 s, then in motion, then at rest again."""
+    geometry = square(41, 0.25)
+    ground = make_ground(geometry, **MOTIONS[name])
+    feed = of_ground(lambda time: ground.heights(max(time - 1.5, 0.0)), geometry, at_rate(rate, 5.0, 720))
+    assert check_of(feed).seen == NOTHING
+
+
+@given(
+    speed=st.floats(0.05, 5.0), duration=st.floats(0.15, 2.0), start=st.floats(1.1, 2.0), rate=st.floats(20.0, 120.0)
+)
+@settings(max_examples=15, deadline=None)
+def test_a_platform_that_lifts_and_stops_gives_no_false_alarm(
+    speed: float, duration: float, start: float, rate: float
+) -> None:
+    """Rough ground, moved as one piece: by its heights, or by the map's origin."""
+    rough = 0.02 * np.random.default_rng(2).normal(size=(21, 21))
+    grid = square(21, 0.1)
+
+    def level(time: float) -> float:
+        return speed * min(max(time - start, 0.0), duration)
+
+    stamps = at_rate(rate, start + duration + 1.5, 400)
+    assert check_of((time, grid, rough + level(time)) for time in stamps).seen == NOTHING
+    x, y, _ = grid.origin
+    assert check_of((time, replace(grid, origin=(x, y, level(time))), rough) for time in stamps).seen == NOTHING
+
+
+@given(
+    speed=st.floats(0.0, 3.0), rate=st.floats(5.0, 120.0), turn=st.floats(-1.0, 1.0), heave=st.floats(0.0, 0.5),
+    cells=st.integers(0, 3),
+)  # fmt: skip
+@settings(max_examples=15, deadline=None)
+def test_a_carried_platform_gives_no_false_alarm(
+    speed: float, rate: float, turn: float, heave: float, cells: int
+) -> None:
+    """Rough ground that slides, also by whole cells a map, or turns, and heaves the while."""
+    rough = 0.05 * np.random.default_rng(2).normal(size=(41, 41))
+    for by, yaw in ((speed / rate, 0.0), (0.1 * cells, 0.0), (0.0, turn)):
+        feed = (
+            (
+                time,
+                GridGeometry(rows=41, columns=41, resolution=0.1, origin=(by * number, 0.0, 0.0), yaw=yaw * time),
+                rough + heave * math.sin(2.0 * time),
+            )
+            for number, time in enumerate(at_rate(rate))
+        )
+        assert check_of(feed).seen == NOTHING
+
+
+@given(
+    amplitude=st.floats(0.005, 1.0), number=st.floats(0.1, 4.0), frequency=st.floats(0.2, 16.0),
+    rate=st.floats(5.0, 240.0), resolution=st.floats(0.05, 0.5),
+)  # fmt: skip
+@settings(max_examples=40, deadline=None)
+def test_waves_give_no_false_alarm_unless_told_by_too_few_samples_and_maps(
+    amplitude: float, number: float, frequency: float, rate: float, resolution: float
+) -> None:
+    """Eight samples a wavelength are enough, and so are twelve maps a period."""
+    if number * resolution > math.pi / 4.0 and frequency / rate > math.pi / 6.0:
+        number = math.pi / 4.0 / resolution
+    geometry = square(61, resolution)
+    ground = make_ground(geometry, "waves", amplitude=amplitude, number=number, frequency=frequency)
+    assert check_of(of_ground(ground.heights, geometry, at_rate(rate, most=60))).seen == NOTHING
+
+
+def test_maps_that_travel_over_still_hills_give_no_false_alarm_and_noisy_ones_are_seen() -> None:
+    """By zero to two cells a map, as those of a robot that drives."""
+    wide = square(161, 0.1)
+    hills = np.asarray(make_ground(wide, "noise", deviation=0.05).heights(0.0))
+    rng = np.random.default_rng(3)
+
+    def feed(noise: float) -> Feed:
+        row = column = 0
+        for time in at_rate(10.0, SOON):
+            row, column = row + int(rng.integers(0, 3)), column + int(rng.integers(0, 3))
+            x, y, _ = wide.origin
+            geometry = replace(GRID, origin=(x + 0.1 * column, y + 0.1 * row, 0.0))
+            part = hills[row : row + 61, column : column + 61]
+            yield time, geometry, part + rng.normal(0.0, noise, part.shape)
+
+    assert check_of(feed(0.0)).seen == NOTHING
+    assert check_of(feed(0.005)).seen.noise == pytest.approx(0.005, rel=0.2)
+
+
+def test_messy_ground_under_a_wheel_is_no_noise() -> None:
+    """A patch of 0.6 m, a hundredth of the map, changes at random."""
+    rng = np.random.default_rng(4)
+
+    def feed() -> Feed:
+        for time in at_rate(30.0):
+            heights = HILLS.copy()
+            heights[20:26, 30:36] += rng.normal(0.0, 0.02, (6, 6))
+            yield time, GRID, heights
+
+    assert check_of(feed()).seen == NOTHING
+
+
+def test_one_map_of_other_ground_is_no_jump_until_the_ground_has_rested() -> None:
+    """Jumps in every second are something else that we know nothing of."""
+    assert check_of(of_mapper(8.0, 20.0, closure=0.08, every=0.5)).seen == NOTHING
+
+
+def test_maps_that_are_too_far_apart_or_of_another_grid_start_anew() -> None:
+    slow = check_of(of_mapper(30.0, 2.0, noise=0.005))
+    assert slow.seen == NOTHING  # such maps give no velocity
+    grids = (square(size, 0.1) for size in (20 + number % 2 for number in count()))
+    rng = np.random.default_rng(5)
+    feed = (
+        (time, grid, rng.normal(0.0, 0.005, (grid.rows, grid.columns)))
+        for time, grid in zip(at_rate(10.0), islice(grids, 40), strict=True)
+    )
+    assert check_of(feed).seen == NOTHING
+
+
+@given(seed=st.integers(0, 10**6), rows=st.integers(1, 9), columns=st.integers(1, 9))
+def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) -> None:
+    """Every sample is a place of the lattice, and three maps with holes are compared."""
+    rng = np.random.default_rng(seed)
+    maps = rng.normal(0.0, 0.01, (3, rows, columns)).astype(np.float32)
+    maps[rng.random(maps.shape) < 0.1] = np.nan
+    lattice = Lattice(
+        np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
+    )
+    sizes = np.empty(rows * columns)
+    for heights in maps:
+        found = compare(lattice, heights, 0.0, 0, 0, 0.002, sizes)
+    first, last = np.diff(maps.astype(np.float64), axis=0)
+    both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
+    tilts = np.diff(last, axis=1)
+    left, right = tilts[:, :-1], tilts[:, 1:]
+    counted = (np.abs(left) >= 0.002) & (np.abs(right) >= 0.002)
+    expected = (
+        np.isfinite(last).sum(), both.sum(), (both & (first * last < 0.0)).sum(), counted.sum(),
+        (counted & (left * right > 0.0)).sum(), np.abs(left[counted]).sum(),
+    )  # fmt: skip
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    np.testing.assert_allclose(np.sort(sizes[: int(found.known)]), np.sort(np.abs(last[np.isfinite(last)])), rtol=1e-9)
+
+
+def test_the_check_holds_few_samples_of_a_large_map() -> None:
+    check = check_of([(0.0, square(1024, 0.1), np.zeros((1024, 1024), np.float32))])
+    assert check._lattice.steps.size <= (NoiseCheckConfig().samples + 1) ** 2
