@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.buried import below, is_buried, lifted_by
 from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, moved_by, plane_normal, reach_along
 from smartmesh_ros.patches.rectangles import Rectangle, smallest_rectangle
 from smartmesh_ros.patches.shapes import product, solid_of
@@ -20,7 +21,6 @@ from smartmesh_ros.patches.touchable import (
     fitted_planes,
     nearest_planes,
     plane_deviation,
-    surface_at,
     touched_facets,
 )
 from smartmesh_ros.terrain.grid import FloatArray
@@ -191,9 +191,17 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
         if not rules.always or touch.facets == 0:
             support.state, support.gap, support.deviation = Support.NONE, math.inf, math.nan
             return
-    plane, rise = nearest_planes(window, touch) if own.ball else fitted_planes(window, own, touch, touched)
+    buried = rules.planes and is_buried(window, own)
+    if buried:
+        touch = lifted_by(window, own, touch)
+    if own.ball or buried:
+        plane, rise = nearest_planes(window, touch)
+    else:
+        plane, rise = fitted_planes(window, own, touch, touched)
     deviation = math.inf
-    if rules.planes:
+    if buried:
+        deviation = math.nan
+    elif rules.planes:
         limit = rules.tolerance if before == Support.PLANE else rules.hysteresis * rules.tolerance
         deviation = plane_deviation(
             window, own, travel, touch, touched, plane, rise, math.inf if rules.any_plane else limit
@@ -214,17 +222,6 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
         support.deviation = rectangle.deviation if place.stride == 1 else math.nan
     support.gap, support.margin = touch.gap.distance, max(support.margin, touch.margin)
     describe(grid, place, own, touch, plane, rise, duration, support)
-
-
-@compiled
-def below(window: Window, solid: Solid, touch: Touch) -> Touch:
-    """The cell straight below a solid that touches nothing, as what it can touch; nothing where there is a hole."""
-    z, _ = surface_at(window, solid.centre.x, solid.centre.y)
-    if math.isnan(z):
-        return touch
-    a, b = int(solid.centre.y / window.spacing), int(solid.centre.x / window.spacing)
-    upper = 1 if solid.centre.y / window.spacing - a > solid.centre.x / window.spacing - b else 0
-    return Touch(1, a, a, b, b, a, b, upper, touch.gap, touch.margin)
 
 
 @compiled

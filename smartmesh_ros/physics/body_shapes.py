@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import SHAPE, ShapeKind
 from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
@@ -47,6 +48,19 @@ def read_shape(client: Any, body: int, link: int = -1) -> Any:
     if len(known) < len(parts):
         return ball(_radius_of_bounds(client, body, link))
     return known[0] if len(known) == 1 else _box_around(known)
+
+
+def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> Any:
+    """The given ``shape``, or else a ball of the given ``radius`` [m], or else what PyBullet tells; raises `InputError`
+    if it has no size."""
+    if shape is not None:
+        record = shape_record(shape)
+    else:
+        record = read_shape(client, body, link) if radius is None else ball(radius)
+    size = float(record["radius"])
+    if not (math.isfinite(size) and size > 0.0):
+        raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
+    return record
 
 
 def is_ball(shape: Any) -> bool:

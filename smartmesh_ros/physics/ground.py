@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.carry_over import carried_over, kept_rows
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
-from smartmesh_ros.physics.body_shapes import ball as ball_shape
-from smartmesh_ros.physics.body_shapes import read_shape, shape_record
-from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.body_shapes import shape_of
 from smartmesh_ros.physics.carrying import Carrying
 from smartmesh_ros.physics.colliders.driver import Colliders
-from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.follower import Follower, roles_of
+from smartmesh_ros.physics.follower_reader import FollowerReader
+from smartmesh_ros.physics.leaving import leaves_support
 from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.stepper import Stepper, physics_of
 from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.physics.waking import Waking
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -35,9 +38,10 @@ class Ground:
     """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
-    bodies, and call `update` before each ``stepSimulation``, or before some of them and `go_on` before the others.
-    Nothing else in the world collides with the terrain. ``gravity`` [m/s^2]: how fast bodies fall, as far as it tells
-    how far they may go.
+    bodies, and call `step` in place of ``stepSimulation``. Who must step himself calls `update` before each
+    ``stepSimulation``, or before some of them and `go_on` before the others; fast bodies are then not clamped before
+    impact, and bodies below the ground stay there. Nothing else in the world collides with the terrain. ``gravity``
+    [m/s^2]: how fast bodies fall, as far as it tells how far they may go; `step` reads it from PyBullet.
     """
 
     def __init__(
@@ -57,15 +61,15 @@ class Ground:
         self.stale = True  # whether the next step needs an update, whatever the last one was made for
         self.time = 0.0  # of the last update [s]
         self._client = client
-        self._calls = BulletCalls(client)
+        self._reader = FollowerReader(client)
         self._selector = Selector(self.terrain, self.config, self.stopwatch)
         self._selector.gravity = gravity
         self._carrying = Carrying(client)
+        self._waking = Waking(client)
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # that the last update was made for
-        self._bodies: list[int] = []
-        self._links: list[int] = []
         self.shapes = np.zeros(0, SHAPE).view(np.recarray)
+        self._roles = roles_of([])
         self.states = np.empty((0, BODY_COLUMNS))  # of the followers at the last update
         self.positions_w = np.empty((0, 3))  # of the followers in the last step [m]
         self.moved_w = np.empty((0, 3))  # how far they move in a step [m]
@@ -129,14 +133,9 @@ class Ground:
         attached = self.followers if self._together is None else self._together
         if any(follower.body == body and follower.link == link for follower in attached):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")
-        if shape is not None:
-            record = shape_record(shape)
-        else:
-            record = read_shape(self._client, body, link) if radius is None else ball_shape(radius)
-        size = float(record["radius"])
-        if not (np.isfinite(size) and size > 0.0):
-            raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
+        record = shape_of(self._client, body, link, shape, radius)
         follower = Follower(body, link, record, solid)
+        follower.read_mobility(self._client)
         if self._together is None:
             self._adopt([*self.followers, follower])
         else:
@@ -174,11 +173,29 @@ class Ground:
         self.config = config
         self._selector.configure(config)
 
+    def step(self, time: float, dt: float) -> None:
+        """Runs one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
+
+        Refreshes the patches when they are due, puts bodies that are below the ground back onto it, and clamps fast
+        bodies before impact. Raises `InputError` if ``dt`` is not PyBullet's time step.
+        """
+        physics = physics_of(self._client, dt)
+        self._selector.gravity = math.hypot(*physics.gravity)
+        self._stepper.prepare(time, physics)
+        self._stepper.step(time, physics, self._client.stepSimulation)
+
+    @property
+    def rescues(self) -> int:
+        """Bodies that `step` found below the ground and put back onto it so far."""
+        return self._stepper.counts.rescues
+
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
         with self.stopwatch.stage("bodies"):
             self._correct(time)
             self._read_states(dt)
+            if time != self.time:
+                self._waking.wake(self.followers, self.states)
         self.stale, self._steps, self.time = False, steps, time
         self._selector.update(self.states, time, dt * steps)
         with self.stopwatch.stage("collider"):
@@ -192,7 +209,7 @@ class Ground:
             self.update(time, dt, self._steps)
             return True
         with self.stopwatch.stage("bodies"):
-            before, self.positions_w = self.positions_w, self._read_positions()
+            before, self.positions_w = self.positions_w, self._reader.positions()
             self.moved_w = self.positions_w - before
             self._take_told()
             left = leaves_support(
@@ -206,6 +223,7 @@ class Ground:
     def stand_still(self, duration: float) -> None:
         """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
         self.colliders.stand_still(duration)
+        self.time += duration
         self.stale = True
 
     def close(self) -> None:
@@ -214,6 +232,11 @@ class Ground:
             self.colliders.release(index)
         self._whole.release()
         self._adopt([])
+
+    @cached_property
+    def _stepper(self) -> Stepper:
+        """What `step` works with; made when it is first used, since a `World` has its own."""
+        return Stepper(self._client, self, lambda: self._roles)
 
     def _correct(self, time: float) -> None:
         """Works corrections of the ground off up to ``time`` [s] and takes the bodies along that are on it or near."""
@@ -241,6 +264,7 @@ class Ground:
         self.colliders.release_meshes(batches)
         self.colliders.apply(self._selector, self.shapes, time, config)
         self.colliders.apply_meshes(batches, self.supports, config)
+        self._waking.note(self.colliders.changed)
 
     def _adopt(self, followers: list[Follower]) -> None:
         """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
@@ -248,31 +272,21 @@ class Ground:
         count = len(followers)
         self.followers = followers
         self.stale = True
-        self._bodies = [follower.body for follower in followers]
-        self._links = [index for index, follower in enumerate(followers) if follower.link >= 0]
+        self._reader.adopt(followers)
         shapes = np.array([follower.shape for follower in followers], SHAPE)
         self.shapes = shapes.view(np.recarray)
         self.states = carried_over(self.states, kept, np.full((count, BODY_COLUMNS), np.nan))
         self.positions_w = carried_over(self.positions_w, kept, np.full((count, 3), np.nan))
         self.moved_w = carried_over(self.moved_w, kept, np.zeros((count, 3)))
         self._told.clear()
+        self._roles = roles_of(followers)
         self.colliders.adopt(followers, kept)
+        self._waking.adopt(kept)
         solid = np.array([follower.solid for follower in followers], bool)
         self._selector.adopt(self.shapes, solid, kept)
 
-    def _read_positions(self) -> FloatArray:
-        positions = np.array(self._calls.positions(self._bodies), np.float64).reshape(-1, 3)
-        for index in self._links:
-            follower = self.followers[index]
-            positions[index] = self._client.getLinkState(follower.body, follower.link)[0]
-        return positions
-
     def _read_states(self, dt: float) -> None:
-        self.states = self._calls.states(self._bodies)
-        for index in self._links:
-            follower = self.followers[index]
-            state = self._client.getLinkState(follower.body, follower.link, computeLinkVelocity=1)
-            self.states[index] = (*state[0], *state[1], *state[6], *state[7])
+        self.states = self._reader.states()
         self.positions_w = np.ascontiguousarray(self.states[:, :3])  # for compiled functions of one type
         self.moved_w = self.states[:, 7:10] * dt
         self._told.clear()
@@ -281,18 +295,3 @@ class Ground:
         for indices, moved_w in self._told:
             self.moved_w[indices] = moved_w
         self._told.clear()
-
-
-@compiled
-def leaves_support(positions, moved, states, supports, shapes, slack, fastest):
-    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N,
-    13) on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further
-    than ``fastest`` [m] are no reason."""
-    for i in range(len(positions)):
-        went = step = 0.0
-        for axis in range(3):
-            went += (positions[i, axis] + moved[i, axis] - states[i, axis]) ** 2
-            step += moved[i, axis] ** 2
-        if step <= fastest * fastest and went > (supports[i].margin + slack * shapes[i].radius) ** 2:
-            return True
-    return False

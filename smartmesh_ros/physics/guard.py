@@ -7,7 +7,7 @@ resort, is counted, and can be switched off to see what the colliders do without
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,11 +16,12 @@ from smartmesh_ros.patches.config import SELECTION
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.impact import height_at_rest
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+
+if TYPE_CHECKING:
+    from smartmesh_ros.physics.ground import Ground
 
 # Speed along the ground that a rescued body keeps at most [m/s].
 FASTEST_RESCUED = 5.0
@@ -35,29 +36,26 @@ class Guard:
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
 
-    def rescue(self, client: Any, bodies: list[Body | None], time: float) -> int:
-        """Puts bodies that are below the ground back onto it and says how many; ``bodies``: by the followers' indices,
-        None = stays where it is, since its pose is dictated."""
+    def rescue(self, client: Any, own: BoolArray, time: float) -> int:
+        """Puts bodies that are below the ground back onto it and returns how many. ``own`` (N,): the followers whose
+        bodies may be moved; the others have their pose from elsewhere."""
         ground = self._ground
-        suspect = np.array([body is not None for body in bodies], bool)
-        suspect &= suspicious(ground.states, ground.supports, ground.shapes, NEAR)
-        index = np.flatnonzero(suspect)
+        index = np.flatnonzero(own & suspicious(ground.states, ground.supports, ground.shapes, NEAR))
         if not index.size:
             return 0
         heights, velocities = ground.terrain.at(ground.states[index, :2], time)
         below = ground.states[index, 2] < heights
-        lifts: dict[str, tuple[Body, float, float]] = {}
+        lifts: dict[int, tuple[float, float]] = {}
         for follower, height, rate in zip(
             *(values[below].tolist() for values in (index, heights, velocities)), strict=True
         ):
-            body = bodies[follower]
-            assert body is not None
+            body = ground.followers[follower].body
             lift = self._lift(follower, height, time)
-            if body.name not in lifts or lift > lifts[body.name][1]:  # a robot as far as its link that needs most
-                lifts[body.name] = (body, lift, rate)
-        for body, lift, rate in lifts.values():
+            if body not in lifts or lift > lifts[body][0]:  # a robot as far as its link that needs most
+                lifts[body] = (lift, rate)
+        for body, (lift, rate) in lifts.items():
             put_back(client, body, lift, rate)
-            ground.placed(body.uid)
+            ground.placed(body)
         return len(lifts)
 
     def _lift(self, follower: int, height: float, time: float) -> float:
@@ -97,12 +95,12 @@ def suspicious(states: FloatArray, supports: Any, shapes: Any, near: float) -> B
     return found
 
 
-def put_back(client: Any, body: Body, lift: float, rate: float) -> None:
+def put_back(client: Any, body: int, lift: float, rate: float) -> None:
     """Lifts a body (a robot as a whole) by ``lift`` [m] and gives it the ground's vertical velocity ``rate`` [m/s]."""
-    position, orientation = client.getBasePositionAndOrientation(body.uid)
-    linear, angular = client.getBaseVelocity(body.uid)
+    position, orientation = client.getBasePositionAndOrientation(body)
+    linear, angular = client.getBaseVelocity(body)
     along = np.array(linear[:2])
     speed = float(np.hypot(*along))
     along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
-    client.resetBasePositionAndOrientation(body.uid, (position[0], position[1], position[2] + lift), orientation)
-    client.resetBaseVelocity(body.uid, (along[0], along[1], rate), angular)
+    client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
+    client.resetBaseVelocity(body, (along[0], along[1], rate), angular)

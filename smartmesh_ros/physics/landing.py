@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,12 @@ from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.impact import clamp_before_impact
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+
+if TYPE_CHECKING:
+    from smartmesh_ros.physics.ground import Ground
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,17 +22,15 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.follower_index import FollowerIndex, index_followers
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
-from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.limits import FARTHEST, require_possible
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.update_schedule import UpdateSchedule
+from smartmesh_ros.physics.stepper import StepCounts, Stepper
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -65,8 +63,7 @@ class World:
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.behind = False
-        self.refreshes = 0  # times that patches were brought up to date
-        self.rescues = 0  # bodies put back onto the ground so far
+        self._counts = StepCounts()
         self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
         self._start()
 
@@ -78,9 +75,7 @@ class World:
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
-        self._schedule = UpdateSchedule()
-        self._landing = Landing(self.client, self.ground)
-        self._guard = Guard(self.ground)
+        self._stepper = Stepper(self.client, self.ground, lambda: self._index, self._counts, self._drop_lost)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
@@ -213,25 +208,23 @@ class World:
         if joint not in joints:
             raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
 
+    @property
+    def refreshes(self) -> int:
+        """Refreshes of the patches so far."""
+        return self._counts.refreshes
+
+    @property
+    def rescues(self) -> int:
+        """Bodies put back onto the ground so far."""
+        return self._counts.rescues
+
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
-        self.refreshes += 1
-        dt = self.config.physics.dt
-        steps = self._schedule.begin(self.terrain, self.time, dt, self.config.patch.rate, behind=self.behind)
-        self.ground.update(self.time, dt, steps)
-        if self._drop_lost():
-            self.ground.update(self.time, dt, steps)
-        rescued = self._guard.rescue(self.client, self._index.bodies, self.time) if self.config.physics.guard else 0
-        if rescued:
-            self.rescues += rescued
-            self.ground.update(self.time, dt, steps)
+        self._stepper.refresh(self.time, self.config.physics, behind=self.behind)
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        if self.ground.stale or self._schedule.due(self.terrain, behind=self.behind):
-            self.refresh()
-        elif self.ground.go_on(self.time, self.config.physics.dt):
-            self.refreshes += 1
+        self._stepper.prepare(self.time, self.config.physics, behind=self.behind)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
         """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
@@ -241,7 +234,7 @@ class World:
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"):
-                self._step()
+                self._stepper.step(self.time, self.config.physics, self._simulate)
             self.time += self.config.physics.dt
             self.guests.note_contacts()
             self.stopwatch.lap()
@@ -366,18 +359,10 @@ class World:
         below = np.flatnonzero(positions[:, 2] < heights)
         return [self._index.names[index] for index in below if self._index.own[index]]
 
-    def _step(self) -> None:
-        """Steps PyBullet, bodies being clamped before impact where that is asked for."""
-        physics, clamped = self.config.physics, None
-        if physics.landing:
-            with self.stopwatch.stage("bodies"):
-                clamped = self._landing.clamp(self._index.free, self.time, physics)
-        with self.stopwatch.stage("step"):
-            self._motors.apply_efforts()
-            self.client.stepSimulation()
-        if clamped is not None:
-            with self.stopwatch.stage("bodies"):
-                self._landing.restore(clamped, physics)
+    def _simulate(self) -> None:
+        """Steps PyBullet, with the motors' efforts."""
+        self._motors.apply_efforts()
+        self.client.stepSimulation()
 
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""

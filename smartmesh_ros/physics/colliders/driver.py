@@ -110,6 +110,7 @@ class Colliders:
         self._solid = np.empty(0, bool)
         self._poses, self._velocities = np.empty((0, 7)), np.empty((0, 6))
         self._changes = np.empty(0, np.int64)
+        self.changed = np.empty(0, bool)  # followers whose collider the last update changed, moved, gave or took away
 
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
         """Makes ``followers`` the ones there are; ``kept`` (N,): each one's index before, -1 = new."""
@@ -120,6 +121,7 @@ class Colliders:
         self._active = carried_over(self._active, kept, np.full(count, -1))
         self._poses, self._velocities = np.empty((count, 7)), np.empty((count, 6))
         self._changes, self._wanted = np.zeros(count, np.int64), np.full(count, -1)
+        self.changed = np.zeros(count, bool)
         self._solid = np.array([follower.solid for follower in followers], bool)
 
     def renew(self, followers: list[int]) -> None:
@@ -150,6 +152,7 @@ class Colliders:
                 if isinstance(mesh, HeightMap):
                     self._plan(mesh.moved_to(time), tile, selector, shapes, time, limits)
         differs = self._active != self._wanted
+        self.changed = differs | (self._changes != NOTHING)
         if differs.any():
             self._put_away(np.flatnonzero(differs & (self._active >= 0)))
             self._activate()
@@ -161,6 +164,7 @@ class Colliders:
             if batch.kind in MESH_KINDS:
                 rows = [row for row, body in enumerate(batch.bodies.tolist()) if self._followers[body].solid]
                 self.meshes.apply_batch(batch, rows, supports, self._followers, config)
+        self.changed[self.meshes.take_changed()] = True
 
     def release_meshes(self, batches: list[PatchBatch]) -> None:
         """Takes mesh colliders away from followers that have no such patch among ``batches``."""

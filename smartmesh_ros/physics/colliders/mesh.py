@@ -14,7 +14,7 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.physics.colliders.pairs import Pairs
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.terrain.grid import FloatArray
@@ -35,6 +35,7 @@ class _MeshCollider:
     uid: int
     vertices: FloatArray
     triangles: NDArray[np.int32]
+    base: FloatArray  # where it lay when it last counted as moved (3,) [m]
 
 
 class MeshColliders:
@@ -45,6 +46,7 @@ class MeshColliders:
         self._client = client
         self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
+        self._changed: list[int] = []  # followers whose collider was built anew or moved
 
     def apply_batch(
         self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
@@ -63,7 +65,12 @@ class MeshColliders:
             base = batch.centres_w[row].copy()
             base[2] = support.foot_z
             surface = np.nan_to_num(vertices, nan=float(base[2]))
-            uid = self._collider(followers[index], batch.kind, surface - base, triangles, base, config.edge_filter)
+            built = self.built
+            collider = self._collider(followers[index], batch.kind, surface - base, triangles, base, config.edge_filter)
+            uid, limit = collider.uid, SELECTION.carried * config.tolerance
+            if self.built != built or np.abs(base - collider.base).max() > limit:
+                collider.base = base
+                self._changed.append(index)
             self._client.resetBasePositionAndOrientation(uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
             if config.carry_velocity:
                 away = base - (support.foot_x, support.foot_y, support.foot_z)
@@ -74,17 +81,22 @@ class MeshColliders:
     def _collider(
         self, follower: Follower, kind: MeshKind, relative: FloatArray, triangles: NDArray[np.int32], base: FloatArray,
         edge_filter: bool,
-    ) -> int:  # fmt: skip
-        """PyBullet's body of a follower's collider, built anew if its surface is another."""
+    ) -> _MeshCollider:  # fmt: skip
+        """A follower's collider, built anew if its surface is another."""
         old = self._colliders.get(follower)
         if old is None or not _same(old, kind, edge_filter, relative, triangles):
             self.release(follower)
             uid = self._build(kind, relative, triangles, base, edge_filter)
-            old = self._colliders[follower] = _MeshCollider(kind, edge_filter, uid, relative, triangles)
+            old = self._colliders[follower] = _MeshCollider(kind, edge_filter, uid, relative, triangles, base)
             follower.collider = uid
             self._pairs.join(uid, follower.body, follower.link)
             self.built += 1
-        return old.uid
+        return old
+
+    def take_changed(self) -> list[int]:
+        """Followers whose collider was built anew or moved since the last call."""
+        changed, self._changed = self._changed, []
+        return changed
 
     @property
     def count(self) -> int:

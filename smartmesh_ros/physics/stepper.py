@@ -1,0 +1,116 @@
+"""One step of a PyBullet world on moving ground: refresh the patches, rescue, clamp, step, restore.
+
+`World` steps its own PyBullet client this way, and `Ground.step` steps that of a user.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.guard import Guard
+from smartmesh_ros.physics.landing import Landing
+from smartmesh_ros.physics.update_schedule import UpdateSchedule
+from smartmesh_ros.terrain.grid import BoolArray
+
+if TYPE_CHECKING:
+    from smartmesh_ros.physics.ground import Ground
+
+# Relative difference between two lengths of a step that is taken for rounding.
+ROUNDING = 1e-9
+
+
+class Roles(Protocol):
+    """What may be done to followers, by their index."""
+
+    @property
+    def free(self) -> BoolArray:
+        """Followers (N,) that may be clamped before impact: rigid bodies, not links."""
+
+    @property
+    def own(self) -> BoolArray:
+        """Followers (N,) that the guard may put back onto the ground: all that move by this world's physics."""
+
+
+@dataclass(eq=False)
+class StepCounts:
+    """``refreshes``: refreshes of the patches so far. ``rescues``: bodies put back onto the ground so far."""
+
+    refreshes: int = 0
+    rescues: int = 0
+
+
+class Stepper:
+    """Steps a PyBullet world whose bodies stand on one `Ground`.
+
+    ``roles`` returns the current roles of the ground's followers. ``drop_lost`` is called after each refresh; it
+    removes bodies that have no place any more and returns True if there were any.
+    """
+
+    def __init__(
+        self,
+        client: Any,
+        ground: Ground,
+        roles: Callable[[], Roles],
+        counts: StepCounts | None = None,
+        drop_lost: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.counts = counts or StepCounts()
+        self._client = client
+        self._ground = ground
+        self._roles = roles
+        self._drop_lost = drop_lost
+        self._schedule = UpdateSchedule()
+        self._landing = Landing(client, ground)
+        self._guard = Guard(ground)
+
+    def refresh(self, time: float, physics: PhysicsConfig, *, behind: bool = False) -> None:
+        """Refreshes the patches at ``time`` [s], and puts bodies below the ground back onto it. ``behind``: as in
+        `UpdateSchedule.begin`."""
+        self.counts.refreshes += 1
+        ground, dt = self._ground, physics.dt
+        steps = self._schedule.begin(ground.terrain, time, dt, ground.config.rate, behind=behind)
+        ground.update(time, dt, steps)
+        if self._drop_lost():
+            ground.update(time, dt, steps)
+        rescued = self._guard.rescue(self._client, self._roles().own, time) if physics.guard else 0
+        if rescued:
+            self.counts.rescues += rescued
+            ground.update(time, dt, steps)
+
+    def prepare(self, time: float, physics: PhysicsConfig, *, behind: bool = False) -> None:
+        """Refreshes the patches if they are due at ``time`` [s]; else lets them move on with the ground."""
+        ground = self._ground
+        if ground.stale or self._schedule.due(ground.terrain, behind=behind):
+            self.refresh(time, physics, behind=behind)
+        elif ground.go_on(time, physics.dt):
+            self.counts.refreshes += 1
+
+    def step(self, time: float, physics: PhysicsConfig, simulate: Callable[[], object]) -> None:
+        """Clamps bodies before impact, runs the step from ``time`` [s] on by calling ``simulate``, and gives the bodies
+        their velocities back."""
+        stopwatch, clamped = self._ground.stopwatch, None
+        if physics.landing:
+            with stopwatch.stage("bodies"):
+                clamped = self._landing.clamp(self._roles().free, time, physics)
+        with stopwatch.stage("step"):
+            simulate()
+        if clamped is not None:
+            with stopwatch.stage("bodies"):
+                self._landing.restore(clamped, physics)
+
+
+def physics_of(client: Any, dt: float) -> PhysicsConfig:
+    """The gravity and the step of a client, for steps of ``dt`` [s]; raises `InputError` if the client's is another."""
+    settings = client.getPhysicsEngineParameters()
+    step = float(settings["fixedTimeStep"])
+    if not (math.isfinite(dt) and abs(dt - step) <= ROUNDING * step):
+        raise InputError(
+            "parameter", f"dt is {dt} s, but PyBullet steps {step} s; call setTimeStep({dt}) or pass dt={step}"
+        )
+    x, y, z = (float(settings[f"gravityAcceleration{axis}"]) for axis in "XYZ")
+    return PhysicsConfig(rate=1.0 / dt, gravity=(x, y, z))
