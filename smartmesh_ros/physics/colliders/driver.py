@@ -164,15 +164,16 @@ class Colliders:
             if batch.kind in MESH_KINDS:
                 rows = [row for row, body in enumerate(batch.bodies.tolist()) if self._followers[body].solid]
                 self.meshes.apply_batch(batch, rows, supports, self._followers, config)
-        self.changed[self.meshes.take_changed()] = True
+        self.changed[self.meshes.changed] = True
+        self.meshes.changed.clear()
 
     def release_meshes(self, batches: list[PatchBatch]) -> None:
         """Takes mesh colliders away from followers that have no such patch among ``batches``."""
         if self.meshes.count:
             served = {body for batch in batches if batch.kind in MESH_KINDS for body in batch.bodies.tolist()}
             for index, follower in enumerate(self._followers):
-                if index not in served:
-                    self.meshes.release(follower)
+                if index not in served and self.meshes.release(follower):
+                    self.meshes.changed.append(index)
 
     def release(self, index: int) -> None:
         """Takes a follower's colliders away."""

@@ -46,7 +46,7 @@ class MeshColliders:
         self._client = client
         self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
-        self._changed: list[int] = []  # followers whose collider was built anew or moved
+        self.changed: list[int] = []  # followers whose collider was built anew, moved or taken away
 
     def apply_batch(
         self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
@@ -70,7 +70,7 @@ class MeshColliders:
             uid, limit = collider.uid, SELECTION.carried * config.tolerance
             if self.built != built or np.abs(base - collider.base).max() > limit:
                 collider.base = base
-                self._changed.append(index)
+                self.changed.append(index)
             self._client.resetBasePositionAndOrientation(uid, base.tolist(), (0.0, 0.0, 0.0, 1.0))
             if config.carry_velocity:
                 away = base - (support.foot_x, support.foot_y, support.foot_z)
@@ -93,23 +93,20 @@ class MeshColliders:
             self.built += 1
         return old
 
-    def take_changed(self) -> list[int]:
-        """Followers whose collider was built anew or moved since the last call."""
-        changed, self._changed = self._changed, []
-        return changed
-
     @property
     def count(self) -> int:
         """How many there are."""
         return len(self._colliders)
 
-    def release(self, follower: Follower) -> None:
-        """Takes a follower's mesh collider away, if it has one."""
+    def release(self, follower: Follower) -> bool:
+        """Takes a follower's mesh collider away; returns False if it has none."""
         collider = self._colliders.pop(follower, None)
-        if collider is not None:
-            self._pairs.retire(collider.uid)
-            self._client.removeBody(collider.uid)
-            follower.collider = None
+        if collider is None:
+            return False
+        self._pairs.retire(collider.uid)
+        self._client.removeBody(collider.uid)
+        follower.collider = None
+        return True
 
     def _build(
         self, kind: MeshKind, relative: FloatArray, triangles: NDArray[np.int32], base: FloatArray, edge_filter: bool

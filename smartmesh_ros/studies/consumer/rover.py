@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import mujoco
@@ -126,8 +125,3 @@ class Rover:
 
 def _spring(stiffness: float, damping: float) -> dict[str, list[float]]:
     return {"stiffness": [stiffness, 0.0, 0.0], "damping": [damping, 0.0, 0.0]}
-
-
-def yaw_quaternion(yaw: float) -> list[float]:
-    """MuJoCo's quaternion (w, x, y, z) of a turn about z [rad]."""
-    return [math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)]

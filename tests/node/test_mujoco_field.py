@@ -1,0 +1,163 @@
+"""Patches as height fields of MuJoCo, and the program of the page on other simulators."""
+
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.client import Patch, write_field
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import grid_triangles
+from smartmesh_ros.testing import PATIENCE, Probe, Process
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "other_simulators.md").read_text()
+STEP = 0.1
+
+
+def simulator(size: str = "10 10 2 1", samples: int = 33, mocap: str = "true", where: str = "0 0 1") -> tuple[Any, Any]:
+    model = mujoco.MjModel.from_xml_string(f"""
+    <mujoco>
+      <asset>
+        <hfield name="other" nrow="5" ncol="5" size="1 1 1 1"/>
+        <hfield name="ground" nrow="{samples}" ncol="{samples}" size="{size}"/>
+      </asset>
+      <worldbody>
+        <body name="other" mocap="true" pos="0 0 -50"><geom type="hfield" hfield="other"/></body>
+        <body name="ground" mocap="{mocap}"><geom type="hfield" hfield="ground"/></body>
+        <body name="ball" pos="{where}"><freejoint/><geom size="0.2" mass="1"/></body>
+      </worldbody>
+    </mujoco>""")
+    return model, mujoco.MjData(model)
+
+
+def patch_of(heights: np.ndarray, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Patch:
+    """A patch whose first vertex is at (x, y)."""
+    rows, columns = heights.shape
+    r, c = np.mgrid[:rows, :columns]
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    xs, ys = x + STEP * (c * cos - r * sin), y + STEP * (c * sin + r * cos)
+    return Patch(
+        name="wheel", kind="heightfield", tile="", row=0, column=0, stride=1, deviation=0.0, linear_w=np.zeros(3),
+        angular_w=np.zeros(3), vertices_w=np.stack([xs, ys, heights], axis=-1).reshape(-1, 3),
+        triangles=grid_triangles(rows, columns).astype(np.uint32),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("level", [0.0, 300.0, -300.0])
+def test_a_field_is_the_surface_of_its_patch(level: float) -> None:
+    """Rays cast down on it hit the patch's triangles, wherever the patch lies and however it is turned."""
+    rows, columns, yaw = 6, 9, 0.4
+    heights = np.random.default_rng(2).normal(level, 0.1, (rows, columns))
+    model, data = simulator()
+    write_field(model, data, "ground", patch_of(heights, 3.0, -2.0, yaw))
+    mujoco.mj_forward(model, data)
+    [geom] = np.flatnonzero(model.geom_bodyid == model.body("ground").id)
+    flat = HeightMap(heights - level, resolution=STEP)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    for own_x, own_y in np.random.default_rng(3).uniform([0.01, 0.01], [0.79, 0.49], (50, 2)):
+        at = np.array([3.0 + own_x * cos - own_y * sin, -2.0 + own_x * sin + own_y * cos, level + 5.0])
+        distance = mujoco.mj_rayHfield(model, data, int(geom), at, np.array([0.0, 0.0, -1.0]), np.zeros(3))
+        expected = level + flat.at([[own_x, own_y]], 0.0).heights[0]
+        assert at[2] - distance == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("level", [-3.0, 0.0, 20.0, 300.0])
+def test_a_ball_lies_on_ground_at_any_height(level: float) -> None:
+    """Written as they are, heights outside the field's range let it fall: the control is MuJoCo with shares below 0."""
+    heights = np.full((9, 9), level)
+    model, data = simulator(where=f"0.4 0.4 {level + 0.3}")
+    write_field(model, data, "ground", patch_of(heights))
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    assert data.body("ball").xpos[2] == pytest.approx(level + 0.2, abs=1e-3)
+    if level < 0.0:
+        model, data = simulator(where=f"0 0 {level + 0.3}")
+        model.hfield_data[25:] = level / 2.0
+        for _ in range(1000):
+            mujoco.mj_step(model, data)
+        assert data.body("ball").xpos[2] < level - 10.0
+
+
+def test_a_hole_carries_nothing() -> None:
+    heights = np.zeros((9, 9))
+    heights[2:7, 2:7] = np.nan
+    for holes in (heights, np.full((9, 9), np.nan)):
+        model, data = simulator(where="0.4 0.4 0.3")
+        write_field(model, data, "ground", patch_of(holes))
+        for _ in range(200):
+            mujoco.mj_step(model, data)
+        assert data.body("ball").xpos[2] < -0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "relief", "message"),
+    [
+        ({"size": "10 10 0.5 1"}, 0.8, r"spans 0\.8 m .* elevation of 0\.5 m; make the third number of its size 0\.8"),
+        ({"size": "0.5 0.5 2 1"}, 0.0, r"reaches 1 x 1 m .* compiled for 0\.5 x 0\.5 m; give it a size at least"),
+        ({"samples": 16}, 0.0, r"takes 21 x 21 samples .* room for 256; give it nrow x ncol of 441 or more"),
+        ({"mocap": "false"}, 0.0, r"on a body that cannot be moved; give it mocap='true'"),
+    ],
+)
+def test_what_would_lose_bodies_is_refused_and_nothing_is_written(
+    options: dict[str, Any], relief: float, message: str
+) -> None:
+    heights = np.zeros((9, 9))
+    heights[4, 4] = relief
+    model, data = simulator(**options)
+    before = model.hfield_data.copy(), data.mocap_pos.copy(), model.hfield_size.copy()
+    with pytest.raises(InputError, match=message):
+        write_field(model, data, "ground", patch_of(heights))
+    for old, new in zip(before, (model.hfield_data, data.mocap_pos, model.hfield_size), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+def test_an_unknown_field_and_a_patch_that_is_no_grid_are_refused() -> None:
+    model, data = simulator()
+    with pytest.raises(InputError, match=r"no height field 'soil'; it has \['other', 'ground'\]"):
+        write_field(model, data, "soil", patch_of(np.zeros((9, 9))))
+    with pytest.raises(InputError, match="no height field 2; it has 2, from 0 on"):
+        write_field(model, data, 2, patch_of(np.zeros((9, 9))))
+    patch = patch_of(np.zeros((3, 3)))
+    odd = patch.vertices_w.copy()
+    odd[4, 0] += 0.02
+    with pytest.raises(InputError, match=r"is no grid; run the node with -p patch\.kind:=heightfield"):
+        write_field(model, data, "ground", Patch(**{**vars(patch), "vertices_w": odd}))
+
+
+def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:
+    """In a bowl 3 m up: the ball comes to rest on its ground."""
+    [program] = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "import mujoco" in code]
+    [command] = [text for text in re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL) if "terrain_collider" in text]
+    assert len(program.splitlines()) <= 32
+    words = command.split()
+    assert words[:4] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
+    x, y = np.meshgrid(*[0.1 * (np.arange(81) - 40)] * 2)
+    bowl = 3.0 + 0.1 * (x * x + y * y)
+    with Process("terrain_collider", arguments=words[4:]) as node:
+        probe.wait_for(probe.connected, watch=node)
+        simulation = subprocess.Popen(
+            [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+        def ended() -> bool:
+            probe.publish_map(bowl, resolution=0.1, origin=(-4.0, -4.0, 0.0))
+            return simulation.poll() is not None
+
+        try:
+            probe.wait_for(ended, timeout=2.0 * PATIENCE, watch=node)
+        finally:
+            simulation.kill()
+            output, errors = simulation.communicate()
+    assert simulation.returncode == 0, errors
+    at_x, at_y, at_z = (float(word) for word in output.split()[-3:])
+    below = 3.0 + 0.1 * (at_x**2 + at_y**2)
+    assert at_z - 0.2 == pytest.approx(below, abs=0.01)
