@@ -21,7 +21,7 @@ pictures:  ## the README's pictures of the view and the demo, by a browser witho
 	@$(RUN) dev view -- python scripts/view_pictures.py
 
 test:  ## lint, types, colcon build, and every test
-	@$(RUN) dev view -- scripts/check
+	@$(RUN) dev view studies -- scripts/check
 
 lint:  ## ruff, the import rules and the type checker
 	@$(RUN) dev view -- scripts/check lint
