@@ -14,5 +14,5 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument("odometry", default_value="/odom", description="Topic of the robot's odometry."),
         always="elevation_mapping",
-        remap=[("~/grid_map", "grid_map"), ("~/odometry", "odometry")],
+        remap=[("~/grid_map", "grid_map"), ("~/tracked_odometry", "odometry")],
     )

@@ -35,6 +35,7 @@ class BodyDescriptions:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        session.topics.publish("~/body_descriptions")
         self.publisher = session.node.create_publisher(BodyDescriptionArray, "~/body_descriptions", LATCHED)
         self._described: list[Body] | None = None  # by the last message; None = there was no use for one
         self._due = 0.0

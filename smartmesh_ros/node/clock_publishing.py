@@ -9,8 +9,6 @@ from rosgraph_msgs.msg import Clock
 from smartmesh_ros.node.session import Session
 
 TOPIC = "/clock"
-# What the graph calls a node whose name it does not know yet.
-UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Seconds between two log lines about another publisher.
 LOG_PERIOD = 5.0
 
@@ -49,14 +47,12 @@ class ClockPublishing:
         node = self._session.node
         own = (node.get_name(), node.get_namespace())
         peers = node.get_publishers_info_by_topic(self._publisher.topic_name)
-        others = {
-            f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
-            for peer in peers
-            if (peer.node_name, peer.node_namespace) != own
-        }
-        self.rivals = sorted(others) or ["another node of this name"]
-        if any(UNKNOWN in name for name in self.rivals):
-            return  # found a moment ago; its name comes
+        others = [peer for peer in peers if (peer.node_name, peer.node_namespace) != own]
+        names = self._session.names.of_all(others)
+        if names is None:
+            self.rivals = ["another node"]
+            return
+        self.rivals = names or ["another node of this name"]
         node.get_logger().error(
             f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
             "publish.clock to 0 and use_sim_time to true to follow that clock",

@@ -23,8 +23,9 @@ OLDEST, NEWEST = 1.0, -0.05
 class Pacer:
     """Deadlines of a loop of fixed period, on the steady clock unless ``now`` gives another [s].
 
-    ``lateness`` collects how late the steps started. ``follows``: whether the clock is another simulator's, so that
-    steps come in bursts. ``late``: whether else the last one missed its deadline.
+    ``lateness`` collects how late the steps started. ``follows``: whether the clock is another simulator's. Its steps
+    come in bursts, which miss no deadline unless they are given up, and it reads zero until its first message.
+    ``late``: whether the last step missed its deadline. ``paused``: whether the loop beats without deadlines.
 
     A deadline is missed when its step has not started by the time of the next one. What then happens is the ``policy``:
 
@@ -43,12 +44,14 @@ class Pacer:
         self.policy = policy
         self.misses = 0
         self.late = False
+        self.paused = False
         self.most_catch_up = MOST_CATCH_UP
         self.follows = False
         self.lateness = Stopwatch(("lateness",))
         self._now = now
         self._timeline = Timeline()
         self.deadline = now() + period
+        self._waits_for_clock = False
 
     @property
     def behind(self) -> bool:
@@ -57,11 +60,20 @@ class Pacer:
 
     def restart(self) -> None:
         """Starts anew, after a pause or when the clock was set."""
+        now = self._now()
         self._timeline.clear()
-        self.deadline = self._now() + self.period
+        self.deadline = now + self.period
+        self._waits_for_clock = self.follows and now == 0.0
+
+    def pause(self, paused: bool) -> None:
+        """Has the loop miss no deadlines from now on, or starts its beat anew."""
+        self.paused = paused
+        self.restart()
 
     def remaining(self) -> float:
         """Time to the next deadline [s]; negative when it is over."""
+        if self._waits_for_clock and self._now() > 0.0:  # the first message: the time before it was no delay
+            self.restart()
         left = self.deadline - self._now()
         if left > self.period:  # the clock was set back, or the period became shorter
             self.deadline -= left - self.period
@@ -88,9 +100,15 @@ class Pacer:
 
     def advance(self) -> int:
         """Notes that the work of this deadline is starting, and sets the next one; returns the steps to leave out."""
+        if self.paused:
+            self.late = False
+            self.deadline = self._now() + self.period
+            return 0
         late = -self.remaining()
         self.lateness.note("lateness", max(late, 0.0))
         missed = int(late / self.period) if late > self.period else 0
+        if self.follows and late <= self.most_catch_up:
+            missed = 0
         self.late = missed > 0 and not self.follows
         self._timeline.note(self._now())
         skipped = 0

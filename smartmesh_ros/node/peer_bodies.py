@@ -106,8 +106,11 @@ class PeerBodies:
         found = {
             topic.removesuffix(f"/{TOPIC}")
             for topic, kinds in node.get_topic_names_and_types()
-            if topic.endswith(f"/{TOPIC}") and KIND in kinds and node.count_publishers(topic)
-        } - {self._own}
+            if topic.endswith(f"/{TOPIC}")
+            and KIND in kinds
+            and node.count_publishers(topic)
+            and topic not in self._session.topics.published
+        }
         for name in sorted(found - self._peers.keys()):
             self._listen(name)
         for name in [name for name in self._peers.keys() - found if self._peers[name].heard is None]:

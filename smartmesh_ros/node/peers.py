@@ -8,12 +8,17 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
+from smartmesh_ros.node.endpoint_names import EndpointNames
 
-def incompatible_peers(node: Node, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
+
+def incompatible_peers(
+    node: Node, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
+) -> dict[str, str]:
     """Peers that asked for a quality of service (QoS) that does not meet the node's, as sentences by topic.
 
     Costs two counts a topic unless somebody there is not connected. A peer that was found a moment ago and is about to
-    be connected is not mistaken for one, because the policies themselves are compared.
+    be connected is not mistaken for one, because the policies themselves are compared. A peer is left out until its
+    name has arrived.
     """
     found: dict[str, list[str]] = {}
     own = (node.get_name(), node.get_namespace())
@@ -22,18 +27,14 @@ def incompatible_peers(node: Node, subscriptions: Iterable[Any], publishers: Ite
         if node.count_publishers(topic) > endpoint.get_publisher_count():
             # Our own policies as the graph tells them too: only there are defaults spelt out.
             ours = _of(node.get_subscriptions_info_by_topic(topic), own)
-            _note(
-                found, topic, [(peer, peer, mine) for peer in node.get_publishers_info_by_topic(topic) for mine in ours]
-            )
+            peers = node.get_publishers_info_by_topic(topic)
+            _note(found, names, topic, [(peer, peer, mine) for peer in peers for mine in ours])
     for endpoint in publishers:
         topic = endpoint.topic_name
         if node.count_subscribers(topic) > endpoint.get_subscription_count():
             ours = _of(node.get_publishers_info_by_topic(topic), own)
-            _note(
-                found,
-                topic,
-                [(peer, mine, peer) for peer in node.get_subscriptions_info_by_topic(topic) for mine in ours],
-            )
+            peers = node.get_subscriptions_info_by_topic(topic)
+            _note(found, names, topic, [(peer, mine, peer) for peer in peers for mine in ours])
     return {topic: "; ".join(peers) for topic, peers in found.items()}
 
 
@@ -46,10 +47,9 @@ def _of(endpoints: list[Any], node: tuple[str, str]) -> list[Any]:
     return [endpoint for endpoint in endpoints if (endpoint.node_name, endpoint.node_namespace) == node][:1]
 
 
-def _note(found: dict[str, list[str]], topic: str, pairs: list[tuple[Any, Any, Any]]) -> None:
+def _note(found: dict[str, list[str]], names: EndpointNames, topic: str, pairs: list[tuple[Any, Any, Any]]) -> None:
     """Notes the peers of ``pairs`` (peer, who offers, who requests) that do not fit."""
     for peer, offers, requests in pairs:
         compatibility, reason = qos_check_compatible(offers.qos_profile, requests.qos_profile)
-        if compatibility == QoSCompatibility.ERROR:
-            name = f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
+        if compatibility == QoSCompatibility.ERROR and (name := names.of(peer)) is not None:
             found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")

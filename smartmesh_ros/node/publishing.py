@@ -179,6 +179,7 @@ class Publishing:
         return self._connections != before
 
     def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
+        self._session.topics.publish(topic)
         return _Output(self._node.create_publisher(kind, topic, self._qos), make)
 
     def _header(self) -> Header:
@@ -254,6 +255,7 @@ class Publishing:
                 self._node,
                 session.subscriptions,
                 [self._descriptions.publisher, *(output.publisher for output in self._outputs.values())],
+                session.names,
             ),
             new_refusals=refused - self._refused_before,
         )

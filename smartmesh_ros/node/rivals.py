@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 
+from smartmesh_ros.node.endpoint_names import EndpointNames
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
 # Maps whose heights differ by more than this disagree, in the median [m].
@@ -78,10 +79,7 @@ def disagreement(one: Seen, other: Seen) -> float:
     return float(np.median(gaps)) if gaps.size else 0.0
 
 
-def publisher_names(node: Node, subscriptions: list[Any]) -> list[str]:
-    """The nodes that publish on the topics of ``subscriptions``, sorted."""
-    names = set()
-    for subscription in subscriptions:
-        for peer in node.get_publishers_info_by_topic(subscription.topic_name):
-            names.add(f"{peer.node_namespace.rstrip('/')}/{peer.node_name}")
-    return sorted(names)
+def publisher_names(node: Node, subscriptions: list[Any], names: EndpointNames) -> list[str]:
+    """The nodes that publish on the topics of ``subscriptions``, sorted; empty until the names of all have arrived."""
+    topics = [subscription.topic_name for subscription in subscriptions]
+    return names.of_all(peer for topic in topics for peer in node.get_publishers_info_by_topic(topic)) or []

@@ -14,6 +14,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.bounds import require_name
 from smartmesh_ros.node.clock import NodeClock, stamp_of
 from smartmesh_ros.node.decoding import MOST_ITEMS, message_from
+from smartmesh_ros.node.endpoint_names import EndpointNames
+from smartmesh_ros.node.own_topics import OwnTopics
 from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.settings import Settings
@@ -29,10 +31,10 @@ class Session:
     """One running node.
 
     ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
-    taken [s], None before the first; ``maps``: how many were taken. ``paused``: whether the physics stands
-    still. ``lock``: held by whatever touches the world, for executors with several threads. ``handled``: messages and
-    calls so far. ``rival_maps``: publishers whose maps disagree. ``doubtful_maps``: what is wrong with the maps, empty
-    where nothing is. ``terrain_subscriptions``: those that bring terrain.
+    taken [s], None before the first; ``maps``: how many were taken. ``lock``: held by whatever touches the world, for
+    executors with several threads. ``handled``: messages and calls so far. ``rival_maps``: publishers whose maps
+    disagree. ``doubtful_maps``: what is wrong with the maps, empty where nothing is. ``terrain_subscriptions``: those
+    that bring terrain. ``topics``: those that are taken and published. ``names``: of the nodes at their other ends.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -41,6 +43,8 @@ class Session:
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
         self.subscriptions: list[Any] = []
+        self.topics = OwnTopics(node.resolve_topic_name, settings)
+        self.names = EndpointNames()
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
         self.refusals = Refusals(node.get_logger())
@@ -54,7 +58,11 @@ class Session:
         self.maps = 0
         self.rival_maps: list[str] = []
         self.doubtful_maps = ""
-        self.paused = False
+
+    @property
+    def paused(self) -> bool:
+        """Whether the physics stands still."""
+        return self.pacer.paused
 
     def listen(
         self,
@@ -81,6 +89,7 @@ class Session:
                 self.refusals.add(topic, error)
 
         name = f"~/{topic}" if private else topic
+        self.topics.take(name)
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:

@@ -115,8 +115,8 @@ class TerrainCollider(Node):
 
     def pause(self, paused: bool) -> None:
         """Stops the physics, or lets it go on."""
-        self.session.paused = paused
-        self._restart()
+        self.pacer.pause(paused)
+        self._outputs.restart_measuring()
 
     def step(self, count: int) -> None:
         """Runs steps while the physics is paused; raises `InputError` if it is not."""
@@ -168,9 +168,9 @@ class TerrainCollider(Node):
         self._terrain.forget_stamps()
         self._bodies.forget_stamps()
         self._peers.forget_stamps()
-        self._restart()
+        self.restart()
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
         """Starts the loop's beat anew, and what is measured of it."""
         self.pacer.restart()
         self._outputs.restart_measuring()

@@ -124,8 +124,8 @@ class TerrainInputs:
         if not any(of_tile.found for of_tile in self._rivals.values()):
             session.rival_maps = []
         elif not session.rival_maps:
-            session.rival_maps = publisher_names(session.node, topics)
-            if not self._rivals_told:
+            session.rival_maps = publisher_names(session.node, topics, session.names)
+            if session.rival_maps and not self._rivals_told:
                 self._rivals_told = True
                 session.node.get_logger().warning(
                     f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "

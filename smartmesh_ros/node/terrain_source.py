@@ -93,6 +93,10 @@ class TerrainSource(Node):
 
     handled = 0  # it takes no messages
 
+    def restart(self) -> None:
+        """Starts the beat anew."""
+        self.pacer.restart()
+
     def idle(self) -> None:
         """Publishes nothing while time stands still."""
 

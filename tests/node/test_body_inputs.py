@@ -56,14 +56,14 @@ def bodies(probe: Probe) -> set[str]:
 def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(probe: Probe) -> None:
     parameters = {
         "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
-        "bodies.odometry": ["rover=~/odometry"],
+        "bodies.odometry": ["rover=~/tracked_odometry"],
         "bodies.timeout": 0.5,
         "frame_id": "map",
     }
     with probe.running(parameters=parameters):
         flat_map(probe)
         arm, second = probe.publisher(PoseStamped, "/arm/tip_pose"), probe.publisher(PoseStamped, "/second/pose")
-        rover = probe.publisher(Odometry, "odometry")
+        rover = probe.publisher(Odometry, "tracked_odometry")
 
         def publish() -> None:
             arm.publish(stamped(probe, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
@@ -79,7 +79,7 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(probe: Pr
         probe.wait_for(lambda: not bodies(probe))
         rover.publish(stamped(probe, Odometry(pose=nan_pose()), "map"))
         second.publish(stamped(probe, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
-        for key in ("refused, ~/odometry: non_finite", "refused, /second/pose: non_finite"):
+        for key in ("refused, ~/tracked_odometry: non_finite", "refused, /second/pose: non_finite"):
             probe.wait_for(lambda key=key: probe.diagnostics("inputs").get(key) == "1")
 
 

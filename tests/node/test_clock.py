@@ -98,6 +98,8 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         probe.wait_for(lambda: len(states) > seen + 3)
         assert states[-1].bodies[0].pose.position.z == HEIGHT
         spun_on(lambda: fallen(states[-1]) > 0.2)
+        # Neither the time before the first message of the clock nor the bursts that its messages bring are delays.
+        assert probe.diagnostics("physics")["deadline misses"] == "0"
         # It stands still again when the clock does, at the clock's time.
         probe.latest("/diagnostics")
         probe.latest("/diagnostics")

@@ -1,6 +1,9 @@
 """Starting, stopping and restarting processes."""
 
+import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from time import monotonic
 
@@ -8,6 +11,42 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, assert_on_map
+
+# A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
+# deadlines were missed.
+SLOW_START = """
+import signal
+from time import monotonic
+from types import SimpleNamespace
+
+from rclpy.node import Node
+
+from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.running import run
+
+
+class Slow(Node):
+    handled, settings = 0, SimpleNamespace(executor="events")
+
+    def __init__(self):
+        super().__init__("slow")
+        started = [0.0]
+        self.pacer = Pacer(0.2, now=lambda: monotonic() + started[0])
+        started[0] = 1000.0
+
+    def restart(self):
+        self.pacer.restart()
+
+    def idle(self):
+        pass
+
+    def tick(self, skipped):
+        print("missed", self.pacer.misses, flush=True)
+        signal.raise_signal(signal.SIGTERM)
+
+
+run(Slow)
+"""
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -26,6 +65,12 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_pa
         assert process.stop() == 0
         assert "compiled functions ready" not in process.output
         assert "Traceback" not in process.output
+
+
+def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:
+    result = subprocess.run([sys.executable, "-c", SLOW_START], capture_output=True, text=True, check=True)
+    [missed] = re.findall(r"missed (\d+)", result.stdout)
+    assert int(missed) < 100
 
 
 def test_a_source_may_be_killed_and_started_again(no_shared_memory: None, probe: Probe) -> None:

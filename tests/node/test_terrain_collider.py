@@ -187,6 +187,10 @@ def test_pause_step_and_reset(probe: Probe) -> None:
         assert probe.call("step", StepPhysics, steps=24).success
         fallen = 5.0 - 9.81 / 240.0**2 * 24 * 25 / 2  # symplectic Euler: the sum of 1 .. 24 steps of g dt^2
         assert probe.wait_for(lambda: (p := position()) and p[2] < 5.0 and p)[2] == pytest.approx(fallen, abs=1e-6)
+        missed = probe.diagnostics("physics")["deadline misses"]
+        assert probe.call("step", StepPhysics, steps=20_000).success
+        probe.latest("/diagnostics")  # may be of before the steps
+        assert probe.diagnostics("physics")["deadline misses"] == missed, "a paused node has no deadlines"
         assert not probe.call("step", StepPhysics, steps=0).success
         assert not probe.call("step", StepPhysics, steps=4_000_000_000).success
         assert probe.call("reset", Trigger).success

@@ -1,0 +1,76 @@
+"""Names of nodes that discovery brings later than their endpoints."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from smartmesh_ros.node.endpoint_names import NAMELESS, PATIENCE, UNKNOWN, EndpointNames
+from smartmesh_ros.node.peers import incompatible_peers
+from smartmesh_ros.node.rivals import publisher_names
+
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+UNNAMED = (UNKNOWN, UNKNOWN)
+
+
+def endpoint(gid: int, name: tuple[str, str], qos: QoSProfile = BEST_EFFORT) -> Any:
+    """What the graph tells of a publisher or subscription; ``name``: of its node, and its namespace."""
+    return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
+
+
+class Graph:
+    """A node that hears maps of two publishers, as the graph tells it. The second one's name is yet to come."""
+
+    def __init__(self) -> None:
+        self.publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2, UNNAMED)]
+        self.subscription = SimpleNamespace(topic_name="/maps", get_publisher_count=lambda: 0)
+
+    def get_name(self) -> str:
+        return "terrain_collider"
+
+    def get_namespace(self) -> str:
+        return "/"
+
+    def count_publishers(self, _: str) -> int:
+        return len(self.publishers)
+
+    def get_publishers_info_by_topic(self, _: str) -> list[Any]:
+        return self.publishers
+
+    def get_subscriptions_info_by_topic(self, _: str) -> list[Any]:
+        return [endpoint(0, ("terrain_collider", "/"), RELIABLE)]
+
+
+def test_rivals_are_named_once_the_names_of_all_have_arrived() -> None:
+    graph: Any = Graph()
+    names = EndpointNames()
+    assert publisher_names(graph, [graph.subscription], names) == []
+    graph.publishers[1] = endpoint(2, ("other", "/"))
+    assert publisher_names(graph, [graph.subscription], names) == ["/other", "/robot/mapper"]
+
+
+def test_a_peer_that_does_not_fit_is_told_of_once_its_name_has_arrived() -> None:
+    graph: Any = Graph()
+    names = EndpointNames()
+    [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
+    assert "/robot/mapper" in said
+    assert UNKNOWN not in said
+    graph.publishers[1] = endpoint(2, ("other", "/"))
+    [said] = incompatible_peers(graph, [graph.subscription], [], names).values()
+    assert "/other" in said
+
+
+def test_a_program_that_never_sends_a_name_is_told_of_after_a_while() -> None:
+    """As bridges do that speak DDS without ROS."""
+    now = [100.0]
+    names = EndpointNames(lambda: now[0])
+    nameless = endpoint(2, UNNAMED)
+    assert names.of(nameless) is None
+    now[0] += 0.9 * PATIENCE
+    assert names.of(nameless) is None
+    assert names.of(endpoint(3, UNNAMED)) is None
+    now[0] += 0.2 * PATIENCE
+    assert names.of(nameless) == NAMELESS
+    assert names.of(endpoint(3, UNNAMED)) is None, "each has its own time"
+    assert names.of(endpoint(2, ("late", "/"))) == "/late"

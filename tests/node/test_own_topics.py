@@ -1,0 +1,118 @@
+"""The node takes nothing from its own outputs: else a robot's odometry becomes a tracked body inside that robot."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from grid_map_msgs.msg import GridMap
+from smartmesh_msgs.srv import SpawnBody
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+
+from smartmesh_ros.testing import COLLIDER, PATIENCE, Probe, Process, pose_message
+from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
+from tests.node.test_presets import PRESETS
+
+__all__ = ["stand_ins"]
+
+PRESET = Path(__file__).parents[2] / "config" / "elevation_mapping.yaml"
+ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"
+# Where the centre of mass of the rover's root link rests on flat ground, and how much higher a test may find it [m].
+RESTING, HIGHEST = 0.10, 0.005
+# How long the rover is watched, in simulated time [s].
+WATCHED = 3.0
+
+
+def launched(stand_ins: dict[str, type[Recorded]]) -> list[str]:
+    """Arguments that elevation_mapping.launch.py starts the collider with."""
+    [node] = Launch(LAUNCH / "elevation_mapping.launch.py", stand_ins).of("Node")
+    *files, _ = node.kwargs["parameters"]
+    remappings = [part for old, new in node.kwargs["remappings"] for part in ("-r", f"{old}:={new}")]
+    return ["--ros-args", *(part for file in files for part in ("--params-file", file)), *remappings, "--"]
+
+
+def flat_map(probe: Probe) -> GridMap:
+    """A grid map of flat ground, 6 m a side."""
+    cells, resolution = 60, 0.1
+    message = GridMap(layers=["elevation"], basic_layers=["elevation"])
+    message.header.stamp, message.header.frame_id = probe.now(), "map"
+    message.info.resolution = resolution
+    message.info.length_x = message.info.length_y = cells * resolution
+    message.info.pose = pose_message((0.0, 0.0, 0.0))
+    data = Float32MultiArray(data=np.zeros(cells * cells, np.float32).tolist())
+    data.layout.dim = [
+        MultiArrayDimension(label=label, size=cells, stride=cells * cells) for label in ("column_index", "row_index")
+    ]
+    message.data = [data]
+    return message
+
+
+def own_topics(probe: Probe) -> set[str]:
+    """Topics that the collider both publishes and subscribes to."""
+    node, name = probe.node, COLLIDER.strip("/")
+    published = dict(node.get_publisher_names_and_types_by_node(name, "/"))
+    taken = dict(node.get_subscriber_names_and_types_by_node(name, "/"))
+    assert f"{COLLIDER}/body_states" in published
+    assert f"{COLLIDER}/heightmap" in taken
+    return published.keys() & taken.keys()
+
+
+@pytest.mark.parametrize("set_up", ["launch file", "preset alone"])
+def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
+    probe: Probe, stand_ins: dict[str, type[Recorded]], set_up: str
+) -> None:
+    """Under another name than the preset's tracked body. Nobody publishes the odometry of a real robot."""
+    arguments = launched(stand_ins) if set_up == "launch file" else ["--ros-args", "--params-file", str(PRESET), "--"]
+    topic = "/elevation_mapping/elevation_map" if set_up == "launch file" else "grid_map"
+    with probe.running(parameters={"bodies.urdf_folders": [str(ROVER.parent)]}, arguments=arguments) as process:
+        assert own_topics(probe) == set()
+        maps = probe.publisher(GridMap, topic)
+        states = probe.received[f"{COLLIDER}/body_states"]
+        probe.wait_for(lambda: maps.publish(flat_map(probe)) or probe.latest("body_states").header.frame_id)
+        pose = pose_message((0.0, 0.0, RESTING + 0.001))
+        assert probe.call("spawn_body", SpawnBody, id="mine", urdf=str(ROVER), pose=pose).success
+        seen: list[tuple[float, float]] = []  # stamps [s] and heights [m]
+
+        def watched() -> bool:
+            maps.publish(flat_map(probe))
+            probe.latest("body_states")
+            for message in states:
+                stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+                seen.extend((stamp, body.pose.position.z) for body in message.bodies if body.id == "mine")
+            states.clear()
+            return bool(seen) and seen[-1][0] - seen[0][0] > WATCHED
+
+        probe.wait_for(watched, watch=process)
+        heights = [height for _, height in seen]
+        assert max(heights) < RESTING + HIGHEST
+        assert min(heights) > RESTING - HIGHEST
+
+
+@pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
+def test_no_preset_has_the_node_hear_itself(probe: Probe, preset: Path) -> None:
+    with probe.running(arguments=["--ros-args", "--params-file", str(preset)]):
+        assert own_topics(probe) == set()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "remap", "words"),
+    [
+        ({"bodies.odometry": ["husky=~/odometry"]}, [], ("body 'husky'", "'~/odometry'", f"{COLLIDER}/odometry")),
+        (
+            {"bodies.odometry": ["husky=~/tracked_odometry"]},
+            ["~/tracked_odometry:=/odom", "~/odometry:=/odom"],
+            ("body 'husky'", "'~/tracked_odometry'", "/odom", "publishes as ~/odometry"),
+        ),
+        ({"bodies.poses": [f"x={COLLIDER}/body_states"]}, [], ("body 'x'", "publishes as ~/body_states")),
+        ({}, ["~/tracked_bodies:=/bodies", "~/body_states:=/bodies"], ("~/tracked_bodies", "/bodies", "~/body_states")),
+        ({}, ["~/joint_commands:=~/joint_states"], ("~/joint_commands", "publishes as ~/joint_states")),
+    ],
+)
+def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
+    domain: int, parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
+) -> None:
+    arguments = ["--ros-args", *(part for rule in remap for part in ("-r", rule)), "--"] if remap else []
+    with Process("terrain_collider", parameters, arguments) as process:
+        assert process.process.wait(PATIENCE) == 2, process.output
+        assert all(word in process.output for word in ("cannot start", *words)), process.output
+        assert "Traceback" not in process.output
