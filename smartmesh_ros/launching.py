@@ -1,4 +1,8 @@
-"""What the launch files of this package share: arguments of the same names and defaults, and the nodes they start."""
+"""What the launch files of this package share: arguments of the same names and defaults, and the nodes they start.
+
+Files, packages and executables are looked up before any node starts. ROS launch finds them one by one, and where the
+last is missing it would leave the nodes running that it started before.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -20,6 +24,8 @@ PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 SHOWN = ("patches",)
 # As in `smartmesh_ros.node.dds`, which cannot be imported without rclpy.
 PROFILE, POLICY = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
+# Files in config/ that are no parameter files of terrain_collider.
+NO_PRESETS = ("diagnostic_aggregator",)
 
 Values = Callable[[str], str]
 
@@ -33,7 +39,7 @@ def description(
     """The collider with the arguments that all launch files have, and ``more`` arguments.
 
     ``always``: a preset that is read before that of the user. ``remap``: pairs of a topic and the argument that names
-    another. ``start``: makes further actions from the values of the arguments.
+    another. ``start``: makes further actions from the values of the arguments, by `node`.
     """
 
     def act(context: Any) -> list[Any]:
@@ -69,7 +75,7 @@ def fleet() -> LaunchDescription:
 
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), int(value("nodes"))
-    common: dict[str, Any] = {"package": PACKAGE, "output": "screen"}
+    common: dict[str, Any] = {"output": "screen"}
     time = {"use_sim_time": is_true(value("use_sim_time"))}
     level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
@@ -77,22 +83,36 @@ def _fleet_nodes(value: Values) -> list[Any]:
     for index in range(count):
         own = {name: v for name, v in fleet_layout.parameters_of(index, count, space).items() if v != []}
         nodes.append(
-            Node(
+            node(
                 **common, executable=NODE, namespace=fleet_layout.namespace_of(index, space),
                 parameters=[*files, own, time], remappings=fleet_layout.remappings(space), arguments=level,
                 respawn=True,
             )
         )  # fmt: skip
     front = {**fleet_layout.front_parameters(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    nodes.append(Node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
+    nodes.append(node(**common, executable="fleet_front", namespace=space, parameters=[front, time], arguments=level))
     if value("scene"):
         nodes.append(
-            Node(
+            node(
                 **common, executable="terrain_source", namespace=space, parameters=[{"scene": value("scene")}, time],
                 remappings=fleet_layout.source_remappings(space),
             )
         )  # fmt: skip
     return nodes
+
+
+def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
+    """A node whose executable is there; arguments as of launch_ros.
+
+    Raises `FileNotFoundError`, which ends the launch before anything starts, with ``hint``: what would be right.
+    """
+    try:
+        there = (Path(get_package_prefix(package)) / "lib" / package / executable).is_file()
+    except PackageNotFoundError:
+        raise FileNotFoundError(f"package {package} is not installed: {hint}") from None
+    if not there:
+        raise FileNotFoundError(f"package {package} has no executable {executable}: {hint}")
+    return Node(package=package, executable=executable, **more)
 
 
 def is_true(text: str) -> bool:
@@ -110,7 +130,7 @@ def parameter_files(presets: Sequence[str], config: str) -> list[str]:
     files += [Path(config).expanduser()] if config else []
     for file in files:
         if not file.is_file():
-            known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml")))
+            known = ", ".join(sorted({path.stem for path in folder.glob("*.yaml")}.difference(NO_PRESETS)))
             hint = f"; the presets are {known}" if file.parent == folder else ""
             raise FileNotFoundError(f"there is no parameter file {file}{hint}")
     return [str(file) for file in files]
@@ -140,12 +160,13 @@ def _arguments(preset: str = "") -> list[Any]:
 def _settings_of_dds(value: Values) -> list[Any]:
     if not value("dds"):
         return []
+    if not Path(value("dds")).is_file():
+        raise FileNotFoundError(f"there is no file {value('dds')} of Fast DDS settings; name one, or set dds:=''")
     return [SetEnvironmentVariable(PROFILE, value("dds")), SetEnvironmentVariable(POLICY, "1")]
 
 
 def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> Any:
-    return Node(
-        package=PACKAGE,
+    return node(
         executable=NODE,
         namespace=value("namespace"),
         output="screen",
@@ -158,15 +179,16 @@ def _collider(value: Values, always: str, remap: Sequence[tuple[str, str]]) -> A
     )
 
 
-def _rviz(value: Values, node: str = NODE) -> list[Any]:
+def _rviz(value: Values, shown: str = NODE) -> list[Any]:
     if not is_true(value("rviz")):
         return []
     namespace = value("namespace").strip("/")
-    there = f"/{namespace}/{node}" if namespace else f"/{node}"
+    there = f"/{namespace}/{shown}" if namespace else f"/{shown}"
     return [
-        Node(
+        node(
             package="rviz2",
             executable="rviz2",
+            hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
             parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
             remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],

@@ -1,87 +1,48 @@
-"""Launch files, RViz and aggregator files name what exists. Real ROS launch is not at hand everywhere: stand-ins record
-what the files ask for."""
+"""Launch files, RViz and aggregator files name what exists."""
 
 import re
-import runpy
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 import yaml
+from ament_index_python.packages import get_package_prefix
 
-ROOT = Path(__file__).parent.parent
-LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
-FLEET = ROOT / "launch" / "fleet.launch.py"
+from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
+
+__all__ = ["stand_ins"]
+
+ROOT = LAUNCH.parent
+LAUNCH_FILES = sorted(LAUNCH.glob("*.launch.py"))
+FLEET = LAUNCH / "fleet.launch.py"
 EXECUTABLES = set(re.findall(r'f"(\w+) = \{NAME\}', (ROOT / "setup.py").read_text()))
 ARGUMENTS = {"preset", "config", "namespace", "use_sim_time", "log_level", "rviz", "dds"}
 
 
-class Recorded:
-    """Anything a launch file makes, with what it was made of."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        self.args, self.kwargs = args, kwargs
-
-    def perform(self, context: dict[str, str]) -> str:
-        """As of a LaunchConfiguration: the value of the argument of its name."""
-        return context[self.args[0]]
-
-
-class Launch:
-    """A launch file, as far as it can be taken apart without ROS launch."""
-
-    def __init__(self, path: Path, kinds: dict[str, type[Recorded]]) -> None:
-        [self._items] = runpy.run_path(str(path))["generate_launch_description"]().args
-        self._kinds = kinds
-        declared = [item for item in self._items if type(item) is kinds["DeclareLaunchArgument"]]
-        assert all(item.kwargs["description"].endswith(".") for item in declared)
-        self.defaults = {item.args[0]: item.kwargs["default_value"] for item in declared}
-
-    def of(self, kind: str, **arguments: str) -> list[Recorded]:
-        """What it makes of a kind with these arguments and the defaults of the others."""
-        assert set(arguments) <= set(self.defaults)
-        items = [item for item in self._items if type(item) is not self._kinds["OpaqueFunction"]]
-        for item in self._items[len(items) :]:
-            items += item.kwargs["function"]({**self.defaults, **arguments})
-        return [item for item in items if type(item) is self._kinds[kind]]
+@pytest.fixture
+def rviz(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package of that name, which the launch files look up."""
+    for file in ("share/ament_index/resource_index/packages/rviz2", "lib/rviz2/rviz2"):
+        (tmp_path / file).parent.mkdir(parents=True)
+        (tmp_path / file).touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:{get_package_prefix('smartmesh_ros')}")
 
 
 @pytest.fixture
-def stand_ins(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Recorded]]:
-    kinds: dict[str, type[Recorded]] = {}
-    for module, names in {
-        "launch": ("LaunchDescription",),
-        "launch.actions": ("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable"),
-        "launch.substitutions": ("LaunchConfiguration",),
-        "launch_ros": (),
-        "launch_ros.actions": ("Node",),
-    }.items():
-        made = ModuleType(module)
-        for name in names:
-            kinds[name] = type(name, (Recorded,), {})
-            setattr(made, name, kinds[name])
-        monkeypatch.setitem(sys.modules, module, made)
-    monkeypatch.delitem(sys.modules, "smartmesh_ros.launching", raising=False)
-    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE", raising=False)
-    return kinds
+def no_rviz(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", get_package_prefix("smartmesh_ros"))
 
 
 @pytest.fixture
-def fleet(stand_ins: dict[str, type[Recorded]]) -> Iterator[Launch]:
-    yield Launch(FLEET, stand_ins)
-    sys.modules.pop("smartmesh_ros.launching", None)
+def fleet(stand_ins: dict[str, type[Recorded]]) -> Launch:
+    return Launch(FLEET, stand_ins)
 
 
 @pytest.fixture(params=[path for path in LAUNCH_FILES if path != FLEET], ids=lambda path: path.name)
-def launch(request: pytest.FixtureRequest, stand_ins: dict[str, type[Recorded]]) -> Iterator[Launch]:
-    yield Launch(request.param, stand_ins)
-    sys.modules.pop("smartmesh_ros.launching", None)  # it is made of stand-ins
+def launch(request: pytest.FixtureRequest, stand_ins: dict[str, type[Recorded]]) -> Launch:
+    return Launch(request.param, stand_ins)
 
 
-def test_all_launch_files_have_the_same_arguments_and_start_what_exists(launch: Launch) -> None:
+def test_all_launch_files_have_the_same_arguments_and_start_what_exists(launch: Launch, rviz: None) -> None:
     assert set(launch.defaults) >= ARGUMENTS
     for node in launch.of("Node", rviz="true"):
         assert node.kwargs["package"] in ("smartmesh_ros", "rviz2")
@@ -101,7 +62,7 @@ def test_defaults_are_those_of_the_node(launch: Launch) -> None:
     assert launch.of("SetEnvironmentVariable", dds="") == []
 
 
-def test_arguments_reach_every_node(launch: Launch, tmp_path: Path) -> None:
+def test_arguments_reach_every_node(launch: Launch, tmp_path: Path, rviz: None) -> None:
     config = tmp_path / "mine.yaml"
     config.write_text("/**: {ros__parameters: {physics.rate: 100.0}}")
     nodes = launch.of("Node", namespace="robot", use_sim_time="true", config=str(config), preset="rover", rviz="true")
@@ -113,13 +74,32 @@ def test_arguments_reach_every_node(launch: Launch, tmp_path: Path) -> None:
     assert (Path(preset).name, mine) == ("rover.yaml", str(config)), "the user's file is read last, and wins"
 
 
-@pytest.mark.parametrize("arguments", [{"config": "/nowhere/mine.yaml"}, {"preset": "rovr"}])
+@pytest.mark.parametrize(
+    "arguments", [{"config": "/nowhere/mine.yaml"}, {"preset": "rovr"}, {"dds": "/nowhere/mine.yaml"}]
+)
 def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch, arguments: dict[str, str]) -> None:
     with pytest.raises(FileNotFoundError, match=r"/nowhere/mine.yaml|config/rovr.yaml; the presets are .*rover"):
         launch.of("Node", **arguments)
 
 
-def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch) -> None:
+def test_the_hint_names_no_file_that_is_no_preset(launch: Launch) -> None:
+    with pytest.raises(FileNotFoundError, match=r"the presets are [\w, ]+$") as error:
+        launch.of("Node", preset="rovr")
+    named = set(str(error.value).rpartition(" are ")[2].split(", "))
+    presets = {path.stem for path in (ROOT / "config").glob("*.yaml") if "terrain_collider:" not in path.read_text()}
+    assert named == presets
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_without_rviz_nothing_is_started(path: Path, stand_ins: dict[str, type[Recorded]], no_rviz: None) -> None:
+    """ROS launch starts actions in their order and looks each executable up when its turn comes."""
+    launch = Launch(path, stand_ins)
+    with pytest.raises(FileNotFoundError, match="rviz2 is not installed: apt install ros-jazzy-rviz2"):
+        launch.of("Node", rviz="true")
+    assert launch.of("Node", rviz="false")
+
+
+def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, rviz: None) -> None:
     assert set(fleet.defaults) >= ARGUMENTS
     *colliders, front, source, rviz = fleet.of("Node", nodes="3", namespace="site", rviz="true", use_sim_time="true")
     names = [f"/site/fleet/node_{index}/terrain_collider" for index in range(3)]
