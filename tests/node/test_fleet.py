@@ -83,7 +83,7 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
     patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
     with ExitStack() as stack:
         processes = [stack.enter_context(node(index)) for index in range(2)]
-        stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": 2.0}))
+        front = stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": 2.0}))
         fleet.show_ground()
         probe.wait_for(fleet.complete)
         assert fleet.spawn("still", 0.0).success
@@ -111,6 +111,15 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
         for name, position in last.items():
             assert abs(now[name].x - position.x) < 1.5, "it goes on from its last known state"
             assert abs(now[name].y - position.y) < 0.05
+        named = ", ".join(sorted(last))
+        probe.wait_for(lambda: f"spawned again on {NODES[0]}: " in front.output)
+        died, again = (
+            next(line for line in front.output.splitlines() if words in line)
+            for words in (f"{NODES[1]} died", "spawned again on")
+        )
+        for line in (died, again):
+            assert f"{len(last)} bodies" in line
+            assert ", ".join(sorted(line.rpartition("(")[2].rstrip(")").split(", "))) == named
         gone = layout.marker_namespace(NODES[1])
         cleared = [marker.ns for message in patches for marker in message.markers if marker.action == Marker.DELETEALL]
         assert cleared == [gone]

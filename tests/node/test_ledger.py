@@ -28,6 +28,7 @@ class World:
         self.bodies: dict[str, list[str]] = {node: [] for node in NODES}
         self.alive = set(NODES)
         self.time = 0.0
+        self.lost: dict[str, list[str]] = {}
         self.go_on(0.5)
 
     def go_on(self, seconds: float) -> None:
@@ -41,6 +42,7 @@ class World:
             self.do(self.ledger.look(self.time))
 
     def do(self, duties: Duties) -> None:
+        self.lost |= duties.lost
         for again in duties.spawn:
             if again.node in self.alive and again.name not in self.bodies[again.node]:
                 self.bodies[again.node].append(again.name)
@@ -140,6 +142,7 @@ def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again
     world.go_on(1.0)
     assert len(world.bodies["c"]) == 1
     assert world.ledger.respawned == 1
+    assert world.lost == {"c": world.bodies["c"]}, "for the log, although nobody missed it"
 
 
 def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
@@ -147,7 +150,7 @@ def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
     world.spawn("body")
     world.go_on(1.0)
     duties = world.ledger.look(world.time + 30.0)
-    assert duties == Duties([], [], [], [])
+    assert duties == Duties([], [], [], [], {})
     world.time += 30.0
     world.go_on(1.0)
     assert world.ledger.respawned == 0

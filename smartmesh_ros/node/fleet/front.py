@@ -49,6 +49,8 @@ SPECS = (
 LOOK, REPORT = 0.25, 1.0
 # Bodies and characters of a name that a node may tell of; it keeps narrower bounds itself.
 MOST, LONGEST = 1_000_000, 65_535
+# Bodies named in a log line.
+MOST_NAMED = 10
 
 
 class Front(Node):
@@ -112,15 +114,23 @@ class Front(Node):
             self.get_logger().warning(f"not spawned again yet: {response.message}", throttle_duration_sec=5.0)
         for one in lost:
             self._note(success and one.name not in refused, one.name)
+        if again := [one.name for one in lost if success and one.name not in refused]:
+            self.get_logger().info(f"spawned again on {node}: {_listed(again)}")
 
     def _say(self, duties: Duties) -> None:
         for node in duties.joined:
             self.get_logger().info(f"{node} is there")
         for node in duties.died:
-            self.get_logger().error(f"{node} is not heard any more; its bodies are spawned again {self._where()}")
+            lost = duties.lost.get(node, [])
+            bodies = f"to be spawned again {self._where()}: {_listed(lost)}" if lost else "it had no bodies"
+            self.get_logger().error(f"{node} died: not heard for {self.ledger.config.timeout:g} s; {bodies}")
             # Nobody else takes its markers away.
             gone = Marker(ns=marker_namespace(node), action=Marker.DELETEALL)
             self._patches.publish(MarkerArray(markers=[gone]))
+
+        for node in duties.lost.keys() - set(duties.died):
+            bodies = _listed(duties.lost[node])
+            self.get_logger().error(f"{node} was started anew without its bodies; to be spawned again: {bodies}")
 
     def _where(self) -> str:
         return "elsewhere" if self.ledger.config.respawn == "elsewhere" else "when it is back"
@@ -236,6 +246,12 @@ class Front(Node):
             message.header.stamp = self.get_clock().now().to_msg()
             self._timing.publish(message)
             self._timings.clear()
+
+
+def _listed(names: Sequence[str]) -> str:
+    """How many bodies these are, and the names of the first of them."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{len(names)} bodies ({', '.join(names[:MOST_NAMED])}{more})"
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -87,13 +87,15 @@ class Respawning(NamedTuple):
 
 
 class Duties(NamedTuple):
-    """What is to be done: nodes that ``died`` and ``joined`` since the last look, bodies to spawn again, and bodies
-    that a node is to remove since another has them, (node, name)."""
+    """What is to be done: nodes that ``died`` and ``joined`` since the last look, bodies to spawn again, bodies that a
+    node is to remove since another has them, (node, name), and the bodies ``lost`` since the last look, by node: a node
+    that lost bodies and did not die was started anew."""
 
     died: list[str]
     joined: list[str]
     spawn: list[Respawning]
     remove: list[tuple[str, str]]
+    lost: dict[str, list[str]]
 
 
 class Ledger:
@@ -167,7 +169,7 @@ class Ledger:
 
     def look(self, time: float) -> Duties:
         """What is to be done now, ``time`` [s]."""
-        duties = Duties([], [], [], [])
+        duties = Duties([], [], [], [], {})
         # While the front itself stood still nobody could be heard.
         pause, self._looked = max(time - self._looked - self.config.restart, 0.0), time
         for node, member in self.members.items():
@@ -179,20 +181,23 @@ class Ledger:
                 duties.died.append(node)
             member.alive = alive
         for node in duties.died:
-            self._lose(node)
+            duties.lost[node] = self._lose(node)
         for node in self.living:
             self._compare(node, time, duties)
         duties.spawn.extend(self._respawnings())
         return duties
 
-    def _lose(self, node: str) -> None:
-        """Has the bodies of a dead node wait to be spawned again."""
+    def _lose(self, node: str) -> list[str]:
+        """Has the bodies of a dead node wait to be spawned again; returns their names."""
         last = self.members[node].last
+        lost = []
         for name, entry in self.bodies.items():
             if entry.node == node and entry.lost is None and entry.asked != math.inf:
                 entry.lost, entry.seen, entry.asked = last.get(name, Last(None)), False, -math.inf
+                lost.append(name)
         for name in [name for name, of in self.bodies.items() if of.lost == Last(None) and of.request is None]:
             del self.bodies[name]
+        return [name for name in lost if name in self.bodies]
 
     def _compare(self, node: str, time: float, duties: Duties) -> None:
         """Compares the bodies that a node has with those that it should have."""
@@ -211,6 +216,7 @@ class Ledger:
                 continue
             if name in member.before:
                 entry.lost, entry.seen, entry.asked = member.before[name], False, -math.inf
+                duties.lost.setdefault(node, []).append(name)
             else:
                 del self.bodies[name]  # it was removed, or has left everything
         member.returned, member.before = False, {}
