@@ -142,7 +142,7 @@ SPECS = (
     Spec("robot.description", _D.robot.description, "URDF of a robot, or the path of a URDF file; empty = the robot "
          "that ~/robot_description brings, if any.", read_only=True),
     Spec("robot.name", _D.robot.name, "What that robot is called.", read_only=True),
-    Spec("robot.xy", list(_D.robot.xy), "Where the centre of its base starts [m], two numbers.", -1e9, 1e9,
+    Spec("robot.xy", list(_D.robot.xy), "Where the centre of mass of its root link starts [m], two numbers.", -1e9, 1e9,
          read_only=True),
     Spec("robot.above", _D.robot.above, "How far above the ground it starts [m].", -1e4, 1e4, read_only=True),
     Spec("robot.yaw", _D.robot.yaw, "Turn about z that it starts with [rad].", -math.pi, math.pi, read_only=True),

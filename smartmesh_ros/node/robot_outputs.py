@@ -35,7 +35,7 @@ def joint_states(header: Header, world: World) -> JointState:
 
 
 def odometry(header: Header, world: World, robot: str) -> Odometry:
-    """True pose of a robot's base link in the terrain's frame, and its twist in its own frame, ``robot``."""
+    """True pose of a robot's root link in the terrain's frame, and its twist in its own frame, ``robot``."""
     state = world.base_state(robot)
     back = conjugate(state.orientation)
     message = Odometry(header=header, child_frame_id=robot)
