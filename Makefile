@@ -3,8 +3,6 @@ PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
 STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
-# The demo's pictures are the view's where there is a browser to draw them.
-VIEW := $(if $(shell command -v chromium || command -v chromium-browser || command -v google-chrome),view)
 
 .PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak tune tuning fuzz clean
 
@@ -12,7 +10,7 @@ help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
-	@$(RUN) $(VIEW) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
+	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo
 
 view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 	@$(RUN) view -- install/smartmesh_ros/lib/smartmesh_ros/view --demo

@@ -108,7 +108,7 @@ class Demo(Node):
 
     def snapshot(self, time: float) -> Snapshot:
         """What there is to be seen now."""
-        return Snapshot(time, {topic: self._latest[topic] for topic in ("heightmap", *OUTPUTS)})
+        return Snapshot(time, {topic: self._latest[topic] for topic in demo_pictures.DRAWN})
 
     def wait_for(self, condition: Any, what: str) -> Any:
         """Spins until the condition holds."""
@@ -217,7 +217,7 @@ def main(args: list[str] | None = None) -> None:
     with isolated_unless_chosen():
         snapshots, lost, counts = run(options.seconds)
     print("drawing ...", flush=True)
-    for path in draw(snapshots, options.out):
+    for path in demo_pictures.draw(snapshots, options.out):
         print(f"wrote {path}")
     if lost:
         sys.exit(f"demo failed: {lost} bodies were lost")
@@ -240,12 +240,3 @@ def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
         demo.destroy_node()
         rclpy.shutdown()
     return snapshots, lost, demo.counts
-
-
-def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
-    """Pictures as the view shows it where that and a browser are installed, else charts; their paths."""
-    try:
-        from smartmesh_ros.view.demo_pictures import draw_in_browser
-    except ModuleNotFoundError:
-        return demo_pictures.draw(snapshots, folder)
-    return draw_in_browser(snapshots, folder) or demo_pictures.draw(snapshots, folder)

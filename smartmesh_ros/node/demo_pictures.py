@@ -19,13 +19,22 @@ import matplotlib.pyplot as plt
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource
+from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-# Half the width of the ground that is drawn around the bodies [m].
-REACH = 11.0
+# Ground that is drawn beyond the outermost bodies [m], and the most quadrilaterals along a side of the ground in the
+# picture: matplotlib sorts and fills each of them.
+MARGIN, MOST_CELLS = 2.0, 150
+# The picture shows the time after which bodies have fallen onto the ground [s].
+FALLEN = 2.5
+# Patches are drawn so far above the ground that they lie on [m].
+LIFT = 0.05
 COLOURS = plt.get_cmap("gist_earth")
+# The colour map's lower part is blue, which would look like water [share of the range of heights].
+BELOW = 0.6
 PATCH_COLOUR = "#f28c28"
 BODY_COLOURS = {"ball": "#1f4e9c", "box": "#7a1f6b", "can": "#0b6b4f", "husky": "#c1121f"}
+OTHER_COLOUR, EDGES = "#202020", "#4d2600"
 
 
 class Placed(NamedTuple):
@@ -47,6 +56,15 @@ class Placed(NamedTuple):
         return np.asarray(local @ turn.T + self.position)
 
 
+class Window(NamedTuple):
+    """A square of the ground, by its edges [m]."""
+
+    left: float
+    right: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True)
 class Frame:
     """What was seen at one time: ground, patches' triangles (T, 3, 3) [m], and bodies by name."""
@@ -58,17 +76,36 @@ class Frame:
     triangles: NDArray[np.float64]
     bodies: dict[str, Placed]
 
-    def window(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """x (m,) and y (n,) [m] and heights (n, m) of the ground around the middle."""
-        rows, columns = self.heights.shape
-        x = self.origin[0] + np.arange(columns) * self.resolution
-        y = self.origin[1] + np.arange(rows) * self.resolution
-        inner_x, inner_y = np.abs(x) <= REACH, np.abs(y) <= REACH
-        return x[inner_x], y[inner_y], self.heights[np.ix_(inner_y, inner_x)]
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """x of the columns (m,) [m]."""
+        return self.origin[0] + np.arange(self.heights.shape[1]) * self.resolution
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """y of the rows (n,) [m]."""
+        return self.origin[1] + np.arange(self.heights.shape[0]) * self.resolution
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """x and y of the bodies (B, 2) [m]."""
+        return np.array([body.position[:2] for body in self.bodies.values()]).reshape(-1, 2)
+
+    def within(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
+        """x (m,) and y (n,) [m] and heights (n, m) of the ground in a window, at most `MOST_CELLS` along a side."""
+        columns = np.flatnonzero((self.x >= window.left) & (self.x <= window.right))
+        rows = np.flatnonzero((self.y >= window.low) & (self.y <= window.high))
+        stride = math.ceil(max(len(columns), len(rows)) / MOST_CELLS)
+        columns, rows = columns[::stride], rows[::stride]
+        return self.x[columns], self.y[rows], self.heights[np.ix_(rows, columns)]
+
+
+# Topics below the node that are drawn.
+DRAWN = {"heightmap": Heightmap, "patches": MarkerArray, "body_states": TrackedBodyArray}
 
 
 class Snapshot(NamedTuple):
-    """The newest messages at a time [s] of the demo, as bytes by topic."""
+    """The newest messages of `DRAWN` at a time [s] of the demo, as bytes by topic."""
 
     time: float
     messages: dict[str, bytes]
@@ -76,8 +113,7 @@ class Snapshot(NamedTuple):
 
 def frame_of(snapshot: Snapshot) -> Frame:
     """A frame of the newest messages."""
-    kinds = {"heightmap": Heightmap, "patches": MarkerArray, "body_states": TrackedBodyArray}
-    heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in kinds.items())
+    heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
     info = heightmap.info
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
     points = [(p.x, p.y, p.z) for marker in patches.markers for p in marker.points]
@@ -90,14 +126,30 @@ def frame_of(snapshot: Snapshot) -> Frame:
 
 
 def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
-    """Writes a picture of the last snapshot, a strip of six and a clip; returns their paths."""
+    """Writes a picture, a strip of six frames and a clip; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
-        _picture(frames[-1], folder / "demo.png"),
+        _picture(best_of(frames), folder / "demo.png"),
         _strip(frames, folder / "demo_frames.png"),
         _clip(frames, folder / "demo.gif"),
     ]
+
+
+def best_of(frames: list[Frame]) -> Frame:
+    """The frame in which the bodies lie on the ground and are nearest to each other, so that they are drawn largest."""
+    fallen = [frame for frame in frames if frame.time >= FALLEN]
+    return min(fallen or frames, key=lambda frame: window_of([frame]).right - window_of([frame]).left)
+
+
+def window_of(frames: list[Frame]) -> Window:
+    """The square of ground that holds every body of the frames; a map without bodies is drawn whole."""
+    places = np.concatenate([frame.places for frame in frames])
+    if not len(places):
+        places = np.array([(frames[0].x[0], frames[0].y[0]), (frames[0].x[-1], frames[0].y[-1])])
+    low, high = places.min(axis=0), places.max(axis=0)
+    (x, y), half = 0.5 * (low + high), 0.5 * float((high - low).max()) + MARGIN
+    return Window(float(x) - half, float(x) + half, float(y) - half, float(y) + half)
 
 
 def _solid(kind: str) -> NDArray[np.float64]:
@@ -120,37 +172,82 @@ def _solid(kind: str) -> NDArray[np.float64]:
 
 
 def _picture(frame: Frame, path: Path) -> Path:
-    """The ground, the patches and the bodies, drawn back to front in one collection."""
-    x, y, z = frame.window()
-    figure = plt.figure(figsize=(13, 8), dpi=110)
-    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-    light = LightSource(315, 45)
-    shade = light.shade(z, COLOURS, vert_exag=2.0, dx=frame.resolution, dy=frame.resolution, vmin=-2.0)
-    grid = np.stack([*np.meshgrid(x, y), z], axis=-1)
-    cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2).reshape(-1, 4, 3)
-    faces, colours = [*cells], [*shade[:-1, :-1].reshape(-1, 4)]
-    patches = frame.triangles + np.array([0.0, 0.0, 0.05])
-    faces += [*np.concatenate([patches, patches[:, :1]], axis=1)]
-    colours += [mpl.colors.to_rgba(PATCH_COLOUR)] * len(patches)
-    for name, body in frame.bodies.items():
-        kind = name.split("_")[0]
-        solid = body.points(_solid(kind))
-        faces += [*solid]
-        colours += [*_lit(solid, BODY_COLOURS[kind])]
-    edges = [(0.3, 0.15, 0.0, 1.0) if index >= len(cells) else colour for index, colour in enumerate(colours)]
-    axes.add_collection3d(Poly3DCollection(faces, facecolors=colours, edgecolors=edges, linewidths=0.25))
-    axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), zlim=(float(z.min()), float(z.max())))
-    axes.set_box_aspect((2 * REACH, 2 * REACH, float(np.ptp(z))), zoom=1.5)
-    axes.view_init(elev=42, azim=-60)
-    axes.set_axis_off()
-    for kind, colour in BODY_COLOURS.items():
-        axes.plot([], [], "o", color=colour, label=kind)
-    axes.plot([], [], "s", color=PATCH_COLOUR, label="patch")
-    axes.legend(loc="upper left", frameon=False)
-    figure.suptitle("A wave travels over a real elevation model: colliders exist under the bodies only", y=0.93)
-    figure.savefig(path, bbox_inches="tight")
+    """The ground around the bodies in relief, and beside that a plan of the whole terrain."""
+    figure = plt.figure(figsize=(13, 7.5), dpi=110)
+    window = window_of([frame])
+    # The box of a three-dimensional plot fills about two thirds of its axes, so these reach beyond the figure's part.
+    relief: Any = figure.add_axes((-0.04, -0.01, 0.82, 0.97), projection="3d", computed_zorder=False)
+    _relief(relief, frame, window)
+    plan: Any = figure.add_axes((0.72, 0.08, 0.26, 0.42))
+    _whole(plan, frame, window)
+    kinds = dict.fromkeys(_kind(name) for name in frame.bodies)
+    for kind in kinds:
+        relief.plot([], [], "o", color=BODY_COLOURS.get(kind, OTHER_COLOUR), label=kind)
+    relief.plot([], [], "s", color=PATCH_COLOUR, label="patch")
+    figure.legend(loc="upper left", bbox_to_anchor=(0.76, 0.86), frameon=False, fontsize=12)
+    figure.suptitle("A wave travels over a real elevation model: colliders exist under the bodies only", y=0.96)
+    figure.savefig(path)
     plt.close(figure)
     return path
+
+
+def _relief(axes: Any, frame: Frame, window: Window) -> None:
+    """The ground of a window, the patches on it and the bodies on these. Nearer ground hides neither: matplotlib sorts
+    faces by their middles, and would hide halves of what lies on the ground."""
+    x, y, z = frame.within(window)
+    shade = _shade(z, float(x[1] - x[0]))
+    grid = np.stack([*np.meshgrid(x, y), z], axis=-1)
+    cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2).reshape(-1, 4, 3)
+    _add(axes, cells, shade[:-1, :-1].reshape(-1, 4), None)
+    _add(axes, frame.triangles + np.array([0.0, 0.0, LIFT]), PATCH_COLOUR, EDGES)
+    solids = {name: body.points(_solid(_kind(name))) for name, body in frame.bodies.items()}
+    lit = [_lit(solid, BODY_COLOURS.get(_kind(name), OTHER_COLOUR)) for name, solid in solids.items()]
+    if solids:
+        _add(axes, np.concatenate([*solids.values()]), np.concatenate(lit), EDGES)
+    low, high = float(np.nanmin(z)), max(float(np.nanmax(z)), float(np.nanmin(z)) + 0.1)
+    axes.set(xlim=window[:2], ylim=window[2:], zlim=(low, high))
+    axes.set_box_aspect((window.right - window.left, window.high - window.low, high - low), zoom=1.2)
+    axes.view_init(elev=48, azim=-60)
+    axes.set_axis_off()
+
+
+def _add(axes: Any, faces: NDArray[np.float64], colours: Any, edges: str | None) -> None:
+    """Faces (F, K, 3) [m], drawn back to front over what was added before."""
+    made = Poly3DCollection([*faces], facecolors=colours, edgecolors=edges or colours, linewidths=0.25, clip_on=False)
+    axes.add_collection3d(made)
+
+
+def _whole(axes: Any, frame: Frame, window: Window) -> None:
+    """A plan of the whole terrain with every body, and the part of it that is drawn in relief."""
+    whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
+    _ground_plan(axes, frame, whole)
+    for name, body in frame.bodies.items():
+        axes.plot(*body.position[:2], ".", color=BODY_COLOURS.get(_kind(name), OTHER_COLOUR), markersize=3)
+    corner = (window.left, window.low)
+    axes.add_patch(Rectangle(corner, window.right - window.left, window.high - window.low, fill=False, linewidth=1.2))
+    axes.set_title(f"The whole terrain, {whole.right - whole.left:.0f} m x {whole.high - whole.low:.0f} m", fontsize=10)
+
+
+def _ground_plan(axes: Any, frame: Frame, window: Window) -> None:
+    """The ground of a window from above."""
+    x, y, z = frame.within(window)
+    image = _shade(z, float(x[1] - x[0]))
+    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
+    axes.set(xlim=window[:2], ylim=window[2:])
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
+    """Colours (n, m, 4) of ground whose samples are ``step`` [m] apart, in the light of a low sun."""
+    low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
+    base = low - BELOW * max(high - low, 0.1)
+    return np.asarray(LightSource(315, 45).shade(heights, COLOURS, vert_exag=2.0, dx=step, dy=step, vmin=base))
+
+
+def _kind(name: str) -> str:
+    """What a body of the demo is, from its name."""
+    return name.split("_")[0]
 
 
 def _lit(faces: NDArray[np.float64], colour: str) -> NDArray[np.float64]:
@@ -163,32 +260,27 @@ def _lit(faces: NDArray[np.float64], colour: str) -> NDArray[np.float64]:
     return shaded
 
 
-def _plan(axes: Any, frame: Frame) -> None:
-    """The frame from above."""
-    x, y, z = frame.window()
-    image = LightSource(315, 40).shade(
-        z, plt.get_cmap("gist_earth"), vert_exag=4.0, dx=frame.resolution, dy=frame.resolution
-    )
-    axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
+def _plan(axes: Any, frame: Frame, window: Window) -> None:
+    """The ground, the patches and the bodies in a window, from above."""
+    _ground_plan(axes, frame, window)
     outlines = frame.triangles[:, :, :2]
     axes.add_collection(
         PolyCollection(list(outlines), facecolor=PATCH_COLOUR, edgecolor="#5b3000", linewidth=0.2, alpha=0.75)
     )
     for name, body in frame.bodies.items():
-        kind = name.split("_")[0]
-        axes.plot(*body.position[:2], "s" if kind in ("box", "husky") else "o", color=BODY_COLOURS.get(kind, "black"),
-                  markersize=9 if kind == "husky" else 4, markeredgecolor="white", markeredgewidth=0.5)  # fmt: skip
+        kind = _kind(name)
+        axes.plot(*body.position[:2], "s" if kind in ("box", "husky") else "o",
+                  color=BODY_COLOURS.get(kind, OTHER_COLOUR), markersize=9 if kind == "husky" else 4,
+                  markeredgecolor="white", markeredgewidth=0.5)  # fmt: skip
     axes.set_title(f"{frame.time:.1f} s", fontsize=10)
-    axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH))
-    axes.set_xticks([])
-    axes.set_yticks([])
 
 
 def _strip(frames: list[Frame], path: Path) -> Path:
     chosen = [frames[int(index)] for index in np.linspace(0, len(frames) - 1, 6)]
+    window = window_of(frames)
     figure, grid = plt.subplots(2, 3, figsize=(12, 8.4), dpi=100, constrained_layout=True)
     for axes, frame in zip(grid.ravel(), chosen, strict=True):
-        _plan(axes, frame)
+        _plan(axes, frame, window)
     figure.savefig(path)
     plt.close(figure)
     return path
@@ -196,11 +288,12 @@ def _strip(frames: list[Frame], path: Path) -> Path:
 
 def _clip(frames: list[Frame], path: Path) -> Path:
     chosen = frames[:: math.ceil(len(frames) / 30)]
+    window = window_of(frames)
     figure, axes = plt.subplots(figsize=(5, 5), dpi=80, constrained_layout=True)
 
     def show(index: int) -> list[Any]:
         axes.clear()
-        _plan(axes, chosen[index])
+        _plan(axes, chosen[index], window)
         return []
 
     FuncAnimation(figure, show, frames=len(chosen)).save(path, writer=PillowWriter(fps=6))

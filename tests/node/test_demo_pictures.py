@@ -1,0 +1,64 @@
+"""The demo's pictures show all of the ground that they begin to show, and every body that their legend names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from visualization_msgs.msg import MarkerArray
+
+from smartmesh_ros.node import demo_pictures
+from smartmesh_ros.node.demo_pictures import BODY_COLOURS, Snapshot
+from smartmesh_ros.testing import heightmap_message
+from smartmesh_ros.testing.messages import pose_message
+
+SIDE = 101  # samples of 0.5 m
+# Balls and boxes in the middle, and a robot that has driven far away.
+PLACES = {"ball_0": (0.0, 0.0), "ball_1": (3.0, 1.0), "box_2": (-2.0, -3.0), "husky": (19.0, 8.0)}
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """The still pictures of a short demo, by name, as colours (rows, columns, 3)."""
+    x = np.linspace(-25.0, 25.0, SIDE)
+    heights = np.tile(0.5 * np.sin(0.3 * x), (SIDE, 1))
+    bodies = [TrackedBody(id=name, pose=pose_message((*xy, 0.8))) for name, xy in PLACES.items()]
+    messages = {
+        "heightmap": heightmap_message(heights, resolution=0.5, origin=(-25.0, -25.0, 0.0)),
+        "patches": MarkerArray(),
+        "body_states": TrackedBodyArray(bodies=bodies),
+    }
+    recorded = {topic: serialize_message(message) for topic, message in messages.items()}
+    snapshots = [Snapshot(float(time), recorded) for time in range(6)]
+    paths = demo_pictures.draw(snapshots, tmp_path_factory.mktemp("pictures"))
+    return {path.name: np.asarray(imread(path))[..., :3] for path in paths if Path(path).suffix == ".png"}
+
+
+def pixels(picture: np.ndarray, kind: str) -> int:
+    """Pixels in about the colour of a kind of body, however light falls on it."""
+    colour = np.array(to_rgb(BODY_COLOURS[kind]))
+    brightness = picture @ colour / (colour @ colour)
+    away = np.abs(picture - brightness[..., None] * colour).max(axis=2)
+    return int(((away < 0.06) & (brightness > 0.4) & (brightness < 1.1)).sum())
+
+
+def test_the_ground_is_not_cut_off_by_the_edge_of_the_picture(pictures: dict[str, np.ndarray]) -> None:
+    picture = pictures["demo.png"]
+    for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
+        assert (edge > 0.99).all()
+
+
+def test_a_body_that_went_far_is_in_every_picture(pictures: dict[str, np.ndarray]) -> None:
+    """The legend's mark has some 70 pixels, and the plan's dot a dozen."""
+    assert pixels(pictures["demo.png"], "husky") > 150
+    for row in np.split(pictures["demo_frames.png"], 2):
+        for frame in np.split(row, 3, axis=1):
+            assert pixels(frame, "husky") > 30
+
+
+def test_the_legend_names_no_body_that_is_not_there(pictures: dict[str, np.ndarray]) -> None:
+    assert pixels(pictures["demo.png"], "ball") > 100
+    assert pixels(pictures["demo.png"], "can") == 0
