@@ -12,8 +12,10 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
+from viser import uplot
 
 from smartmesh_ros.view import picking
+from smartmesh_ros.view.cameras import Cameras
 from smartmesh_ros.view.looks import PatchLook
 from smartmesh_ros.view.remote import Remote
 from smartmesh_ros.view.scene import Scene, radius_of
@@ -38,8 +40,8 @@ ABOVE, DENSITY = 1.5, 600.0
 class Panel:
     """The controls of a viser server."""
 
-    def __init__(self, server: Any, remote: Remote, scene: Scene, tab: Any) -> None:
-        self._server, self._remote, self._scene = server, remote, scene
+    def __init__(self, server: Any, remote: Remote, scene: Scene, cameras: Cameras, tab: Any) -> None:
+        self._server, self._remote, self._scene, self._cameras = server, remote, scene, cameras
         self._acts: SimpleQueue[Callable[[], None]] = SimpleQueue()  # asked for by the page's threads
         self._plot_due = 0.0
         self._selected: str | None = None
@@ -49,7 +51,12 @@ class Panel:
         with tab:
             self._status = gui.add_markdown("looking for the node ...")
             self._pause = gui.add_button("Pause", color="blue")
-            with gui.add_folder("Step and reset"):
+            self._look = gui.add_button("Look at the bodies", color="gray")
+            with gui.add_folder("Patches"):
+                gui.add_html(_legend())
+                self._contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
+                self._shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
+            with gui.add_folder("Step and reset", expand_by_default=False):
                 self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
                 self._step = gui.add_button("Step")
                 self._reset = gui.add_button("Reset", color="gray")
@@ -61,9 +68,6 @@ class Panel:
                 self._plot = self._make_plot()
             with gui.add_folder("Warnings and refusals"):
                 self._troubles = gui.add_markdown("none")
-            with gui.add_folder("Patches"):
-                gui.add_html(_legend())
-                self._contacts = gui.add_checkbox("contacts, by force", True)
         self._connect()
 
     def update(self) -> None:
@@ -104,7 +108,11 @@ class Panel:
     def _make_plot(self) -> Any:
         series = ({"label": "s"}, *({"label": stage, "stroke": colour, "width": 2} for stage, colour in STAGES.items()))
         return self._server.gui.add_uplot(
-            data=plot_data([], 0.0), series=series, scales={"x": {"time": False, "range": [-MINUTE, 0.0]}}, aspect=1.3
+            data=plot_data([], 0.0),
+            series=series,
+            scales={"x": {"time": False, "range": [-MINUTE, 0.0]}},
+            aspect=1.3,
+            legend=uplot.Legend(live=False),  # values would be those under the mouse, and else dashes
         )
 
     def _connect(self) -> None:
@@ -112,6 +120,8 @@ class Panel:
         self._on(self._pause, lambda: self._call("pause", SetBool, data=not remote.paused))
         self._on(self._step, lambda: self._call("step", StepPhysics, steps=int(self._steps.value)))
         self._on(self._reset, lambda: self._call("reset", Trigger))
+        self._on(self._look, lambda: self._cameras.look(remote.ground, remote.sight))
+        self._shadows.on_update(lambda _: self._scene.light(shadows=self._shadows.value))
         self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
 
         @self._server.scene.on_click()
@@ -190,8 +200,8 @@ def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
 
 def _legend() -> str:
     rows = "".join(
-        f'<div style="margin:2px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
+        f'<div style="margin:1px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
         f'background:rgb{look.colour}"></span>{look.words}</div>'
         for look in PatchLook
     )
-    return f'<div style="font-size:12px">{rows}</div>'
+    return f'<div style="font-size:12px;line-height:1.3">{rows}</div>'

@@ -18,6 +18,9 @@ from smartmesh_ros.view.sight import Appearance, Pose
 
 # yourdfpy tells of every mesh that is not there, which is so for each robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
+# The label of a robot is so far above its base link where nobody knows how large the robot is, and else so much above
+# its highest point [m].
+UNKNOWN_TOP, GAP = 0.6, 0.05
 _NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
 
 
@@ -26,9 +29,11 @@ class Robot:
 
     def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
         self.appearance = appearance
+        self._name = name
         self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
         self._shown: ViserUrdf | None = None
         self._values: list[float] = []
+        self._top = UNKNOWN_TOP
         try:
             urdf = _load(appearance)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
@@ -37,13 +42,17 @@ class Robot:
             self.readable = False
         else:
             self.readable = True
+            self._top = _top_of(urdf)
+        self._label = server.scene.add_label(f"/labels/{name}", name, anchor="bottom-center", visible=False)
 
-    def place(self, base: Pose, joints: dict[str, float], name: str) -> None:
-        """Moves its base link, and its joints to positions that ~/joint_states tells."""
+    def place(self, base: Pose, joints: dict[str, float]) -> None:
+        """Moves the base link, the label, and the joints to positions of ~/joint_states."""
         self._frame.position, self._frame.wxyz = base.position, base.wxyz
+        x, y, z = base.position
+        self._label.position, self._label.visible = (x, y, z + self._top), True
         if self._shown is None:
             return
-        values = [joints.get(joint, joints.get(f"{name}/{joint}", 0.0)) for joint in self._joints]
+        values = [joints.get(joint, joints.get(f"{self._name}/{joint}", 0.0)) for joint in self._joints]
         if values != self._values:
             self._values = values
             self._shown.update_cfg(np.array(values))
@@ -51,6 +60,7 @@ class Robot:
     def remove(self) -> None:
         """Takes it off the page."""
         self._frame.remove()
+        self._label.remove()
 
 
 def _load(appearance: Appearance) -> yourdfpy.URDF:
@@ -61,6 +71,12 @@ def _load(appearance: Appearance) -> yourdfpy.URDF:
 
     text = _readable(appearance.urdf, folder)
     return yourdfpy.URDF.load(io.BytesIO(text), filename_handler=found, load_meshes=True)
+
+
+def _top_of(urdf: yourdfpy.URDF) -> float:
+    """Height of a label above the base link [m]."""
+    bounds = urdf.scene.bounds
+    return UNKNOWN_TOP if bounds is None else float(bounds[1][2]) + GAP
 
 
 def _path(name: str, folder: Path | None) -> Path:

@@ -34,9 +34,9 @@ class Shape(NamedTuple):
 
 
 class Scene:
-    """Keeps a viser scene like what is to be seen. ``fine``: with shadows, for pictures."""
+    """Keeps a viser scene like what is to be seen."""
 
-    def __init__(self, server: Any, *, fine: bool = False) -> None:
+    def __init__(self, server: Any) -> None:
         self._server, self._scene = server, server.scene
         self._terrain = TerrainScene(server.scene)
         self._bodies: dict[Shape, Any] = {}
@@ -45,7 +45,14 @@ class Scene:
         self._contacts: Any = None
         self.show_contacts = True
         self._selected: Any = None
-        self._light(fine)
+        scene = self._scene
+        scene.set_up_direction("+z")
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=(170, 158, 142), intensity=1.7)
+        # Far ground fades into the page.
+        scene.configure_fog(near=40.0, far=160.0, color=(255, 255, 255))
+        self.light(shadows=False)
 
     def show(self, ground: Ground, sight: Sight) -> None:
         """Brings everything up to date."""
@@ -68,15 +75,11 @@ class Scene:
         if position is not None:
             self._selected.position, self._selected.scale = position, 1.4 * radius
 
-    def _light(self, fine: bool) -> None:
-        scene = self._scene
-        scene.set_up_direction("+z")
-        scene.configure_environment_map(None)
-        scene.configure_default_lights(enabled=False)
-        scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=(170, 158, 142), intensity=1.7)
-        scene.add_light_directional("/lights/sun", color=SUN, intensity=2.3, position=TOWARDS_SUN, cast_shadow=fine)
-        # Far ground fades into the page.
-        scene.configure_fog(near=40.0, far=160.0, color=(255, 255, 255))
+    def light(self, *, shadows: bool) -> None:
+        """Puts the sun up, with shadows or without."""
+        self._scene.add_light_directional(
+            "/lights/sun", color=SUN, intensity=2.3, position=TOWARDS_SUN, cast_shadow=shadows
+        )
 
     def _show_patches(self, patches: list[Patch]) -> None:
         groups: dict[PatchLook, list[Patch]] = defaultdict(list)
@@ -142,7 +145,7 @@ class Scene:
             if name not in self._robots:
                 self._robots[name] = Robot(self._server, name, appearance)
             if name in sight.bases:
-                self._robots[name].place(sight.bases[name], sight.joints, name)
+                self._robots[name].place(sight.bases[name], sight.joints)
 
     def _show_contacts(self, sight: Sight, radius: float) -> None:
         points = looks.arrows(*sight.touch, ARROW * radius) if self.show_contacts else np.zeros((0, 2, 3))

@@ -25,6 +25,8 @@ from smartmesh_ros.view import looks, picking
 from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.knobs import Kind, knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.view.looks import PatchLook, patch_look
+from smartmesh_ros.view.scene import Scene
+from smartmesh_ros.view.server import start_server, stop_server
 from smartmesh_ros.view.sight import Appearance, Pose, Sight
 
 
@@ -183,3 +185,24 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
         ground.take_map(spoilt)
         ground.settle()
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
+
+
+def test_a_robot_has_its_name_above_it() -> None:
+    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
+    for text, least in ((urdf, 0.2), ("no robot", 0.0)):
+        server = start_server("127.0.0.1", 0)
+        try:
+            sight = Sight(
+                poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
+                appearances={"rover": Appearance(BodyDescription.ROBOT, urdf=text)},
+                bases={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
+            )
+            scene = Scene(server)
+            scene.show(Ground(), sight)
+            label = server.scene._handle_from_node_name["/labels/rover"]
+            assert label.text == "rover" and label.visible
+            assert np.allclose(label.position[:2], (3.0, 4.0)) and label.position[2] > 1.0 + least
+            scene.show(Ground(), Sight())
+            assert "/labels/rover" not in server.scene._handle_from_node_name
+        finally:
+            stop_server(server)

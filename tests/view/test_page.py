@@ -168,3 +168,33 @@ def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Pr
     field.press("Enter")
     page.get_by_text("refused:").wait_for()
     assert list(parameter(probe, "physics.gravity").double_array_value) == [0.0, 0.0, -9.81]
+
+
+def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], browser: Any, page: Any) -> None:
+    """Also one that opens when bodies have gone elsewhere."""
+    probe, view = shown
+    [url] = re.findall(r"shown at (\S+)", view.output)
+    for name in ("flat", "waves"):
+        probe.call("remove_body", RemoveBody, id=name)
+    for corner in ((5.0, 5.0), (-5.0, 5.0)):
+        spawn(probe, "corner", corner)
+        position(probe, "corner")
+        opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        opened.goto(url)
+        hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in BODY_COLOURS[BodyDescription.BOX]))[0]
+
+        def seen(opened: Any = opened, hue: float = hue) -> bool:
+            beside_the_panel = hues(opened)[:, : WIDTH - 340]
+            return int((np.abs(beside_the_panel - hue) < 12.0).sum()) > 300
+
+        wait(probe, opened, seen)
+        opened.close()
+        assert probe.call("remove_body", RemoveBody, id="corner").success
+
+
+def test_the_legend_of_the_plot_has_no_dashes(shown: tuple[Probe, Process], page: Any) -> None:
+    page.get_by_role("tab", name="Node").click()
+    legend = page.locator(".u-legend")
+    legend.wait_for()
+    assert "total" in legend.inner_text()
+    assert "--" not in legend.inner_text()
