@@ -1,46 +1,114 @@
 #!/usr/bin/env python3
-"""Writes docs/images/demo.png, as the view draws the demo, and docs/images/view.png, its page; `make pictures`."""
+"""Writes docs/images/view.png, the page over the running demo, and docs/images/demo.png, the same from behind its
+robot and without the panel; `make pictures`."""
 
-import shutil
-import subprocess
+import math
 import sys
-import tempfile
-import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
+from typing import Any
 
+import numpy as np
+import rclpy
 from playwright.sync_api import sync_playwright
 
-from smartmesh_ros.testing import Process
+from smartmesh_ros.domains import isolated_unless_chosen
+from smartmesh_ros.node.dds import use_large_message_profile
+from smartmesh_ros.node.demo import ROBOT, Demo
 from smartmesh_ros.view.browser import FLAGS, find_browser
+from smartmesh_ros.view.camera import Camera
+from smartmesh_ros.view.main import demo_running
+from smartmesh_ros.view.page import Page
+from smartmesh_ros.view.remote import Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
-SIZE, TINY = {"width": 1280, "height": 800}, {"width": 320, "height": 200}
-# The page is shown once its plot has a history, and the bodies have fallen onto the ground [s].
-HISTORY, FALL = 20.0, 1.5
+TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
+# Before pictures are taken, bodies fall onto the ground [s], and the page's plot gets a history [s].
+FALL, HISTORY = 1.0, 6.0
+# A robot stands on its wheels if its z axis is within this angle of the vertical [rad], and its base link this near to
+# the ground [m]. So long it may take until it does [s].
+UPRIGHT, NEAR, PATIENCE = math.radians(25.0), 0.4, 30.0
+# A browser without a graphics card draws the page anew within this time [ms].
+DRAWING = 4000.0
+# The camera behind the robot, and above it, and the point ahead of the robot that it looks at [m].
+BEHIND, ABOVE, AHEAD = 5.0, 3.6, 2.5
 
 
-def page_picture(path: str) -> None:
-    """The page, over a node that runs the demo."""
-    with Process("view", arguments=["--demo", "--port", "0"]) as view, sync_playwright() as driver:
-        while "shown at" not in view.output:
-            if view.process.poll() is not None:
-                sys.exit(view.output)
-            time.sleep(0.1)
-        browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
-        page = browser.new_page(viewport=TINY)  # which costs the node next to nothing meanwhile
-        page.goto(view.output.rpartition("shown at ")[2].split()[0])
-        page.get_by_text("running", exact=False).first.wait_for()
-        page.wait_for_timeout(1000.0 * HISTORY)
-        page.get_by_role("button", name="Reset").click()  # bodies are back where the camera looks
-        page.wait_for_timeout(1000.0 * FALL)
-        page.get_by_role("button", name="Pause").click()
-        page.get_by_role("button", name="Continue").wait_for()
-        page.set_viewport_size(SIZE)
-        page.wait_for_timeout(2000.0)
-        for close in page.get_by_role("alert").get_by_role("button").all():  # that there is no graphics card
+class Stage:
+    """The demo, its page, and a browser that looks at the page."""
+
+    def __init__(self, demo: Demo, remote: Remote, page: Page, opened: Any) -> None:
+        self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
+
+    def run(self, seconds: float) -> None:
+        """Lets the demo go on, and the page follow it."""
+        end = monotonic() + seconds
+        while monotonic() < end:
+            self.remote.spin(0.04)
+            self.page.refresh()
+            self.demo.drive()
+            self.opened.wait_for_timeout(10)
+
+    def close_alerts(self) -> None:
+        """Closes the message that there is no graphics card."""
+        for close in self.opened.get_by_role("alert").get_by_role("button").all():
             close.click()
-        page.screenshot(path=IMAGES / "view.png")
-        browser.close()
+
+    def on_wheels(self) -> bool:
+        """Return True if the robot stands on its wheels."""
+        (x, y, z), (_, i, j, _) = self.remote.sight.bases[ROBOT]
+        ground = float(self.remote.ground.heights(np.array([[x, y]]))[0])
+        return 1.0 - 2.0 * (i * i + j * j) > math.cos(UPRIGHT) and z - ground < NEAR
+
+    def shoot(self, path: Path, size: Any, place_camera: Callable[[], None]) -> None:
+        """Takes a picture of an instant at which the robot stands on its wheels. The page is small and cheap to draw
+        until then, and is not refreshed while the browser draws it large: drawing takes the processor from the node."""
+        end = monotonic() + PATIENCE
+        while not self.on_wheels():
+            if monotonic() > end:
+                sys.exit("the robot of the demo does not stay on its wheels")
+            self.run(0.1)
+        self.opened.set_viewport_size(size)
+        self.opened.wait_for_timeout(DRAWING)
+        place_camera()
+        self.close_alerts()
+        self.opened.wait_for_timeout(DRAWING)
+        self.opened.screenshot(path=path)
+
+    def look_at_the_bodies(self) -> None:
+        """Turns the page's camera to all bodies."""
+        self.page.cameras.look(self.remote.ground, self.remote.sight)
+
+    def stand_behind_the_robot(self) -> None:
+        """Turns the page's camera over the robot's shoulder to the middle of the other bodies."""
+        sight = self.remote.sight
+        robot = np.array(sight.bases[ROBOT].position)
+        away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
+        towards = away / max(float(np.linalg.norm(away)), 1e-9)
+        position, target = robot + (*(-BEHIND * towards), ABOVE), robot + (*(AHEAD * towards), 0.0)
+        self.page.cameras.turn(Camera(tuple(position.tolist()), tuple(target.tolist())))
+
+
+@contextmanager
+def stage(path: str) -> Iterator[Stage]:
+    """Starts everything, and ends it."""
+    use_large_message_profile()
+    with isolated_unless_chosen():
+        rclpy.init()
+        remote = Remote("/terrain_collider")
+        page = Page(remote, "localhost", 0)
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+            opened = browser.new_page(viewport=TINY)  # which costs the node next to nothing meanwhile
+            opened.goto(page.url)
+            with demo_running() as demo:
+                yield Stage(demo, remote, page, opened)
+            browser.close()
+        page.close()
+        remote.close()
+        rclpy.try_shutdown()
 
 
 def main() -> None:
@@ -48,11 +116,14 @@ def main() -> None:
     path = find_browser()
     if path is None:
         sys.exit("no Chromium is installed (Debian: apt install chromium)")
-    with tempfile.TemporaryDirectory() as folder:
-        demo = shutil.which("smartmesh-demo") or "install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo"
-        subprocess.run([demo, "--seconds", "8", "--out", folder], check=True)
-        shutil.copy(Path(folder) / "demo.png", IMAGES / "demo.png")
-    page_picture(path)
+    with stage(path) as shown:
+        shown.run(FALL)
+        shown.page.scene.light(shadows=True)
+        shown.opened.add_style_tag(content=".mantine-Paper-root { visibility: hidden }")
+        shown.shoot(IMAGES / "demo.png", WIDE, shown.stand_behind_the_robot)
+    with stage(path) as shown:
+        shown.run(HISTORY)
+        shown.shoot(IMAGES / "view.png", LARGE, shown.look_at_the_bodies)
 
 
 if __name__ == "__main__":

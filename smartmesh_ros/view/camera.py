@@ -24,7 +24,7 @@ class CameraConfig:
     that stays free at each edge. ``nearest`` [m]: least distance, so that one small body is seen on some ground.
     ``far``: bodies further from the median position than so many median distances are left out; one that fell off the
     terrain would make all others too small to see. ``samples``: points along a line of sight that are compared with the
-    ground.
+    ground. ``halvings``: of the interval in which the middle of the picture is searched.
     """
 
     bearing: float = math.radians(-130.0)
@@ -33,6 +33,7 @@ class CameraConfig:
     nearest: float = 4.0
     far: float = 6.0
     samples: int = 64
+    halvings: int = 30
 
 
 CONFIG = CameraConfig()
@@ -118,10 +119,16 @@ def _distance(across: FloatArray, along: FloatArray, radii: FloatArray, edges: t
 def _shift(
     across: FloatArray, along: FloatArray, radii: FloatArray, edges: tuple[float, float], distance: float
 ) -> float:
-    """Shift [m] of a camera at a ``distance`` [m] that leaves as much room at one edge as at the other."""
+    """Shift [m] of a camera at a ``distance`` [m] whose picture has as much room at one edge as at the other, by
+    bisection between the bounds of `_distance`."""
     low, high = edges
-    least = float((across + radii - high * (distance + along)).max())
-    most = float((across - radii - low * (distance + along)).min())
+    depth = np.maximum(distance + along, 1e-6)
+    least = float((across + radii - high * depth).max())
+    most = float((across - radii - low * depth).min())
+    for _ in range(CONFIG.halvings):
+        middle = 0.5 * (least + most)
+        room = float(((across + radii - middle) / depth).max() + ((across - radii - middle) / depth).min())
+        least, most = (middle, most) if room > low + high else (least, middle)
     return 0.5 * (least + most)
 
 

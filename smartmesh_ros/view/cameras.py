@@ -60,6 +60,11 @@ class Cameras:
         for client in self._server.get_clients().values() if sight.poses else ():
             self._turn(client, ground, sight)
 
+    def turn(self, found: Camera) -> None:
+        """Turns the cameras of all pages to a place."""
+        for client in self._server.get_clients().values():
+            self._place(client, found)
+
     def _is_unmoved(self, client: Any) -> bool:
         return any(math.dist(client.camera.position, given.position) < SAME for given in self._given)
 
@@ -67,7 +72,10 @@ class Cameras:
         camera = client.camera
         width, height = max(camera.image_width, 1), max(camera.image_height, 1)
         lens = Lens(camera.fov, width / height, PANEL / width if width > 2 * PANEL else 0.0)
-        found = camera_on(*bodies_of(sight), lens, ground)
+        self._place(client, camera_on(*bodies_of(sight), lens, ground))
+
+    def _place(self, client: Any, found: Camera) -> None:
+        camera = client.camera
         camera.near = NEAREST
         camera.position = np.array(found.position)
         camera.look_at = np.array(found.target)
