@@ -18,9 +18,9 @@ from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tune.bag import Bag
-from smartmesh_ros.tune.case import SLACK, Case, Ground, Span
+from smartmesh_ros.tune.case import SLACK, Case, Ground, MapTopic, Span
 from smartmesh_ros.tune.events import BodiesCame, Event, MapCame, Start
-from smartmesh_ros.tune.recording import Reader, Recording
+from smartmesh_ros.tune.recording import HEIGHTMAP_UPDATE, Reader, Recording
 from smartmesh_ros.tune.reference import finest_positions
 from smartmesh_ros.tune.start import settings_of
 from smartmesh_ros.tune.truth import Truth
@@ -74,6 +74,7 @@ class BagCase(Case):
                 "in the parameter file; see config/bodies.yaml"
             )  # fmt: skip
         self.notes = _notes(self._recording, balls)
+        self.map_topics = _map_topics(bag, self._recording, settings)
         self.identity = self._digest()
         self.fresh()
 
@@ -192,6 +193,16 @@ def _beside(name: str, radius: float, way: FloatArray, taken: FloatArray, apart:
             if np.hypot(*(others - place).T).min() >= apart and len(found) < LIMITS.balls:
                 number = len(found)
                 found.append(Entry(f"test_ball_{name}_{number}", Sphere(radius), 1.0, xy=place, above=1.2 * radius))
+    return found
+
+
+def _map_topics(bag: Bag, recording: Recording, settings: Settings) -> list[MapTopic]:
+    """The topics of the maps that were replayed, and where the node takes such maps."""
+    found = []
+    for topic in bag.topics:
+        if topic.name in recording.map_topics:
+            is_update = topic.type_name == HEIGHTMAP_UPDATE
+            found.append(MapTopic(topic.name, topic.type_name, "heightmap_update" if is_update else settings.input))
     return found
 
 

@@ -23,6 +23,14 @@ class Ground(NamedTuple):
     yaw: float
 
 
+class MapTopic(NamedTuple):
+    """Where the maps of a recording were: a topic and its type, and ``taken_on``, the node's own topic for these."""
+
+    name: str
+    type_name: str
+    taken_on: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Span:
     """How long the searching runs and the confirming ones are [s], and what is not measured at first [s]."""
@@ -41,7 +49,8 @@ class Case(ABC):
     """A scene or a recording.
 
     ``name``: short, for files. ``identity``: changes when anything changes that measurements depend on. ``start``: the
-    parameters that are given, by name. ``notes``: what the user should know of how it is replayed.
+    parameters that are given, by name. ``notes``: what the user should know of how it is replayed. ``map_topics``: of a
+    recording.
     """
 
     name: str
@@ -50,6 +59,7 @@ class Case(ABC):
     start: Mapping[str, Any]
     span: Span
     notes: Sequence[str] = ()
+    map_topics: Sequence[MapTopic] = ()
 
     @abstractmethod
     def fresh(self) -> None:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from smartmesh_ros.tune.confirm import Verdict
+from smartmesh_ros.tune.figures import Figures
 from smartmesh_ros.tune.front import Point, front
+from smartmesh_ros.tune.words import broken_limit, verb
 
 WIDTH, HEIGHT = 64, 16
+# Dots by the limit that they break, "" = none. The axes show cost and penetration, and none of the others.
+SIGNS = {"": ".", "failed": "l", "hover": "h", "deviation": "d", "longest": "t", "penetration": ",", "cost": ","}
+UNSEEN = {"failed": "tab:brown", "hover": "tab:purple", "deviation": "tab:pink", "longest": "tab:olive"}
 
 
 class Mark(NamedTuple):
@@ -23,17 +29,21 @@ class Mark(NamedTuple):
 
 def marks(points: Iterable[Point], best: Iterable[Point], verdict: Verdict) -> list[Mark]:
     """What is drawn, the most important last."""
-    found = [Mark(point.figures.cost, point.figures.error, ".") for point in points]
+    found = [
+        Mark(point.figures.cost, point.figures.error, SIGNS[broken_limit(point.figures, verdict.searched)])
+        for point in points
+    ]
     found += [Mark(point.figures.cost, point.figures.error, "o") for point in best]
     found += [Mark(figures.cost, figures.error, "p") for figures in verdict.others.values()]
     found.append(Mark(verdict.defaults.cost, verdict.defaults.error, "D"))
+    found.append(Mark(verdict.short.cost, verdict.short.error, "x"))
     found.append(Mark(verdict.chosen.figures.cost, verdict.chosen.figures.error, "X"))
     return [mark for mark in found if math.isfinite(mark.error) and mark.cost > 0.0]
 
 
 def in_terminal(points: Sequence[Point], verdict: Verdict) -> str:
     """The chart in characters, both axes logarithmic."""
-    shown = marks(points, front(points, verdict.limits), verdict)
+    shown = marks(points, front(points, verdict.searched), verdict)
     left, right = _ends([mark.cost for mark in shown])
     low, high = _ends([mark.error for mark in shown])
     cells = [[" "] * WIDTH for _ in range(HEIGHT)]
@@ -47,7 +57,14 @@ def in_terminal(points: Sequence[Point], verdict: Verdict) -> str:
     first, last = f"{math.exp(left):.3g}", f"{math.exp(right):.3g}"
     middle = "cost [share of a core]"
     lines.append(f"{'':11}{first}{middle:^{max(WIDTH - len(first) - len(last), len(middle))}}{last}")
-    return "\n".join([*lines, "X chosen  D defaults  p presets  o front  . others that were tried"])
+    there = {mark.sign for mark in shown}
+    dots = {SIGNS[""]: "others", SIGNS["cost"]: "break what is asked"}
+    dots |= {SIGNS[name]: verb(name) for name in UNSEEN}
+    legend = [
+        "Confirming run: X chosen  D defaults  p presets",
+        "Search: x chosen  o front  " + "  ".join(f"{sign} {words}" for sign, words in dots.items() if sign in there),
+    ]
+    return "\n".join([*lines, *legend])
 
 
 def _ends(values: Sequence[float]) -> tuple[float, float]:
@@ -64,9 +81,17 @@ def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> N
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes: Any = figure.subplots()
-    best = front(points, verdict.limits)
-    tried = [point.figures for point in points if math.isfinite(point.figures.error)]
-    axes.scatter([f.cost for f in tried], [1e3 * f.error for f in tried], s=12, color="0.75", label="tried")
+    best = front(points, verdict.searched)
+    groups: dict[str, list[Figures]] = defaultdict(list)
+    for point in points:
+        if math.isfinite(point.figures.error):
+            groups[broken_limit(point.figures, verdict.searched)].append(point.figures)
+    _dots(axes, "tried", [*groups[""], *groups["cost"], *groups["penetration"]], marker="o", color="0.75")
+    for name, colour in UNSEEN.items():
+        _dots(axes, f"tried, {verb(name)}", groups[name], marker="x", color=colour)
+    for line, value in ((axes.axvline, verdict.limits.cost), (axes.axhline, 1e3 * verdict.limits.penetration)):
+        if math.isfinite(value):
+            line(value, color="tab:red", linewidth=0.8, linestyle=":")
     axes.plot(
         [point.figures.cost for point in best], [1e3 * point.figures.error for point in best],
         "o-", color="tab:blue", markersize=4, linewidth=1.0, label="front of the search",
@@ -79,7 +104,9 @@ def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> N
                 color="tab:green",
             )  # fmt: skip
     _point(axes, "defaults", verdict.defaults.cost, verdict.defaults.error, "D", "tab:orange")
-    chosen = verdict.chosen.figures
+    chosen, short = verdict.chosen.figures, verdict.short
+    axes.plot([short.cost, chosen.cost], [1e3 * short.error, 1e3 * chosen.error], color="tab:red", linewidth=0.8)
+    _point(axes, "chosen, in the search", short.cost, short.error, "x", "tab:red")
     _point(axes, "chosen, confirmed", chosen.cost, chosen.error, "X", "tab:red")
     axes.set(
         xscale="log", yscale="log", xlabel="cost [processor time per simulated second]",
@@ -90,6 +117,12 @@ def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> N
     axes.legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
+
+
+def _dots(axes: Any, label: str, figures: Sequence[Figures], **look: Any) -> None:
+    if figures:
+        costs, errors = [one.cost for one in figures], [1e3 * one.error for one in figures]
+        axes.scatter(costs, errors, s=14, linewidths=0.9, label=label, **look)
 
 
 def _point(axes: Any, label: str, cost: float, error: float, marker: str, colour: str) -> None:

@@ -35,7 +35,9 @@ class Verdict:
 
     ``chosen``: the point that is written; ``keeps``: whether it keeps what is asked, and is not merely the nearest to
     it; ``on_front``: whether the defaults are chosen themselves, because nothing found beats them. ``others``: what it
-    was measured beside, by name. ``limits``: what was to be kept.
+    was measured beside, by name. ``limits``: what was to be kept in the confirming run, ``searched``: in the search,
+    whose defaults have other figures. ``short``: figures of the chosen point in the search. ``confirmed``: all points
+    that ran again, the defaults last.
     """
 
     chosen: Point
@@ -44,6 +46,9 @@ class Verdict:
     defaults: Figures
     others: Mapping[str, Figures]
     limits: Limits
+    searched: Limits
+    short: Figures
+    confirmed: Sequence[Point] = ()
 
 
 def confirm(
@@ -70,9 +75,11 @@ def confirm(
     own = Point(space.defaults(), defaults, "defaults")
     kept = ranked([*again, own], asked, limits)
     chosen = kept[0] if kept else nearest([*again, own], limits)
+    short = base if chosen is own else candidates[again.index(chosen)].figures
     return Verdict(
-        chosen=chosen, keeps=bool(kept), on_front=chosen is own, defaults=defaults, others=others, limits=limits
-    )
+        chosen=chosen, keeps=bool(kept), on_front=chosen is own, defaults=defaults, others=others, limits=limits,
+        searched=Limits.of(asked, base), short=short, confirmed=(*again, own),
+    )  # fmt: skip
 
 
 def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, plan: Confirming) -> list[Point]:

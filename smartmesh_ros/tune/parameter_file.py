@@ -10,11 +10,11 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.studies.bench.machine import describe
-from smartmesh_ros.tune.case import Case
+from smartmesh_ros.tune.case import Case, MapTopic
 from smartmesh_ros.tune.confirm import Verdict
 from smartmesh_ros.tune.figures import Asked, Figures
 from smartmesh_ros.tune.space import defaults
-from smartmesh_ros.tune.start import DEFAULTS
+from smartmesh_ros.tune.start import DEFAULTS, NODE
 
 WIDTH = 118
 COLUMNS = f"{'':18} {'cost':>9} {'longest':>10} {'penetration':>12} {'hover':>9} {'deviation':>10} {'lost':>6}"
@@ -24,6 +24,7 @@ def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
     """The text of the file: comments, then everything that was given, with what was searched in its place."""
     machine = describe()
     about = [f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked.words}."]
+    about += [_map_words(topic) for topic in case.map_topics]
     if not verdict.keeps:
         about.append("NOT POSSIBLE: this is the nearest that was found.")
     if verdict.on_front:
@@ -42,9 +43,21 @@ def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
     return "\n".join([*lines, *_entries(values)]) + "\n"
 
 
+def _map_words(topic: MapTopic) -> str:
+    """Which topic maps were on, and how the node gets them from there."""
+    own = f"~/{topic.taken_on}"
+    remap = "" if topic.name == own.replace("~", NODE) else f": start it with -r {own}:={topic.name}"
+    return f"Maps: {topic.name} ({topic.type_name}), which the node takes on {own}{remap}."
+
+
 def table(verdict: Verdict) -> str:
     """The chosen point's figures, and those of what it was measured beside."""
-    rows = [COLUMNS, row("this file", verdict.chosen.figures), row("defaults", verdict.defaults)]
+    rows = [
+        COLUMNS,
+        row("this file", verdict.chosen.figures),
+        row("  in the search", verdict.short),
+        row("defaults", verdict.defaults),
+    ]
     return "\n".join(rows + [row(name, figures) for name, figures in verdict.others.items()])
 
 

@@ -49,6 +49,7 @@ class Recording:
     frame: str = ""
     refused: Counter[str] = field(default_factory=Counter)
     frames: Counter[str] = field(default_factory=Counter)  # that maps or bodies are in, by "what in frame"
+    map_topics: set[str] = field(default_factory=set)  # that changed the terrain
 
     @property
     def maps(self) -> list[MapCame | RegionCame]:
@@ -98,6 +99,8 @@ class Reader:
                         "replay less of it with --seconds"
                     )  # fmt: skip
                 self.recording.events += events
+                if isinstance(events[0], MapCame | RegionCame):
+                    self.recording.map_topics.add(record.topic)
         return self.recording
 
     def take_map(self, record: Record, now: float) -> Iterator[Event]:

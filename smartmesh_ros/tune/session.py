@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +26,7 @@ from smartmesh_ros.tune.scene_case import SceneCase
 from smartmesh_ros.tune.search import Say, Search, prepare, work
 from smartmesh_ros.tune.start import read_start
 from smartmesh_ros.tune.store import Store, open_storage
-from smartmesh_ros.tune.words import five_lines, progress
+from smartmesh_ros.tune.words import closing_lines, progress
 from smartmesh_ros.tune.workers import Workers
 from smartmesh_ros.warm_up import warm_up
 
@@ -91,8 +92,9 @@ def take_part(request: Request, seed: int | None, say: Say) -> None:
 
 
 def quiet_optuna() -> None:
-    """Has Optuna speak up only where something is wrong."""
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    """Keeps Optuna's own words from between those of the search: what goes wrong raises."""
+    optuna.logging.set_verbosity(optuna.logging.CRITICAL)
+    warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
 
 
 def run_session(options: argparse.Namespace) -> int:
@@ -147,7 +149,7 @@ def _tell(request: Request, case: Case, points: Sequence[Point], verdict: Verdic
     chart.draw(picture, case.title, points, verdict)
     print(chart.in_terminal(points, verdict))
     print(f"\n{table(verdict)}\n")
-    for line in five_lines(case, request.asked, verdict, len(points), str(file)):
+    for line in closing_lines(case.title, request.asked, verdict, points, str(file)):
         print(line)
     print(f"The chart: {picture}")
 

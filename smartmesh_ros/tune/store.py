@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import optuna
 from optuna.samplers import TPESampler
@@ -28,30 +28,51 @@ MOST_EXCESS = 100.0
 AT_RANDOM = 16
 
 
-def open_storage(where: str) -> BaseStorage:
+class Storage(NamedTuple):
+    """An open storage, and where it is."""
+
+    where: str
+    storage: BaseStorage
+
+
+def open_storage(where: str) -> Storage:
     """A database's address such as ``sqlite:///tune.db``, or the path of a journal file; raises `InputError`."""
     try:
         if "://" in where:
-            return optuna.storages.get_storage(where)
+            return Storage(where, optuna.storages.get_storage(where))
         Path(where).parent.mkdir(parents=True, exist_ok=True)
-        return JournalStorage(JournalFileBackend(where))
+        return Storage(where, JournalStorage(JournalFileBackend(where)))
     except Exception as error:  # noqa: BLE001  # those of SQLAlchemy and of its drivers have no common base
-        raise InputError(
-            "storage", f"--storage {where!r} does not open ({error}); name a journal file or sqlite:///FILE"
-        ) from None
+        raise _refusal(where, error) from None
+
+
+def _refusal(where: str, error: Exception) -> InputError:
+    """An error that says why a storage does not open, without the libraries' own words."""
+    if isinstance(error, OSError):
+        why = error.strerror or "the file cannot be read"
+    elif isinstance(error, ImportError):
+        why = "the Python package for such databases is not installed"
+    elif "://" in where:
+        why = "there is no such database, or it is of no kind that is known"
+    else:
+        why = "it is no journal of a search, or it is damaged"
+    return InputError("storage", f"--storage {where!r} does not open: {why}; name a journal file or sqlite:///FILE")
 
 
 class Store:
     """One study: what was found of one case, whoever found it."""
 
-    def __init__(self, storage: BaseStorage, name: str, seed: int | None = None) -> None:
-        self.study = optuna.create_study(
-            storage=storage,
-            study_name=name,
-            load_if_exists=True,
-            sampler=TPESampler(n_startup_trials=AT_RANDOM, seed=seed),
-            directions=["minimize", "minimize"],
-        )
+    def __init__(self, storage: Storage, name: str, seed: int | None = None) -> None:
+        try:
+            self.study = optuna.create_study(
+                storage=storage.storage,
+                study_name=name,
+                load_if_exists=True,
+                sampler=TPESampler(n_startup_trials=AT_RANDOM, seed=seed),
+                directions=["minimize", "minimize"],
+            )
+        except Exception as error:  # noqa: BLE001  # as above: a file is read only here
+            raise _refusal(storage.where, error) from None
 
     @property
     def base(self) -> Figures | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import pickle
 import signal
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
@@ -22,7 +23,9 @@ class Workers:
 
     def __init__(self, request: Request, jobs: int) -> None:
         context = multiprocessing.get_context("spawn")
-        self._processes = [context.Process(target=_work, args=(request, index), daemon=True) for index in range(jobs)]
+        # As bytes: a request imports PyBullet where it is unpacked, which then prints its build time.
+        packed = pickle.dumps(request)
+        self._processes = [context.Process(target=_work, args=(packed, index), daemon=True) for index in range(jobs)]
 
     def __enter__(self) -> Workers:
         for process in self._processes:
@@ -48,12 +51,13 @@ class Workers:
         return any(process.is_alive() for process in self._processes)
 
 
-def _work(request: Request, index: int) -> None:
+def _work(packed: bytes, index: int) -> None:
     """One of the processes. SIGTERM comes as Ctrl-C does, so that open trials are given up."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     silence_pybullet()
     from smartmesh_ros.tune.session import take_part
 
+    request: Request = pickle.loads(packed)
     try:
         take_part(request, None if request.seed is None else request.seed + 1 + index, lambda _: None)
     except KeyboardInterrupt:

@@ -17,9 +17,14 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.testing import bags, heightmap_message
+from smartmesh_ros.tune import space
 from smartmesh_ros.tune.bag import Bag
 from smartmesh_ros.tune.bag_case import BagCase
+from smartmesh_ros.tune.confirm import Verdict
+from smartmesh_ros.tune.figures import Asked, Figures, Limits
+from smartmesh_ros.tune.front import Point
 from smartmesh_ros.tune.measuring import run
+from smartmesh_ros.tune.parameter_file import parameter_file
 from smartmesh_ros.tune.replay import Replay
 from smartmesh_ros.tune.start import settings_of
 
@@ -120,3 +125,25 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.penetration < 0.5 * lagging.penetration
     assert kept.hover < 0.5 * lagging.hover
     assert kept.cost > 0.0 and kept.longest > 0.0
+
+
+def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
+    """And how the node gets them from there, unless they are on its own topic."""
+    chosen = Point(space.defaults(), Figures())
+    limits = Limits()
+    verdict = Verdict(
+        chosen=chosen, keeps=True, on_front=False, defaults=Figures(), others={}, limits=limits, searched=limits,
+        short=Figures(),
+    )  # fmt: skip
+    for topic, words in (
+        ("/mapper/heights", "which the node takes on ~/heightmap: start it with -r ~/heightmap:=/mapper/heights"),
+        ("/terrain_collider/heightmap", "which the node takes on ~/heightmap."),
+    ):
+        bag = tmp_path / topic.rpartition("/")[2]
+        others = [("/elsewhere/heightmap", time, message) for name, time, message in messages() if "height" in name]
+        renamed = [(topic if "height" in name else name, time, message) for name, time, message in messages()]
+        bags.write(bag, sorted([*renamed, *others], key=lambda record: record[1]))
+        case = BagCase(Bag(bag), START, topic)
+        text = parameter_file(case, Asked(), verdict).replace("\n# ", " ")
+        assert f"Maps: {topic} (smartmesh_msgs/msg/Heightmap), {words}" in text
+        assert "/elsewhere" not in text

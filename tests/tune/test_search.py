@@ -60,6 +60,8 @@ def test_the_node_loads_what_is_written(probe: Probe, scene: Path, tmp_path: Pat
     said = capsys.readouterr().out
     assert " settings tried" in said
     assert "Not possible here: at most 1e-06 of a core" in said and "nearest that was found has cost" in said
+    assert "(at most 1e-06 of a core, as asked)" in said and "What binds is the limit of cost" in said
+    assert ", break what is asked" in said and "in the search" in said
     assert "NOT POSSIBLE" in (out / "small_nearest.yaml").read_text()
 
 
@@ -88,9 +90,11 @@ def test_an_interrupted_search_goes_on(scene: Path, tmp_path: Path) -> None:
     assert again.points()[: len(kept)] == kept
 
 
-def test_processes_share_one_search(scene: Path, tmp_path: Path) -> None:
+def test_processes_share_one_search(scene: Path, tmp_path: Path, capfd: Any) -> None:
     words = [str(scene), "--trials", "18", "--jobs", "2", "--out", str(tmp_path)]
     assert cli.main([*words, "--storage", f"sqlite:///{tmp_path}/tune.db"]) == 0
+    said = "".join(capfd.readouterr()).lower()
+    assert not any(word in said for word in ("pybullet", "optuna", "trial", "warning"))
     request = Request(source=str(scene), storage=f"sqlite:///{tmp_path}/tune.db")
     assert len(request.open_store(request.open_case(), 0).points()) >= 18
 
