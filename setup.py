@@ -1,11 +1,20 @@
-"""Installs the ament_python package smartmesh_ros."""
+"""Installs the ament_python package smartmesh_ros, with its machine code."""
 
+import os
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
+from setuptools.command.build_py import build_py
+from setuptools.command.develop import develop
+from setuptools.command.install_lib import install_lib
 
 NAME = "smartmesh_ros"
+ROOT = Path(__file__).resolve().parent
+sys.path.insert(0, str(ROOT))
+from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
 IN_WORKSPACES = [
@@ -14,6 +23,68 @@ IN_WORKSPACES = [
     f"view = {NAME}.starting:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
+# Builds without machine code: a wheel for all machines, whose nodes compile when they are first started.
+PURE = os.environ.get("SMARTMESH_PURE") == "1"
+
+
+def compile_beforehand() -> Path | None:
+    """Compiles from the sources here, on all cores; returns the folder, None where Numba or PyBullet is missing."""
+    if PURE:
+        return None
+    script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from smartmesh_ros.compiling import main; main()"
+    if subprocess.run([sys.executable, "-c", script], check=False).returncode:
+        print("no machine code was built; the first start compiles")
+    return machine_code.complete()
+
+
+class BuildWithMachineCode(build_py):
+    """Copies the package and its machine code, and nothing that an earlier build left."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        if self.editable_mode:
+            super().run()
+            compile_beforehand()
+            return
+        package = Path(self.build_lib) / NAME
+        shutil.rmtree(package, ignore_errors=True)
+        super().run()
+        if (made := compile_beforehand()) is not None:
+            shutil.copytree(made, package / machine_code.HOME / made.name)
+
+    def get_outputs(self, include_bytecode: bool = True) -> list[str]:
+        """All files that are copied, the machine code among them."""
+        home = Path(self.build_lib) / NAME / machine_code.HOME
+        return [*super().get_outputs(include_bytecode), *(str(path) for path in home.glob("*/*"))]
+
+
+class DevelopWithMachineCode(develop):
+    """Compiles for the sources where they are, as `colcon build --symlink-install` runs them."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        super().run()
+        if not self.uninstall:
+            compile_beforehand()
+
+
+class InstallAnew(install_lib):
+    """Installs in the place of what was there: a module or machine code of before would belong to other sources."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        package = Path(self.install_dir) / NAME
+        if not package.is_symlink():
+            shutil.rmtree(package, ignore_errors=True)
+        super().run()
+
+
+class WithMachineCode(Distribution):
+    """A wheel for the Python and the kind of processor that its machine code is for."""
+
+    def has_ext_modules(self) -> bool:
+        """Whether there is more than Python in it."""
+        return IS_WHEEL and not PURE
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -24,6 +95,8 @@ def files(folder: str, pattern: str) -> list[str]:
 setup(
     name=NAME,
     version="0.1.0",
+    distclass=WithMachineCode,
+    cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "studies/scenes/*.yaml"]},
     data_files=[
@@ -46,7 +119,7 @@ setup(
     maintainer="smartmesh_ros maintainers",
     maintainer_email="maintainers@smartmesh-ros.invalid",
     description="Collide with terrain that moves: small, velocity-carrying collider patches that follow bodies.",
-    long_description=Path("README.md").read_text(),
+    long_description=(ROOT / "README.md").read_text(),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
     entry_points={
@@ -54,6 +127,7 @@ setup(
             f"terrain_collider = {NAME}.starting:terrain_collider",
             f"smartmesh-fleet = {NAME}.starting:fleet",
             f"terrain_source = {NAME}.starting:terrain_source",
+            f"smartmesh-compile = {NAME}.compiling:main",
             f"smartmesh-demo = {NAME}.starting:demo",
             f"smartmesh-studies = {NAME}.studies.cli:main",
             f"smartmesh-tune = {NAME}.tune.cli:start",

@@ -6,11 +6,18 @@ import importlib
 import sys
 from importlib.util import find_spec
 
+from smartmesh_ros import machine_code
 from smartmesh_ros.node.quiet import import_pybullet_quietly, silence_pybullet
+
+
+# Arguments that a node answers without starting.
+QUESTIONS = {"-h", "--help", "--print-parameters"}
 
 
 def terrain_collider() -> None:
     """The node."""
+    if not QUESTIONS & {*sys.argv}:
+        machine_code.announce()  # before the imports below, which take a second
     silence_pybullet()
     _start("terrain_collider", "smartmesh_ros.node.terrain_collider")
 

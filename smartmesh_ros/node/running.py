@@ -55,7 +55,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     stop: list[int] = []
     try:
         try:
-            node = make_node()  # compiles for half a minute the first time; signals end that at once
+            node = make_node()  # may wait for processes that compile; signals end that at once
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda received, _: stop.append(received))
         except KeyboardInterrupt:

@@ -46,7 +46,7 @@ class TerrainCollider(Node):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
-        compiling = warm_up()
+        compiling = warm_up()  # before any topic or service: who is answered is answered at once
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)

@@ -34,7 +34,7 @@ from smartmesh_msgs.msg import (
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.testing.messages import heightmap_message, points_of, pose_message
-from smartmesh_ros.testing.process import PATIENCE, Process
+from smartmesh_ros.testing.process import PATIENCE, STARTING, Process
 from smartmesh_ros.testing.report import of_wait
 
 COLLIDER = "/terrain_collider"
@@ -120,10 +120,12 @@ class Probe:
         *,
         package: str = "smartmesh_ros",
         environment: dict[str, str] | None = None,
+        timeout: float = STARTING,
     ) -> Iterator[Process]:
         """An executable of a package for the length of the block, in the probe's namespace.
 
-        The collider is connected to the probe when the block begins; of others the probe cannot know when they are.
+        The collider is connected to the probe when the block begins; of others the probe cannot know when they are. It
+        is waited for up to ``timeout`` [s], and no longer than it runs: a first start may have to compile.
         """
         if self.namespace:
             arguments = [*arguments, "--ros-args", "-r", f"__ns:={self.namespace}", "--"]
@@ -131,7 +133,7 @@ class Probe:
             self._processes.append(process)
             try:
                 if (package, name) == ("smartmesh_ros", "terrain_collider"):
-                    self.wait_for(self.connected, watch=process)
+                    self.wait_for(self.connected, timeout=timeout, watch=process)
                 yield process
             finally:
                 self._processes.remove(process)

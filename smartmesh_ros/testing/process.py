@@ -18,6 +18,8 @@ from ament_index_python.packages import get_package_prefix
 
 # How long conditions may take [s]: far longer than on an idle machine.
 PATIENCE = 30.0
+# How long a collider may take to be ready [s]: one that finds no machine code compiles, for minutes on a busy machine.
+STARTING = 300.0
 # Asks Linux for SIGKILL (9) when the parent ends (option 1 of prctl), unless that is past, and becomes the command.
 _ASK = """
 import ctypes, os, sys

@@ -13,7 +13,10 @@ import pytest
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 # What is made, and not part of the repository.
-MADE = (".git", ".venv", "build", "install", "log", "out", "__pycache__", "*.egg-info", ".*_cache", ".hypothesis")
+MADE = (
+    ".git", ".venv", "build", "install", "log", "out", "__pycache__", "_machine_code", "*.egg-info", ".*_cache",
+    ".hypothesis",
+)  # fmt: skip
 # Patience with commands that compile [s].
 LONG = 900
 

@@ -210,17 +210,22 @@ class Front(Node):
 
     def _report(self) -> None:
         self._publish_timing()
+        self.ledger.see(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
         counts: dict[str, int] = dict.fromkeys(self.ledger.members, 0)
         for entry in self.ledger.bodies.values():
             counts[entry.node] += 1
         living, waiting = self.ledger.living, self.ledger.waiting
-        values = {node: f"{count} bodies" if node in living else "not heard" for node, count in counts.items()}
+        starting = self.ledger.starting
+        absent = {node: "starting" if node in starting else "not heard" for node in counts}
+        values = {node: f"{count} bodies" if node in living else absent[node] for node, count in counts.items()}
         values |= {"bodies": str(len(self.ledger.bodies)), "spawned again": str(self.ledger.respawned)}
         values["waiting to be spawned again"] = str(len(waiting))
-        dead = [node for node in counts if node not in living]
+        dead = [node for node in counts if node not in living and node not in starting]
         level, text = DiagnosticStatus.OK, f"{len(living)} nodes"
         if dead:
             level, text = DiagnosticStatus.ERROR, f"not heard: {', '.join(dead)}"
+        elif starting:
+            level, text = DiagnosticStatus.WARN, f"starting: {', '.join(sorted(starting))}"
         elif waiting:
             level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
         pairs = [KeyValue(key=key, value=value) for key, value in values.items()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
@@ -106,12 +106,18 @@ class Ledger:
         self.members = {node: Member() for node in nodes}
         self.bodies: dict[str, Entry] = {}
         self.respawned = 0
+        self._present: set[str] = set()
         self._looked = math.inf  # when it was last looked after the nodes [s]
 
     @property
     def living(self) -> list[str]:
         """Nodes that live."""
         return [node for node, member in self.members.items() if member.alive]
+
+    @property
+    def starting(self) -> list[str]:
+        """Nodes that are connected and were never heard: they still compile, or load."""
+        return [node for node in self._present if self.members[node].heard == -math.inf]
 
     @property
     def waiting(self) -> list[str]:
@@ -157,6 +163,10 @@ class Ledger:
         member = self.members[node]
         member.returned |= time - member.heard > self.config.restart
         member.heard = time
+
+    def see(self, nodes: Iterable[str]) -> None:
+        """Notes which nodes are connected, whether they were heard or not."""
+        self._present = self.members.keys() & nodes
 
     def learn(self, node: str, states: StateTable) -> None:
         """Takes the newest states of a node's bodies."""
@@ -239,6 +249,9 @@ class Ledger:
 
     def _choose(self, x: float, y: float) -> str:
         living = self.living
+        if not living and self.starting:
+            names = ", ".join(sorted(self.starting))
+            raise InputError("no_node", f"{names} are starting; ask again when the diagnostics say that they are there")
         if not living:
             raise InputError("no_node", f"none of {', '.join(self.members)} is heard; start one")
         if self.config.spread == "tiles" and math.isfinite(x) and math.isfinite(y):
