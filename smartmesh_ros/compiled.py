@@ -5,7 +5,6 @@ Without a working Numba the same functions run as Python, hundreds of times slow
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import pickle
@@ -66,7 +65,15 @@ class KeptCode:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._name = f"{function.__module__}.{function.__qualname__}"
+        file = Path(function.__code__.co_filename).resolve()
+        if not file.is_relative_to(machine_code.PACKAGE):  # the folder's name does not tell of its sources
+            self._name += f"-{machine_code.digest_of_all(file.parent)}"
         self._locks: dict[Any, int] = {}
+
+    @property
+    def cache_path(self) -> str:
+        """The folder, empty if nothing is kept; Numba asks for it in its statistics."""
+        return str(machine_code.folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature, None if nothing was."""
@@ -120,7 +127,7 @@ class KeptCode:
         if folder is not None:
             path = folder / (self._file(sig, _processor(target_context.codegen())) + ".lock")
             self._locks[sig] = lock = os.open(path, os.O_RDWR | os.O_CREAT)
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            machine_code.wait_for(lock)
 
     def _unlock(self, sig: Any) -> None:
         if (lock := self._locks.pop(sig, None)) is not None:

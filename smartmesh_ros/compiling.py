@@ -6,6 +6,7 @@ Nodes do the same at their first start if nobody did it before; `make`, `colcon 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import gc
 import os
 import signal
@@ -23,6 +24,8 @@ from smartmesh_ros import compiled, machine_code
 
 # How often the processes are looked at, and how often progress is told [s].
 LOOK, TELL = 0.05, 2.0
+# The option of prctl, from <linux/prctl.h>, that names the signal a process gets when its parent ends.
+PR_SET_PDEATHSIG = 1
 # A message without bodies, for the functions that read body states of other nodes.
 NOBODY = struct.pack("<4s2iI4x5fI", b"\0\1\0\0", 0, 0, 1, 0.0, 60.0, 0.0, 0.0, -9.81, 0)
 
@@ -66,6 +69,7 @@ def fill(folder: str, digest: str, progress: str = "") -> None:
     All compiled functions run as Python first, on small maps, which tells the types of their arguments. Then this process
     becomes several by fork, each of which takes the next function that nobody has taken.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
     parent = os.getppid()
     if digest != machine_code.DIGEST:
         sys.exit("the sources changed meanwhile")
@@ -92,9 +96,9 @@ def fill(folder: str, digest: str, progress: str = "") -> None:
 def _record() -> list[tuple[Any, Any]]:
     """Functions and types of arguments of all calls that a warm-up makes, those of the largest functions first."""
     compiled.instead = _Recorded
-    from smartmesh_ros.node.quiet import import_pybullet_quietly  # those below are imported only now
+    from smartmesh_ros.node.quiet import silence_pybullet  # those below are imported only now
 
-    import_pybullet_quietly()
+    silence_pybullet()
     from smartmesh_ros.node.peer_states import PeerReader
     from smartmesh_ros.warm_up import run_through
 
@@ -141,6 +145,7 @@ def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
         return child
     code = 1
     try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # it ends with the process that started it
         compiled.shared = True
         while number := os.read(tasks, 1):
             function, types = calls[number[0]]
@@ -166,7 +171,7 @@ def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None
         if progress and monotonic() > told + TELL:
             told = monotonic()
             names = {path.name.partition("-")[0] for path in place.glob(f"*.{compiled.GENERIC}")}
-            print(f"compiled {len(names)} of {len(_Recorded.ran)} functions in {told - start:.0f} s", flush=True)
+            print(f"compiled {len(names)} of some {len(_Recorded.ran)} functions in {told - start:.0f} s", flush=True)
         sleep(LOOK)
 
 

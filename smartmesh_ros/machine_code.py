@@ -1,28 +1,33 @@
 """Where machine code is kept between runs, so that it is there when it is needed and never older than its sources.
 
 Numba's own cache notices that a compiled function changed, but not that a function which it calls did. Here the folder
-is named by a digest of all sources of the package, and by what else the code depends on: Python, NumPy, Numba and the
-kind of processor. The folder stands in the package where that can be written to (``make``, ``colcon build`` and the wheel
+is named by a digest of all sources that are compiled, with all that they import, and by what else the code depends on:
+Python, NumPy, Numba and the kind of processor. The folder stands in the package where that can be written to (``make``, ``colcon build`` and the wheel
 fill it), else in the user's cache. It counts as complete once the file `COMPLETE` is in it. This module needs neither
 Numba nor NumPy, so that a node can say within a moment that it has to compile.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import logging
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 PACKAGE = Path(__file__).resolve().parent
 # Below the package; what version control and newcomers' copies leave out.
@@ -35,22 +40,51 @@ WORK, OVERHEAD = 24.0, 3.0
 # The longest chain of functions that call each other takes a third of the work: more processes gain nothing.
 MOST_PROCESSES = 4
 
+_IMPORT = re.compile(rb"^[ \t]*from smartmesh_ros([.\w]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_NAME = re.compile(rb"\w+")
 log = logging.getLogger("smartmesh_ros")
 _said: set[str] = set()
 
 
 def digest_of(package: Path) -> str:
-    """A short hash of the names and contents of all Python files below a folder; takes milliseconds."""
+    """A short hash of all sources in a folder that machine code depends on; takes milliseconds."""
+    contents = _contents(package)
     digest = hashlib.sha256()
-    for folder, folders, files in os.walk(package):
-        folders.sort()
-        for name in sorted(files):
-            if name.endswith(".py"):
-                path = os.path.join(folder, name)  # noqa: PTH118  # a Path for each file takes as long as its hash
-                digest.update(os.path.relpath(path, package).encode() + b"\0")
-                with open(path, "rb") as file:  # noqa: PTH123
-                    digest.update(hashlib.sha256(file.read()).digest())
+    for name in sorted(_compiled_from(contents)):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(contents[name]).digest())
     return digest.hexdigest()[:16]
+
+
+def _contents(package: Path) -> dict[str, bytes]:
+    """The Python files below a folder, by their path in it."""
+    contents = {}
+    for folder, _, files in os.walk(package):
+        for name in files:
+            if name.endswith(".py"):
+                path = os.path.join(folder, name)  # noqa: PTH118  # a Path for each file takes as long as to read it
+                with open(path, "rb") as file:  # noqa: PTH123
+                    contents[os.path.relpath(path, package)] = file.read()
+    return contents
+
+
+def _compiled_from(contents: dict[str, bytes]) -> set[str]:
+    """Files with compiled functions, the one that tells which are compiled beforehand, and all that those import."""
+    wanted = {name for name, content in contents.items() if b"\n@compiled\n" in content or name == "warm_up.py"}
+    taken: set[str] = set()
+    while wanted:
+        taken.add(name := wanted.pop())
+        for module, imported in _IMPORT.findall(contents[name]):
+            path = module.decode().strip(".").replace(".", "/")
+            below = [f"{path}/{found.decode()}.py".strip("/") for found in _NAME.findall(imported)]
+            wanted |= ({f"{path}.py", f"{path}/__init__.py", *below} & contents.keys()) - taken
+    return taken
+
+
+@cache
+def digest_of_all(folder: Path) -> str:
+    """A short hash of all sources in a folder, for compiled functions that are not of this package."""
+    contents = _contents(folder)
+    return hashlib.sha256(b"".join(name.encode() + contents[name] for name in sorted(contents))).hexdigest()[:16]
 
 
 DIGEST = digest_of(PACKAGE)  # of the sources that this process imports
@@ -126,7 +160,8 @@ def remove_old(home: Path, digest: str = DIGEST) -> None:
 
 def processes() -> int:
     """How many processes compile side by side."""
-    return max(1, min(len(os.sched_getaffinity(0)), MOST_PROCESSES))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, MOST_PROCESSES)
 
 
 def say_once(message: str) -> None:
@@ -176,8 +211,18 @@ def prepare(*, progress: bool = False) -> Path | None:
 
 def _compile(place: Path, lock: int, progress: bool) -> None:
     """Runs `smartmesh_ros.compiling` in a process that also holds the lock, should this one be killed."""
-    script = "import sys; sys.path.insert(0, sys.argv[1]); from smartmesh_ros.compiling import fill; fill(*sys.argv[2:])"
-    command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST, *(["progress"] if progress else [])]
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from smartmesh_ros.compiling import fill; fill(*sys.argv[2:])"
+    )
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        str(PACKAGE.parent),
+        str(place),
+        DIGEST,
+        *(["progress"] if progress else []),
+    ]
     try:
         done = subprocess.run(command, env=_environment(), pass_fds=[lock] if lock >= 0 else [], check=False)
         problem = f"ended with {done.returncode}" if done.returncode else ""
@@ -195,7 +240,26 @@ def _environment() -> dict[str, str]:
 
 
 def _wanted() -> bool:
-    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and _version_of("numba") != "none"
+    """Whether functions are compiled at all, and processes can be made that do it side by side."""
+    return (
+        hasattr(os, "fork") and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and _version_of("numba") != "none"
+    )
+
+
+def wait_for(lock: int, message: str = "") -> None:
+    """Locks an open file for this process, saying a ``message`` if another has it now.
+
+    Does nothing where the file system knows no locks: what is compiled twice is the same.
+    """
+    if fcntl is None:
+        return
+    with suppress(OSError):
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if message:
+                say_once(message)
+            fcntl.flock(lock, fcntl.LOCK_EX)
 
 
 @contextmanager
@@ -207,13 +271,7 @@ def _locked(place: Path) -> Iterator[int]:
         yield -1
         return
     try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            say_once("another process compiles the same functions; waiting for it")
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        except OSError:
-            pass  # no locks here: to compile twice does no harm
+        wait_for(lock, "another process compiles the same functions; waiting for it")
         yield lock
     finally:
         os.close(lock)

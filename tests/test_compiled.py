@@ -66,27 +66,6 @@ def test_with_numba_it_warns_of_nothing() -> None:
     assert run(SMALL) == ["[2, 0]"]
 
 
-def test_a_cache_that_cannot_be_written_to_is_done_without() -> None:
-    """Numba raises a RuntimeError when it finds no folder to keep machine code in."""
-    script = SMALL.replace("    from smartmesh_ros import", NO_CACHE + "    from smartmesh_ros import", 1)
-    states, *warnings = run(script)
-    assert states == "[2, 0]"
-    assert len(warnings) == 1
-    assert "NUMBA_CACHE_DIR" in warnings[0]
-
-
-NO_CACHE = """
-    import numba
-    njit = numba.njit
-    def without(*functions, **options):
-        if options.pop("cache", False):
-            def refuse(function):
-                raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available")
-            return refuse
-        return njit(*functions, **options)
-    numba.njit = without
-"""
-
 LOOP = """
 import numpy as np
 from numba.core.dispatcher import Dispatcher

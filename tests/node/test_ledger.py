@@ -184,6 +184,20 @@ def test_without_a_node_that_lives_nothing_is_spawned_but_nothing_is_forgotten()
     assert world.bodies["c"] == ["body"]
 
 
+def test_nodes_that_are_connected_and_not_heard_yet_are_starting() -> None:
+    ledger = Ledger(NODES)
+    ledger.see(["a", "b", "/somebody/else"])
+    assert sorted(ledger.starting) == ["a", "b"]
+    with pytest.raises(InputError, match="a, b are starting"):
+        ledger.choose("body", 0.0, 0.0)
+    ledger.hear("a", 0.0)
+    ledger.look(0.1)
+    assert ledger.starting == ["b"]
+    assert ledger.choose("body", 0.0, 0.0) == "a"
+    ledger.look(10.0)
+    assert ledger.starting == ["b"], "who was heard before is not heard any more"
+
+
 @given(
     events=st.lists(st.tuples(st.sampled_from(EVENTS), st.sampled_from(NODES)), max_size=14),
     respawn=st.sampled_from(["elsewhere", "same"]),

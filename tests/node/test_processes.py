@@ -10,7 +10,9 @@ from time import monotonic
 import numpy as np
 import pytest
 
+from smartmesh_ros import machine_code
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, assert_on_map
+from smartmesh_ros.testing.process import STARTING
 
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
 # deadlines were missed.
@@ -60,11 +62,24 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, ex
 
 
 def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_path: Path) -> None:
-    with Process("terrain_collider", environment={"NUMBA_CACHE_DIR": str(tmp_path)}) as process:
-        probe.wait_for(lambda: any(tmp_path.rglob("*.nbi")), watch=process)
+    with Process("terrain_collider", environment={machine_code.CHOSEN: str(tmp_path)}) as process:
+        probe.wait_for(lambda: any(tmp_path.rglob("*.generic")), timeout=STARTING, watch=process)
         assert process.stop() == 0
-        assert "compiled functions ready" not in process.output
-        assert "Traceback" not in process.output
+        [line] = process.output.splitlines()
+        assert re.search(r"compiling once, about \d+ s on \d+ cores; later starts load it from", line)
+    with machine_code._locked(next(tmp_path.glob("*-*"))):
+        assert machine_code.COMPLETE not in {path.name for path in tmp_path.rglob("*")}, "those that compiled ended too"
+
+
+def test_a_node_that_waits_for_one_that_compiles_is_waited_for(probe: Probe, tmp_path: Path) -> None:
+    """And its words are shown when that was in vain."""
+    (tmp_path / "some").mkdir()
+    with (
+        machine_code._locked(tmp_path / "some"),
+        pytest.raises(AssertionError, match="waited 3 s in vain(.|\n)*another process compiles the same functions"),
+        probe.running(environment={machine_code.CHOSEN: str(tmp_path)}, timeout=3.0),
+    ):
+        pass
 
 
 def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:

@@ -1,0 +1,249 @@
+"""Machine code is never older than its sources, and whatever is wrong with the place it is kept in, the functions run."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from smartmesh_ros import compiled, machine_code
+
+pytestmark = pytest.mark.skipif(
+    compiled.numba is None or compiled.numba.config.DISABLE_JIT, reason="nothing is compiled"
+)
+PATIENCE = 300.0
+# A caller in one file and the function that it calls in another.
+GAP = """
+import numpy as np
+from smartmesh_ros.patches import facets, touchable
+from smartmesh_ros import machine_code
+corner = np.array([0.0, 0.0, 0.05])
+print(touchable.gap_to_corner(corner) if hasattr(touchable, "gap_to_corner") else "missing")
+"""
+CALLEE = """
+
+@compiled
+def corner_gap(corner):
+    return corner[2]
+"""
+CALLER = """
+
+@compiled
+def gap_to_corner(corner):
+    return facets.corner_gap(corner)
+"""
+PREPARE = "from smartmesh_ros import machine_code; print(machine_code.prepare())"
+# Compiles nothing, but says that it was asked to.
+STUB = """
+import pathlib, sys, time
+from smartmesh_ros import machine_code
+def compile(place, lock, progress):
+    with open(sys.argv[1], "a") as file:
+        print("compiled", file=file)
+    (place / machine_code.COMPLETE).touch()
+machine_code._compile = compile
+print(machine_code.prepare())
+"""
+
+
+def environment(folder: Path | str, package: Path = machine_code.PACKAGE) -> dict[str, str]:
+    """The environment of a process that keeps machine code in a folder."""
+    path = os.pathsep.join([str(package.parent), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, machine_code.CHOSEN: str(folder), "PYTHONPATH": path}
+
+
+def run(
+    script: str, folder: Path | str, *arguments: str, package: Path = machine_code.PACKAGE
+) -> tuple[str, list[str]]:
+    """What a script prints, and the lines of its standard error."""
+    command = [sys.executable, "-P", "-c", script, *arguments]
+    done = subprocess.run(
+        command, env=environment(folder, package), capture_output=True, text=True, check=False, timeout=PATIENCE
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip(), done.stderr.splitlines()
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A copy of the package in which a function of `touchable` calls one of `facets`."""
+    copy = tmp_path / "copy" / "smartmesh_ros"
+    shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.HOME))
+    for name, more in (("facets", CALLEE), ("touchable", "\nfrom smartmesh_ros.patches import facets\n" + CALLER)):
+        with (copy / "patches" / f"{name}.py").open("a") as file:
+            file.write(more)
+    return copy
+
+
+def test_a_caller_of_a_function_that_changed_is_compiled_again(package: Path, tmp_path: Path) -> None:
+    facets = package / "patches" / "facets.py"
+    kept = tmp_path / "kept"
+    assert run(GAP, kept, package=package) == ("0.05", [])
+    names = set(kept.iterdir())
+    facets.write_text(facets.read_text().replace("return corner[2]", "return -corner[2]"))
+    assert run(GAP, kept, package=package) == ("-0.05", [])
+    assert len(set(kept.iterdir()) - names) == 1
+
+
+def test_numbas_own_cache_would_have_kept_the_old_code(package: Path, tmp_path: Path) -> None:
+    """The control of the test above."""
+    facets = package / "patches" / "facets.py"
+    module = package / "compiled.py"
+    module.write_text(module.read_text().replace("made._cache = KeptCode(function)", "made.enable_caching()"))
+    assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"
+    facets.write_text(facets.read_text().replace("return corner[2]", "return -corner[2]"))
+    assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"
+
+
+def test_the_digest_is_of_every_module_that_one_with_compiled_functions_imports() -> None:
+    contents = machine_code._contents(machine_code.PACKAGE)
+    taken = machine_code._compiled_from(contents)
+    assert {name for name, content in contents.items() if b"@compiled" in content} - {"compiled.py"} <= taken
+    for name in taken:
+        for module in _imports(ast.parse(contents[name])):
+            file = module.replace(".", "/") + ".py"
+            assert file in taken or file not in contents, f"{name} imports {file}"
+
+
+def _imports(tree: ast.AST) -> set[str]:
+    """Modules of this package that a module may import, by their names in it."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+    return {name.removeprefix("smartmesh_ros.") for name in found if name.startswith("smartmesh_ros.")}
+
+
+def test_code_of_other_sources_is_removed_and_that_of_other_versions_stays(tmp_path: Path) -> None:
+    for name in (f"{machine_code.DIGEST}-a", f"{machine_code.DIGEST}-b", "0123456789abcdef-a"):
+        (tmp_path / name).mkdir()
+    machine_code.remove_old(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"{machine_code.DIGEST}-a",
+        f"{machine_code.DIGEST}-b",
+    ]
+
+
+def test_everything_that_a_warm_up_needs_is_compiled_beforehand() -> None:
+    place = machine_code.prepare()
+    assert place is not None
+    script = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from smartmesh_ros.compiling import NOBODY
+from smartmesh_ros.node.peer_states import PeerReader
+from smartmesh_ros.warm_up import warm_up
+warm_up()
+PeerReader().read(NOBODY, 0, 0)
+made = [d for d in gc.get_objects() if isinstance(d, Dispatcher) and d.py_func.__module__.startswith("smartmesh_ros")]
+print(sum(map(len, (d.signatures for d in made))) > 50, [d for d in made if d.stats.cache_misses])
+"""
+    said, lines = run(script, place.parent)
+    assert said.splitlines()[-1] == "True []"
+    assert not [line for line in lines if "smartmesh_ros" in line]
+
+
+@pytest.mark.parametrize("harm", ["cut short", "a byte changed", "nothing left"])
+def test_damaged_code_is_compiled_again_and_one_line_says_so(package: Path, tmp_path: Path, harm: str) -> None:
+    kept = tmp_path / "kept"
+    run(GAP, kept, package=package)
+    files = [path for path in kept.glob("*/*") if path.is_file()]
+    assert len(files) == 2
+    for path in files:
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 255
+        path.write_bytes({"cut short": content[:100], "a byte changed": content, "nothing left": b""}[harm])
+    said, lines = run(GAP, kept, package=package)
+    assert said == "0.05"
+    assert "is damaged" in lines[0]
+    assert len(lines) <= 2
+    assert run(GAP, kept, package=package) == ("0.05", [])
+
+
+def test_where_nothing_can_be_written_a_line_says_so_and_functions_run(package: Path) -> None:
+    script = "from smartmesh_ros import machine_code; machine_code.prepare()" + GAP
+    said, [line] = run(script, "/proc/nowhere", package=package)
+    assert said == "0.05"
+    assert "machine code can be kept in none of /proc/nowhere: every start compiles" in line
+    assert machine_code.CHOSEN in line
+
+
+@pytest.mark.parametrize(
+    "other", ["py3.9-numba0.68.1-numpy2.4-linux-x86_64", "py3.11-numba0.60.0-numpy1.26-linux-aarch64"]
+)
+def test_code_for_another_python_or_processor_is_named_and_left_alone(tmp_path: Path, other: str) -> None:
+    there = tmp_path / f"{machine_code.DIGEST}-{other}"
+    there.mkdir()
+    (there / machine_code.COMPLETE).touch()
+    (there / "some").write_bytes(b"code")
+    said, [line] = run(STUB, tmp_path, str(tmp_path / "log"))
+    assert f"there is machine code for {other} and this is {machine_code.made_by()}" in line
+    assert said == str(tmp_path / machine_code.name())
+    assert (there / "some").read_bytes() == b"code"
+
+
+def test_of_processes_that_start_together_one_compiles(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    command = [sys.executable, "-P", "-c", STUB, str(log)]
+    started = [
+        subprocess.Popen(command, env=environment(tmp_path / "kept"), stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    said = {process.communicate(timeout=PATIENCE)[0].strip() for process in started}
+    assert said == {str(tmp_path / "kept" / machine_code.name())}
+    assert log.read_text() == "compiled\n"
+
+
+def test_a_process_waits_for_another_that_compiles_and_not_for_one_that_died(tmp_path: Path) -> None:
+    (tmp_path / "some").mkdir()
+    hold = "import time; from smartmesh_ros import machine_code; from pathlib import Path; import sys\n"
+    hold += "with machine_code._locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(1000)"
+    command = [sys.executable, "-P", "-c", hold, str(tmp_path / "some")]
+    holder = subprocess.Popen(command, env=environment(tmp_path), stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    log = tmp_path / "log"
+    waiting = subprocess.Popen(
+        [sys.executable, "-P", "-c", STUB, str(log)],
+        env=environment(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert waiting.stderr is not None
+    assert "compiling once" in waiting.stderr.readline()
+    assert "another process compiles the same functions; waiting for it" in waiting.stderr.readline()
+    assert not log.exists()
+    holder.kill()
+    holder.communicate()
+    assert waiting.communicate(timeout=PATIENCE)[0].strip() == str(tmp_path / machine_code.name())
+    assert log.read_text() == "compiled\n"
+
+
+def test_processes_that_compile_end_with_the_one_that_waits_for_them(tmp_path: Path) -> None:
+    started = subprocess.Popen([sys.executable, "-P", "-c", PREPARE], env=environment(tmp_path), stderr=subprocess.PIPE)
+    end = time.monotonic() + PATIENCE
+    while not any(tmp_path.rglob("*.lock")):  # a function is being compiled
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    started.send_signal(signal.SIGKILL)
+    started.communicate()
+    with machine_code._locked(tmp_path / "some"):  # which they hold as well
+        assert not any(tmp_path.rglob(machine_code.COMPLETE))
+
+
+def test_sources_that_changed_meanwhile_leave_nothing_that_counts_as_complete(tmp_path: Path) -> None:
+    place = tmp_path / machine_code.name()
+    place.mkdir()
+    script = "import sys; from smartmesh_ros.compiling import fill; fill(*sys.argv[1:])"
+    command = [sys.executable, "-P", "-c", script, str(place), "0123456789abcdef"]
+    done = subprocess.run(command, env=environment(tmp_path), capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "the sources changed" in done.stderr
+    assert not list(place.iterdir())
