@@ -52,8 +52,8 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     made = numba.njit(**OPTIONS)(function)
     if not isinstance(made, Dispatcher):  # NUMBA_DISABLE_JIT
         return function
-    made._cache = KeptCode(function)
-    return made if instead is None else instead(made)  # type: ignore[no-any-return]
+    made._cache = KeptCode(function)  # type: ignore[attr-defined]
+    return made if instead is None else instead(made)
 
 
 class KeptCode:
@@ -121,8 +121,10 @@ class KeptCode:
         return f"{self._name}-{hashlib.sha256(str(sig).encode()).hexdigest()[:16]}.{processor}"
 
     def _lock(self, sig: Any, target_context: Any) -> None:
-        """Waits until nobody else compiles for the signature. Functions wait for those they call and never the other way
-        round, so that nobody waits for ever."""
+        """Waits until no other process compiles for the signature.
+
+        Who compiles a function waits for those it calls, and never the other way round: nobody waits for ever.
+        """
         folder = machine_code.folder()
         if folder is not None:
             path = folder / (self._file(sig, _processor(target_context.codegen())) + ".lock")
@@ -132,6 +134,11 @@ class KeptCode:
     def _unlock(self, sig: Any) -> None:
         if (lock := self._locks.pop(sig, None)) is not None:
             os.close(lock)
+
+
+def omitted(default: Any) -> Any:
+    """The type of an argument that a call leaves at its ``default``."""
+    return numba.types.Omitted(default)
 
 
 def _processor(codegen: Any) -> str:

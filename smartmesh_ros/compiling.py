@@ -12,7 +12,7 @@ import os
 import signal
 import struct
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
@@ -58,7 +58,7 @@ class _Recorded:
     def _types_of(self, arguments: Any, named: Any) -> tuple[Any, ...]:
         given = self._signature.bind(*arguments, **named).arguments
         return tuple(
-            self.made.typeof_pyval(given[name]) if name in given else compiled.numba.types.Omitted(parameter.default)
+            self.made.typeof_pyval(given[name]) if name in given else compiled.omitted(parameter.default)
             for name, parameter in self._signature.parameters.items()
         )
 
@@ -66,8 +66,8 @@ class _Recorded:
 def fill(folder: str, digest: str, progress: str = "") -> None:
     """Compiles everything into a folder, in a process of its own that was started for it; exits with 1 if it cannot.
 
-    All compiled functions run as Python first, on small maps, which tells the types of their arguments. Then this process
-    becomes several by fork, each of which takes the next function that nobody has taken.
+    All compiled functions run as Python first, on small maps, which tells the types of their arguments. Then this
+    process forks several, each of which takes the next function that nobody has taken.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
     parent = os.getppid()

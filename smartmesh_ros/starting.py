@@ -9,7 +9,6 @@ from importlib.util import find_spec
 from smartmesh_ros import machine_code
 from smartmesh_ros.node.quiet import import_pybullet_quietly, silence_pybullet
 
-
 # Arguments that a node answers without starting.
 QUESTIONS = {"-h", "--help", "--print-parameters"}
 
