@@ -63,7 +63,7 @@ class _Recorded:
         )
 
 
-def fill(folder: str, digest: str, progress: str = "") -> None:
+def fill() -> None:
     """Compiles everything into a folder, in a process of its own that was started for it; exits with 1 if it cannot.
 
     All compiled functions run as Python first, on small maps, which tells the types of their arguments. Then this
@@ -71,6 +71,7 @@ def fill(folder: str, digest: str, progress: str = "") -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
     parent = os.getppid()
+    folder, digest, *progress = sys.argv[1:]
     if digest != machine_code.DIGEST:
         sys.exit("the sources changed meanwhile")
     place = Path(folder)

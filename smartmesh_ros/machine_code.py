@@ -2,9 +2,9 @@
 
 Numba's own cache notices that a compiled function changed, but not that a function which it calls did. Here the folder
 is named by a digest of all sources that are compiled, with all that they import, and by what else the code depends on:
-Python, NumPy, Numba and the kind of processor. The folder stands in the package where that can be written to (``make``, ``colcon build`` and the wheel
-fill it), else in the user's cache. It counts as complete once the file `COMPLETE` is in it. This module needs neither
-Numba nor NumPy, so that a node can say within a moment that it has to compile.
+Python, NumPy, Numba and the kind of processor. The folder stands in the package where that can be written to, else in
+the user's cache. ``make``, ``colcon build`` and the wheel fill it. It counts as complete once the file `COMPLETE` is in
+it. This module needs neither Numba nor NumPy, so that a node can say within a moment that it has to compile.
 """
 
 from __future__ import annotations
@@ -24,10 +24,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 PACKAGE = Path(__file__).resolve().parent
 # Below the package; what version control and newcomers' copies leave out.
@@ -185,16 +183,16 @@ def announce() -> None:
     others = {path.parent.name.partition("-")[2] for home in homes() for path in home.glob(f"{DIGEST}-*/{COMPLETE}")}
     reason = f"; there is machine code for {', '.join(sorted(others))} and this is {made_by()}" if others else ""
     say_once(
-        f"compiling once, about {OVERHEAD + WORK / processes():.0f} s on {processes()} cores{reason}; later starts load "
-        f"it from {place.parent}"
+        f"compiling once, about {OVERHEAD + WORK / processes():.0f} s on {processes()} cores{reason}; "
+        f"later starts load it from {place.parent}"
     )
 
 
 def prepare(*, progress: bool = False) -> Path | None:
     """Has everything compiled, in processes of their own, unless it is; returns the folder, None if nothing is kept.
 
-    Processes that need the same code wait for the one that compiles: for a lock of the operating system, which ends with
-    the process that holds it.
+    Processes that need the same code wait for the one that compiles: for a lock of the operating system, which ends
+    with the process that holds it.
     """
     if not _wanted():
         return None
@@ -211,18 +209,9 @@ def prepare(*, progress: bool = False) -> Path | None:
 
 def _compile(place: Path, lock: int, progress: bool) -> None:
     """Runs `smartmesh_ros.compiling` in a process that also holds the lock, should this one be killed."""
-    script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from smartmesh_ros.compiling import fill; fill(*sys.argv[2:])"
-    )
-    command = [
-        sys.executable,
-        "-c",
-        script,
-        str(PACKAGE.parent),
-        str(place),
-        DIGEST,
-        *(["progress"] if progress else []),
-    ]
+    script = "import sys; sys.path.insert(0, sys.argv.pop(1)); from smartmesh_ros.compiling import fill; fill()"
+    command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST]
+    command += ["progress"] if progress else []
     try:
         done = subprocess.run(command, env=_environment(), pass_fds=[lock] if lock >= 0 else [], check=False)
         problem = f"ended with {done.returncode}" if done.returncode else ""
@@ -241,9 +230,8 @@ def _environment() -> dict[str, str]:
 
 def _wanted() -> bool:
     """Whether functions are compiled at all, and processes can be made that do it side by side."""
-    return (
-        hasattr(os, "fork") and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and _version_of("numba") != "none"
-    )
+    enabled = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+    return enabled and hasattr(os, "fork") and _version_of("numba") != "none"
 
 
 def wait_for(lock: int, message: str = "") -> None:
@@ -251,7 +239,7 @@ def wait_for(lock: int, message: str = "") -> None:
 
     Does nothing where the file system knows no locks: what is compiled twice is the same.
     """
-    if fcntl is None:
+    if sys.platform == "win32":
         return
     with suppress(OSError):
         try:

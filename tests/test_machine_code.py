@@ -1,4 +1,4 @@
-"""Machine code is never older than its sources, and whatever is wrong with the place it is kept in, the functions run."""
+"""Machine code is never older than its sources; whatever is wrong with the place it is kept in, the functions run."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ def test_processes_that_compile_end_with_the_one_that_waits_for_them(tmp_path: P
 def test_sources_that_changed_meanwhile_leave_nothing_that_counts_as_complete(tmp_path: Path) -> None:
     place = tmp_path / machine_code.name()
     place.mkdir()
-    script = "import sys; from smartmesh_ros.compiling import fill; fill(*sys.argv[1:])"
+    script = "from smartmesh_ros.compiling import fill; fill()"
     command = [sys.executable, "-P", "-c", script, str(place), "0123456789abcdef"]
     done = subprocess.run(command, env=environment(tmp_path), capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -76,7 +76,7 @@ def test_a_node_that_waits_for_one_that_compiles_is_waited_for(probe: Probe, tmp
     (tmp_path / "some").mkdir()
     with (
         machine_code._locked(tmp_path / "some"),
-        pytest.raises(AssertionError, match="waited 3 s in vain(.|\n)*another process compiles the same functions"),
+        pytest.raises(AssertionError, match=r"waited 3 s in vain(.|\n)*another process compiles the same functions"),
         probe.running(environment={machine_code.CHOSEN: str(tmp_path)}, timeout=3.0),
     ):
         pass
