@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
 
-.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after load soak tune tuning fuzz clean
+.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after start-study load soak tune tuning fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -41,6 +41,9 @@ studies:  ## speed against accuracy, and the stability matrix (about 15 minutes;
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
+
+start-study:  ## from a node's command to its first answer, compiled and not (two minutes; on a machine with nothing to do)
+	@$(RUN) -- python scripts/start_study.py $(ARGS)
 
 load:  ## the node under load over DDS, about 15 minutes; LOAD=--quick for less than two
 	@$(RUN) load -- $(STUDIES) load $(LOAD)

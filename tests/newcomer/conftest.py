@@ -17,6 +17,22 @@ MADE = (
     ".git", ".venv", "build", "install", "log", "out", "__pycache__", "_machine_code", "*.egg-info", ".*_cache",
     ".hypothesis",
 )  # fmt: skip
+# A function that is called from another file, its caller, and what calls that.
+RETURNED = "return corner[2]"
+CALLEE = f"\n\n@compiled\ndef corner_gap(corner):\n    {RETURNED}\n"
+CALLER = """
+from smartmesh_ros.patches import facets
+
+
+@compiled
+def gap_to_corner(corner):
+    return facets.corner_gap(corner)
+"""
+ASK_GAP = (
+    "import numpy; from smartmesh_ros.patches.touchable import gap_to_corner; "
+    "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
+)
+ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
 # Patience with commands that compile [s].
 LONG = 900
 
@@ -76,6 +92,21 @@ def copy_of_this(folder: Path) -> None:
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*MADE))
 
 
+def add_caller_and_callee(package: Path) -> None:
+    """Adds a compiled function to one file of a package, and one that calls it to another."""
+    for name, more in (("facets", CALLEE), ("touchable", CALLER)):
+        with (package / "patches" / f"{name}.py").open("a") as file:
+            file.write(more)
+
+
+def change_callee(package: Path) -> None:
+    """Changes what the called function returns, and nothing in the file of its caller."""
+    file = package / "patches" / "facets.py"
+    text = file.read_text()
+    assert text.count(RETURNED) == 1
+    file.write_text(text.replace(RETURNED, "return -corner[2]"))
+
+
 @pytest.fixture(scope="session")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """The workspace before it is built: this repository, linked as the README says, and the user's package."""
@@ -90,9 +121,8 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 @pytest.fixture(scope="session")
 def workspace(sources: Workspace) -> Workspace:
-    """The workspace, built with the README's command, and its first compilation done."""
+    """The workspace, built with the README's command."""
     build, _, _ = line_with("colcon", readme_block("ln -s")).partition(" && ")
     sources.run(build, sourced=False)
     assert Path(sys.prefix) in Path(shutil.which("colcon") or "").parents or shutil.which("ros2")
-    sources.run("python3 -c 'from smartmesh_ros.warm_up import warm_up; warm_up()'")
     return sources

@@ -8,20 +8,30 @@ from pathlib import Path
 
 import pytest
 
-from tests.newcomer.conftest import LONG, ROOT, copy_of_this
+from tests.newcomer.conftest import (
+    ASK_GAP,
+    ASK_PLACE,
+    LONG,
+    ROOT,
+    add_caller_and_callee,
+    change_callee,
+    copy_of_this,
+)
 
-OWN = ("demo", "fleet", "studies", "tune", "view")
+OWN = ("compile", "demo", "fleet", "studies", "tune", "view")
+CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
 COMMANDS = {"terrain_collider", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
-WITHOUT_ROS = {"smartmesh-studies", "smartmesh-tune"}
+WITHOUT_ROS = {"smartmesh-compile", "smartmesh-studies", "smartmesh-tune"}
 
 
-def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
+def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
     bare = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
+    bare |= {"PIP_CONSTRAINT": str(CONSTRAINTS), **settings}  # for the environments that pip builds in as well
     return subprocess.run(command, env=bare, capture_output=True, text=True, timeout=LONG, check=False)
 
 
-def pip(python: Path | str, *arguments: str | Path) -> None:
-    result = run(python, "-m", "pip", "--disable-pip-version-check", "--quiet", *arguments)
+def pip(python: Path | str, *arguments: str | Path, **settings: str) -> None:
+    result = run(python, "-m", "pip", "--disable-pip-version-check", "--quiet", *arguments, **settings)
     if re.search("NewConnectionError|Temporary failure in name resolution", result.stderr):
         pytest.skip("packages cannot be downloaded")
     assert result.returncode == 0, result.stdout + result.stderr
@@ -36,7 +46,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [wheel] = folder.glob("smartmesh_ros-*.whl")
     made = folder / "empty"
     assert run(sys.executable, "-m", "venv", made).returncode == 0
-    pip(made / "bin" / "python", "install", "-c", ROOT / "requirements" / "constraints.txt", wheel)
+    pip(made / "bin" / "python", "install", wheel)
     return made
 
 
@@ -58,3 +68,36 @@ def test_only_names_that_say_where_they_are_from_land_on_the_path(environment: P
         assert f"{command} needs ROS 2" in without_ros.stderr
         assert "Traceback" not in without_ros.stderr
     assert "bench" in run(environment / "bin" / "smartmesh-studies", "--help").stdout
+
+
+def test_machine_code_is_in_the_wheel_and_used(environment: Path) -> None:
+    place = run(environment / "bin" / "python", "-c", ASK_PLACE).stdout.strip()
+    assert Path(place).is_relative_to(environment / "lib")
+    start = "from smartmesh_ros.warm_up import warm_up; warm_up()"
+    files = sorted(Path(place).iterdir())
+    assert "smartmesh_ros" not in run(environment / "bin" / "python", "-c", start).stderr
+    assert sorted(Path(place).iterdir()) == files, "nothing was compiled"
+
+
+def test_a_changed_callee_is_fresh_after_an_upgrade(environment: Path, tmp_path: Path) -> None:
+    """The wheels hold no machine code, which takes long to make: it is kept in the installation when it is run."""
+    source = tmp_path / "source"
+    copy_of_this(source)
+    add_caller_and_callee(source / "smartmesh_ros")
+    for gap in ("0.05", "-0.05"):
+        folder = tmp_path / gap
+        pip(
+            sys.executable,
+            "wheel",
+            "--no-deps",
+            "--no-build-isolation",
+            "--wheel-dir",
+            folder,
+            source,
+            SMARTMESH_PURE="1",
+        )
+        [wheel] = folder.glob("*-py3-none-any.whl")
+        pip(environment / "bin" / "python", "install", "--no-deps", "--force-reinstall", wheel)
+        assert run(environment / "bin" / "python", "-c", ASK_GAP).stdout.strip() == gap
+        if gap == "0.05":
+            change_callee(source / "smartmesh_ros")

@@ -7,7 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.newcomer.conftest import HERE, ROOT, Workspace, line_with, readme_block
+from tests.newcomer.conftest import (
+    ASK_GAP,
+    ASK_PLACE,
+    HERE,
+    ROOT,
+    Workspace,
+    add_caller_and_callee,
+    change_callee,
+    copy_of_this,
+    line_with,
+    readme_block,
+)
 
 ROSDEP = f"""
 export ROS_DISTRO=jazzy ROS_PYTHON_VERSION=3 ROS_HOME=$PWD/ros_home ROSDEP_SOURCE_PATH=$PWD/rosdep_sources
@@ -68,6 +79,26 @@ def test_all_packages_are_built_and_the_scripts_run_under_the_python_that_built_
     script = workspace.folder / "install" / "smartmesh_ros" / "lib" / "smartmesh_ros" / "terrain_collider"
     python = workspace.run("command -v python3", sourced=False).stdout.strip()
     assert Path(script.read_text().splitlines()[0].removeprefix("#!")).samefile(python)
+
+
+def test_machine_code_is_installed(workspace: Workspace) -> None:
+    place = workspace.run(f"python3 -c '{ASK_PLACE}'").stdout.strip()
+    assert Path(place).is_relative_to(workspace.folder / "install")
+
+
+@pytest.mark.parametrize("option", ["", "--symlink-install"])
+def test_a_changed_callee_is_fresh_after_a_build(tmp_path: Path, option: str) -> None:
+    """Built without compiling beforehand, which takes long, and run: the machine code is kept in the installation."""
+    made = Workspace(tmp_path)
+    package = tmp_path / "src" / "smartmesh_ros" / "smartmesh_ros"
+    copy_of_this(package.parent)
+    build = f"SMARTMESH_PURE=1 colcon build --packages-select smartmesh_ros {option}"
+    add_caller_and_callee(package)
+    for gap in ("0.05", "-0.05"):
+        made.run(build, sourced=False)
+        assert made.run(f"python3 -c '{ASK_GAP}'").stdout.strip() == gap
+        if gap == "0.05":
+            change_callee(package)
 
 
 def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Workspace) -> None:

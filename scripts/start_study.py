@@ -1,0 +1,146 @@
+"""How long nodes take from their command to the first line and to an answered service, and what memory they take.
+
+    make start-study                  # about two minutes on an idle machine with two cores
+    make start-study ARGS="--runs 5"
+
+Each case starts with an empty user cache: what ``make`` installed with colcon; a wheel, installed by pip into a folder of
+its own; a bare copy of the sources, for which one node compiles; and four nodes of such a copy that start together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Thread
+from time import monotonic
+
+import rclpy
+from ament_index_python.packages import get_package_prefix
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from smartmesh_ros import machine_code
+from smartmesh_ros.domains import isolated
+
+ROOT = Path(__file__).resolve().parents[1]
+START = "from smartmesh_ros.starting import terrain_collider; terrain_collider()"
+PATIENCE = 600.0
+
+
+@dataclass
+class Start:
+    """A node's start: when its first line and its first answer came [s], and the most memory it had [MiB]."""
+
+    line: float
+    answer: float
+    memory: float
+
+
+def environment(cache: Path, package: Path | None) -> dict[str, str]:
+    """This environment with an empty user cache, and a package from elsewhere in front of the installed one."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", machine_code.CHOSEN)}
+    path = [str(package), kept.get("PYTHONPATH", "")] if package else [kept.get("PYTHONPATH", "")]
+    return {**kept, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": os.pathsep.join(path), "PYTHONUNBUFFERED": "1"}
+
+
+def started(count: int, package: Path | None) -> list[Start]:
+    """Starts nodes together and waits until each has answered a call."""
+    node = Node("start_study")
+    prefix = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider"
+    command = [sys.executable, "-P", "-c", START] if package else [str(prefix)]
+    lines: dict[int, float] = {}
+    answers: dict[int, Start] = {}
+    with tempfile.TemporaryDirectory() as cache:
+        names = [f"/n{index}" for index in range(count)]
+        clients = [node.create_client(SetBool, f"{name}/terrain_collider/pause") for name in names]
+        begin = monotonic()
+        running = [
+            subprocess.Popen(
+                [*command, "--ros-args", "-r", f"__ns:={name}"],
+                env=environment(Path(cache), package), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+            )
+            for name in names
+        ]  # fmt: skip
+
+        def read(index: int) -> None:
+            for _ in running[index].stderr or ():
+                lines.setdefault(index, monotonic() - begin)
+
+        for index in range(count):
+            Thread(target=read, args=[index], daemon=True).start()
+        calls: dict[int, object] = {}
+        while len(answers) < count and monotonic() < begin + PATIENCE:
+            rclpy.spin_once(node, timeout_sec=0.02)
+            for index, client in enumerate(clients):
+                if index not in calls and client.service_is_ready():
+                    calls[index] = client.call_async(SetBool.Request(data=False))
+                if index not in answers and index in calls and calls[index].done():  # type: ignore[attr-defined]
+                    status = Path(f"/proc/{running[index].pid}/status").read_text()
+                    memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
+                    answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
+        for process in running:
+            process.terminate()
+            process.wait()
+    node.destroy_node()
+    if len(answers) < count:
+        raise TimeoutError(f"{count - len(answers)} nodes did not answer")
+    return list(answers.values())
+
+
+def bare(folder: Path) -> Path:
+    """A copy of the sources without machine code."""
+    shutil.rmtree(folder, ignore_errors=True)
+    ignored = shutil.ignore_patterns("__pycache__", machine_code.HOME)
+    shutil.copytree(ROOT / "smartmesh_ros", folder / "smartmesh_ros", ignore=ignored)
+    return folder
+
+
+def wheel(folder: Path) -> Path:
+    """A folder with the package as pip installs it from a wheel that was built from these sources."""
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    begin = monotonic()
+    subprocess.run(
+        [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", folder, ROOT], check=True, stdout=subprocess.DEVNULL
+    )
+    [made] = folder.glob("*.whl")
+    print(f"| {made.name}, {made.stat().st_size / 2**20:.1f} MiB, built in | | {monotonic() - begin:.1f} s | |")
+    subprocess.run([*pip, "install", "--no-deps", "--target", folder / "target", made], check=True)
+    return folder / "target"
+
+
+def report(name: str, starts: list[Start]) -> float:
+    """Prints a row of the table; returns the time until the last answer [s]."""
+    line, answer = max(start.line for start in starts), max(start.answer for start in starts)
+    print(f"| {name} | {line:.2f} s | {answer:.2f} s | {max(start.memory for start in starts):.0f} MiB |", flush=True)
+    return answer
+
+
+def main() -> None:
+    """Runs the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=3, help="starts of each case that is not compiled")
+    options = parser.parse_args()
+    print(f"load before: {os.getloadavg()[0]:.1f}; {machine_code.made_by()}; {machine_code.processes()} processes\n")
+    print("| first start | first line | answered | memory |\n|---|---|---|---|")
+    with isolated(), tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        rclpy.init()
+        for case, package in (("make, colcon build", None), ("pip install of the wheel", wheel(folder / "wheel"))):
+            starts = [started(1, package)[0] for _ in range(options.runs)]
+            middle = statistics.median_low([start.answer for start in starts])
+            report(case, [next(start for start in starts if start.answer == middle)])
+        one = report("bare checkout", started(1, bare(folder / "bare")))
+        four = report("bare checkout, four nodes together", started(4, bare(folder / "bare")))
+        rclpy.shutdown()
+    print(f"\nfour nodes took {four / one:.2f} times as long as one")
+
+
+if __name__ == "__main__":
+    main()
