@@ -3,8 +3,8 @@
     make start-study                  # about two minutes on an idle machine with two cores
     make start-study ARGS="--runs 5"
 
-Each case starts with an empty user cache: what ``make`` installed with colcon; a wheel, installed by pip into a folder of
-its own; a bare copy of the sources, for which one node compiles; and four nodes of such a copy that start together.
+Each case starts with an empty user cache: what ``make`` installed with colcon; a wheel, installed by pip into a folder
+of its own; a bare copy of the sources, for which one node compiles; and four nodes of such a copy that start together.
 """
 
 from __future__ import annotations
