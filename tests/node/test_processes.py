@@ -71,15 +71,20 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_pa
         assert machine_code.COMPLETE not in {path.name for path in tmp_path.rglob("*")}, "those that compiled ended too"
 
 
-def test_a_node_that_waits_for_one_that_compiles_is_waited_for(probe: Probe, tmp_path: Path) -> None:
-    """And its words are shown when that was in vain."""
-    (tmp_path / "some").mkdir()
-    with (
-        machine_code._locked(tmp_path / "some"),
-        pytest.raises(AssertionError, match=r"waited 3 s in vain(.|\n)*another process compiles the same functions"),
-        probe.running(environment={machine_code.CHOSEN: str(tmp_path)}, timeout=3.0),
-    ):
-        pass
+def test_a_node_that_runs_and_is_not_ready_is_waited_for_as_long_as_asked(probe: Probe, tmp_path: Path) -> None:
+    """It waits for somebody else who compiles: for this test, which never does."""
+    place, kept = tmp_path / "some", {machine_code.CHOSEN: str(tmp_path)}
+    place.mkdir()
+    with machine_code._locked(place):
+        with Process("terrain_collider", environment=kept) as process:
+            words = "another process compiles the same functions; waiting for it"
+            probe.wait_for(lambda: words in process.output, timeout=STARTING, watch=process)
+            assert process.process.poll() is None
+        with (
+            pytest.raises(AssertionError, match=r"waited 1 s in vain(.|\n)*terrain_collider runs"),
+            probe.running(environment=kept, timeout=1.0),
+        ):
+            pass
 
 
 def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:
