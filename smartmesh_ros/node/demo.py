@@ -39,6 +39,7 @@ from smartmesh_msgs.msg import (
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros import machine_code
 from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.node import demo_pictures
 from smartmesh_ros.node.conversions import map_from
@@ -175,7 +176,11 @@ class Demo(Node):
 
 @contextmanager
 def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
-    """An installed executable of the package in a process of its own, started as ``ros2 run`` does."""
+    """An installed executable of the package in a process of its own, started as ``ros2 run`` does.
+
+    Whatever it has to compile is compiled before, since those who wait for it do not wait so long.
+    """
+    machine_code.prepare()
     path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
         yaml.safe_dump({"/**": {"ros__parameters": parameters}}, file)

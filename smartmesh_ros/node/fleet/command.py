@@ -17,6 +17,7 @@ from time import monotonic
 import rclpy
 from smartmesh_msgs.msg import Timing
 
+from smartmesh_ros import machine_code
 from smartmesh_ros.domains import isolated_unless_chosen
 from smartmesh_ros.fleet_commands import FleetPlan
 from smartmesh_ros.fleet_layout import WAVES, front_of
@@ -88,6 +89,7 @@ def start_again(running: dict[str, subprocess.Popen[bytes]], commands: dict[str,
 
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     """Runs a fleet with so many bodies, printing a line a second."""
+    machine_code.prepare()  # once for all nodes, before they are waited for
     rclpy.init()
     watcher = Watcher()
     try:
