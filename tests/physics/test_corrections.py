@@ -14,6 +14,7 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.terrain import Terrain
 
 CELLS, RESOLUTION = 61, 0.1
 AXIS = (np.arange(CELLS) - CELLS // 2) * RESOLUTION
@@ -158,3 +159,25 @@ def test_fused_noise_leaves_bodies_at_rest(kind: str) -> None:
             fastest = max(fastest, fastest_and_highest(world, 12)[0])
         assert fastest < 0.05
         assert abs(world.state("body").position[2] - (0.0 if kind == "husky" else 0.15)) < 2.0 * sigma
+
+
+def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> None:
+    """Whose number among the tiles is another then."""
+    motion = MotionConfig(changes="correction")
+    level, terrain = slope(0.0), Terrain()
+    for name, x in (("first", -10.0), ("second", 0.0), ("third", 10.0)):
+        terrain.put(name, HeightMap(level, resolution=RESOLUTION, origin=(x, 0.0), motion=motion))
+    with World(terrain) as world:
+        world.spawn("body", SHAPES["box"], 5.0, BodyState((3.0, 3.0, 0.15)))
+        world.step(240)
+        second = terrain.tile("second")
+        assert isinstance(second, HeightMap)
+        second.replace(level + 0.3, time=world.time)
+        world.step(24)
+        depth = world.state("body").position[2] - 0.15 - second.at([[3.0, 3.0]], world.time).heights[0]
+        terrain.remove("first")
+        fastest, highest = fastest_and_highest(world, 240)
+        assert abs(depth) < 0.01
+        assert world.rescues == 0
+        assert fastest < 0.05
+        assert highest == pytest.approx(0.45, abs=0.001)

@@ -282,3 +282,20 @@ def test_what_is_added_together_stays_although_one_of_it_is_refused() -> None:
             world.spawn("ball", Sphere(0.1), 1.0)
         world.step()
         assert world.follower_names() == ["ball"]
+
+
+def test_gravity_that_is_raised_while_a_world_runs_holds_for_what_bodies_can_reach() -> None:
+    """A ball falls by as much more until the next update as gravity is stronger."""
+    heavy = WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, -400.0)))
+
+    def run(start: WorldConfig) -> tuple[float, list[BodyState]]:
+        with World(HeightMap(np.zeros((30, 30)), resolution=0.1), start) as world:
+            world.configure(heavy)
+            world.spawn("ball", Sphere(0.1), 1.0, BodyState((1.5, 1.5, 0.12)))
+            world.step()
+            margin = float(world.ground.supports["margin"][0])
+            return margin, [world.state("ball") for _ in range(20) if world.step() is None]
+
+    margin, states = run(WorldConfig())
+    assert margin >= 0.5 * 400.0 * 0.5 / 60.0**2
+    assert (margin, states) == run(heavy)

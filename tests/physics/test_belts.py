@@ -1,0 +1,131 @@
+"""Belts and turntables take along what stands on them, whatever their speed."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import HeightMap, World
+from smartmesh_ros.patches.config import PatchKind
+from tests.belts import Belt, ride, steady
+
+
+@pytest.mark.parametrize(
+    "belt",
+    [
+        Belt(steady(1.0), resolution=0.5, maps=240),
+        Belt(steady(0.05)),
+        Belt(steady(0.05), maps=20),
+        Belt(steady(0.02), maps=240),
+        Belt(steady(0.004), maps=60),
+        Belt(steady(1.0), maps=20),
+        Belt(steady(0.5), resolution=0.5, maps=20),
+    ],
+    ids=["1 m/s, coarse, 240 Hz", "0.05", "0.05, 20 Hz", "0.02, 240 Hz", "0.004", "1 m/s, 20 Hz", "coarse, 20 Hz"],
+)
+@pytest.mark.parametrize("kind", ["auto", "heightfield"])
+def test_a_belt_of_any_speed_takes_a_box_along(belt: Belt, kind: PatchKind) -> None:
+    """Also where the map's origin moves by less than a hundredth of a cell from map to map."""
+    gone = ride(belt, 4.0, kind=kind).at(4.0).position[0] - 0.013
+    assert 0.7 <= gone / belt.place(4.0)[0] <= 1.1
+
+
+def test_a_belt_that_creeps_along_x_and_y_takes_a_box_along() -> None:
+    """0.005 and 0.003 cells a map."""
+    x, y, _ = ride(Belt(steady(0.03, -0.018)), 4.0).at(4.0).position
+    assert (x - 0.013, y - 0.017) == pytest.approx((0.12, -0.072), rel=0.15)
+
+
+def test_a_belt_that_ramps_stops_and_comes_back_has_the_box_on_it() -> None:
+    """To 0.3 m/s in 2 s and on for 1 s, at rest for 1 s, and back at 0.3 m/s."""
+
+    def place(time: float) -> tuple[float, float, float]:
+        out = 0.075 * min(time, 2.0) ** 2 + 0.3 * min(max(time - 2.0, 0.0), 1.0)
+        return out - 0.3 * max(time - 4.0, 0.0), 0.0, 0.0
+
+    gone = ride(Belt(place), 5.0)
+    assert gone.at(1.0).linear[0] == pytest.approx(0.15, abs=0.02)
+    assert gone.at(2.9).linear[0] == pytest.approx(0.3, abs=0.02)
+    assert gone.at(2.9).position[0] - 0.013 == pytest.approx(place(2.9)[0], abs=0.03)
+    assert abs(gone.at(3.3).linear[0]) < 1e-3
+    assert gone.at(3.3).position[0] == pytest.approx(gone.at(4.0).position[0], abs=1e-3)
+    assert gone.at(4.9).linear[0] == pytest.approx(-0.3, abs=0.02)
+    assert gone.at(5.0).position[0] - 0.013 == pytest.approx(place(5.0)[0], abs=0.05)
+
+
+def test_a_belt_whose_maps_take_the_place_of_heights_where_it_stops_has_stopped() -> None:
+    """`replace` says that the map is where it was."""
+    belt, heights = Belt(steady(0.3)), np.zeros((41, 41))
+    terrain = World(HeightMap(heights, geometry=belt.geometry(0.0)))
+    with terrain as world:
+        for step in range(1, 13):
+            world.terrain.put("", HeightMap(heights, geometry=belt.geometry(step / 60), time=step / 60))
+        heightmap = world.terrain.tiles[""]
+        assert isinstance(heightmap, HeightMap)
+        assert heightmap.slide_w == pytest.approx((0.3, 0.0))
+        heightmap.replace(heights, time=13 / 60)
+        assert heightmap.slide_w == (0.0, 0.0)
+        assert heightmap.moved_to(14 / 60).x == heightmap.geometry.origin[0]
+
+
+def test_a_belt_that_passes_whole_cells_a_map_goes_on() -> None:
+    """From 4 to 8 m/s in 2 s: at 6 m/s its maps come a cell further on each time."""
+    place = Belt(lambda time: (4.0 * time + time * time, 0.0, 0.0), resolution=0.1)
+    before, after = ride(place, 1.2, start=(0.5, 0.0)), 1.2
+    speeds = [state.linear[0] for state in before.states[240:]]
+    assert max(abs(b - a) for a, b in zip(speeds, speeds[1:], strict=False)) < 0.02
+    assert before.at(after).linear[0] > 5.0
+
+
+def test_a_map_that_travels_with_a_robot_takes_nothing_along() -> None:
+    """By a cell with each map, and beside that by as little as rounding makes."""
+    belt = Belt(lambda time: (0.1 * round(60.0 * time), 0.1 * round(30.0 * time), 0.0), maps=20, noise=0.004)
+    x, y, _ = ride(belt, 0.25).at(0.25).position
+    assert (x, y) == pytest.approx((0.013, 0.017), abs=1e-4)
+
+
+def test_a_map_whose_place_is_never_quite_the_same_takes_nothing_along() -> None:
+    x, y, _ = ride(Belt(steady(0.0), noise=0.004), 2.0).at(2.0).position
+    assert (x, y) == pytest.approx((0.013, 0.017), abs=1e-4)
+
+
+def heading(orientation: tuple[float, float, float, float]) -> float:
+    return 2.0 * math.atan2(orientation[2], orientation[3])
+
+
+@pytest.mark.parametrize("maps", [60, 20])
+@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh"])
+def test_a_turntable_takes_a_box_round(kind: PatchKind, maps: int) -> None:
+    """0.5 rad/s for 4 s, a box 1 m from its middle."""
+    found = ride(Belt(lambda time: (0.0, 0.0, 0.5 * time), maps=maps), 4.0, start=(1.0, 0.0), kind=kind).at(4.0)
+    x, y, z = found.position
+    assert math.atan2(y, x) == pytest.approx(2.0, abs=0.06)
+    assert math.hypot(x, y) == pytest.approx(1.0, abs=0.03)
+    assert heading(found.orientation) == pytest.approx(2.0, abs=0.06)
+    assert z == pytest.approx(0.1, abs=1e-3)
+    assert found.linear[:2] == pytest.approx((-0.5 * y, 0.5 * x), abs=0.02)
+
+
+def test_a_turntable_that_creeps_takes_a_box_round() -> None:
+    """0.01 rad/s: the farthest sample moves by less than a hundredth of a cell a map."""
+    x, y, _ = ride(Belt(lambda time: (0.0, 0.0, 0.01 * time)), 4.0, start=(1.0, 0.0)).at(4.0).position
+    assert 0.7 <= math.atan2(y, x) / 0.04 <= 1.1
+
+
+def test_a_turntable_that_stops_has_the_box_at_rest() -> None:
+    found = ride(Belt(lambda time: (0.0, 0.0, 0.5 * min(time, 1.0))), 1.5, start=(1.0, 0.0))
+    assert math.atan2(found.at(1.5).position[1], found.at(1.5).position[0]) == pytest.approx(0.5, abs=0.05)
+    assert np.linalg.norm(found.at(1.5).linear) < 1e-3
+
+
+def test_a_platform_that_drives_a_curve_has_its_box_on_it() -> None:
+    """It turns and goes, about a middle 2 m beside it."""
+
+    def place(time: float) -> tuple[float, float, float]:
+        return 2.0 * math.sin(0.4 * time), 2.0 - 2.0 * math.cos(0.4 * time), 0.4 * time
+
+    found = ride(Belt(place), 3.0, start=(0.5, 0.0)).at(3.0)
+    x, y, yaw = place(3.0)
+    there = (x + 0.5 * math.cos(yaw), y + 0.5 * math.sin(yaw))
+    assert found.position[:2] == pytest.approx(there, abs=0.1)
+    assert heading(found.orientation) == pytest.approx(yaw, abs=0.05)
