@@ -58,14 +58,13 @@ def ride(
     start: tuple[float, float] = (0.013, 0.017),
     kind: PatchKind = "auto",
     put: Put = put_map,
-    box: Box | None = None,
+    speed: float = 0.0,
 ) -> Ride:
-    """A box that stands on the belt from time zero on."""
-    box = box or Box(0.3, 0.3, 0.2)
+    """A box that stands on the belt from time zero on, at a ``speed`` along x [m/s]."""
     config = WorldConfig(physics=PhysicsConfig(rate=float(belt.rate)), patch=PatchConfig(kind=kind))
     heights = np.zeros((SAMPLES, SAMPLES), np.float32)
     with World(HeightMap(heights, geometry=belt.geometry(0.0)), config) as world:
-        world.spawn("box", box, 1.0, BodyState((*start, 0.5 * box.z)))
+        world.spawn("box", Box(0.3, 0.3, 0.2), 1.0, BodyState((*start, 0.1), linear=(speed, 0.0, 0.0)))
         times, states = [0.0], [world.state("box")]
         for step in range(round(duration * belt.rate)):
             if step and step % (belt.rate // belt.maps) == 0:

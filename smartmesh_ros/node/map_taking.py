@@ -14,8 +14,8 @@ from smartmesh_ros.terrain.terrain import Terrain
 def take_map(
     terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
 ) -> None:
-    """Takes a map of ``time`` [s]: in place of the one before if it lies on the same grid, or on that grid moved by
-    whole cells. Raises `InputError` and changes nothing."""
+    """Takes a map of ``time`` [s]: in place of the one before if it lies on the same grid; where that grid was moved,
+    with the velocities of the samples on both. Raises `InputError` and changes nothing."""
     geometry, heights, variances = raster
     known = terrain.tiles.get(tile)
     if isinstance(known, HeightMap):

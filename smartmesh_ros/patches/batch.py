@@ -89,7 +89,7 @@ def samples_across(
     if outside.any():
         samples.heights[outside], samples.velocities[outside] = np.nan, 0.0
         if len(terrain.tiles) > 1:
-            beyond = terrain.around(geometry.to_world(rows[outside], columns[outside]), time)
+            beyond = terrain.around(heightmap.placed_at(time).to_world(rows[outside], columns[outside]), time)
             samples.heights[outside], samples.velocities[outside] = beyond
     return samples
 
@@ -111,9 +111,7 @@ def grid_batches(
         chosen = supports[of_key]
         rows, columns = rectangle_samples(chosen)
         vertices = np.empty((*rows.shape, 3))
-        moved = heightmap.moved_to(time)
-        shift = np.array([moved.x - heightmap.geometry.origin[0], moved.y - heightmap.geometry.origin[1]])
-        vertices[..., :2] = heightmap.geometry.to_world(rows, columns) + shift
+        vertices[..., :2] = heightmap.placed_at(time).to_world(rows, columns)
         vertices[..., 2] = samples_across(terrain, heightmap, rows, columns, time).heights
         high, wide = int(key[1]), int(key[2])
         middle = (high - 1) // 2 * wide + (wide - 1) // 2
@@ -146,8 +144,9 @@ def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArr
     Ground rises and falls where it is: a point above or below the foot moves as one at its height.
     """
     linear, angular = np.zeros((2, len(supports), 3))
-    linear[:, 0], linear[:, 1] = supports["slide_x"], supports["slide_y"]
     away_x, away_y = points_w[:, 0] - supports["foot_x"], points_w[:, 1] - supports["foot_y"]
+    linear[:, 0] = supports["slide_x"] - supports["turn_z"] * away_y
+    linear[:, 1] = supports["slide_y"] + supports["turn_z"] * away_x
     linear[:, 2] = supports["rise"] + supports["turn_x"] * away_y - supports["turn_y"] * away_x
     for axis, name in enumerate(("turn_x", "turn_y", "turn_z")):
         angular[:, axis] = supports[name]

@@ -24,7 +24,7 @@ from smartmesh_ros.patches.touchable import (
     touched_facets,
 )
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.moving_grid import MovingGrid, read_window, to_grid
+from smartmesh_ros.terrain.moving_grid import MovingGrid, read_window, slide_at, to_grid
 
 
 class Rules(NamedTuple):
@@ -63,7 +63,7 @@ class Place(NamedTuple):
 
 @compiled
 def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
-    """A body (13,) in the frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
+    """A body (13,) in the frame of the grid, which moves: x along columns, y along rows, from sample (0, 0) and z = 0."""
     row, column = to_grid(grid, body[0], body[1])
     out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
     half = 0.5 * math.atan2(grid.sin, grid.cos)
@@ -73,22 +73,36 @@ def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
         x, y = body[first], body[first + 1]
         out[first], out[first + 1] = x * grid.cos + y * grid.sin, y * grid.cos - x * grid.sin
         out[first + 2] = body[first + 2]
-    slide_x, slide_y = grid.slide_x, grid.slide_y
+    slide_x, slide_y = slide_at(grid, body[0], body[1])
     out[7] -= slide_x * grid.cos + slide_y * grid.sin
     out[8] -= slide_y * grid.cos - slide_x * grid.sin
+    out[12] -= grid.spin
 
 
 @compiled
-def travel_of(body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules) -> Travel:
+def acceleration_by_turning(grid: MovingGrid, body: FloatArray) -> float:
+    """How fast the velocity of a body (13,) that flies straight on changes, at most, as seen from a grid that turns
+    [m/s^2]: its path bends there."""
+    if grid.spin == 0.0:
+        return 0.0
+    slide_x, slide_y = slide_at(grid, body[0], body[1])
+    speed, slide = math.sqrt(body[7] * body[7] + body[8] * body[8]), math.sqrt(slide_x * slide_x + slide_y * slide_y)
+    return abs(grid.spin) * (2.0 * speed + slide)
+
+
+@compiled
+def travel_of(
+    body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules, bend: float = 0.0
+) -> Travel:
     """How far a body (13,) with a bounding ``radius`` [m] goes in a ``duration`` [s]: its velocity, its spin, its
-    fall."""
+    fall, and what the frame of a grid that turns makes of its path, an acceleration ``bend`` [m/s^2]."""
     speed = math.sqrt(body[7] * body[7] + body[8] * body[8] + body[9] * body[9])
     share = duration if speed <= rules.fastest else duration * rules.fastest / speed
     spin = math.sqrt(body[10] * body[10] + body[11] * body[11] + body[12] * body[12])
     away_x, away_y, away_z = solid.centre.x - body[0], solid.centre.y - body[1], solid.centre.z - body[2]
     arm = math.sqrt(away_x * away_x + away_y * away_y + away_z * away_z) if solid.ball else radius
     swing = min(spin * duration, 2.0) * arm
-    fall = 0.5 * rules.gravity * duration * duration
+    fall = 0.5 * (rules.gravity + bend) * duration * duration
     return Travel(body[7] * share, body[8] * share, body[9] * share, fall + swing)
 
 
@@ -121,7 +135,8 @@ def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, 
             continue
         local_body(grid, bodies[i], local)
         solid = solid_of(shapes[i], local)
-        travel = travel_of(local, solid, shapes[i].radius, duration, rules)
+        bend = acceleration_by_turning(grid, bodies[i])
+        travel = travel_of(local, solid, shapes[i].radius, duration, rules, bend)
         place = window_place(grid.resolution, solid, travel, rules)
         if rules.across and leaves_map(grid, place):
             supports[i].state = Support.ACROSS
@@ -155,7 +170,7 @@ def select_across(grid, place, heights, rises, shape, body, duration, rules, sup
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape[0], local)
-    travel = travel_of(local, solid, shape[0].radius, duration, rules)
+    travel = travel_of(local, solid, shape[0].radius, duration, rules, acceleration_by_turning(grid, body))
     h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]  # of one type with those of `select`
     choose(grid, place, h, r, solid, travel, duration, rules, support[0], touched)
 
@@ -166,7 +181,8 @@ def window_of(grid, shape, body, duration, rules):
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape[0], local)
-    return window_place(grid.resolution, solid, travel_of(local, solid, shape[0].radius, duration, rules), rules)
+    travel = travel_of(local, solid, shape[0].radius, duration, rules, acceleration_by_turning(grid, body))
+    return window_place(grid.resolution, solid, travel, rules)
 
 
 @compiled
@@ -276,7 +292,8 @@ def describe(
     # A point at (x, y) of ground that turns with w rises at w_x y - w_y x.
     turn_x, turn_y = rise.slope_y * inverse, -rise.slope_x * inverse
     support.turn_x, support.turn_y = turn_x * cos - turn_y * sin, turn_x * sin + turn_y * cos
-    support.slide_x, support.slide_y = grid.slide_x, grid.slide_y
+    support.slide_x, support.slide_y = slide_at(grid, support.foot_x, support.foot_y)
+    support.turn_z = grid.spin
 
 
 WindowMemory = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]

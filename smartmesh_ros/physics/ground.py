@@ -33,6 +33,9 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
+# The number of a tile that no support stands on yet.
+NEW_TILE = -2
+
 
 class Ground:
     """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
@@ -162,9 +165,10 @@ class Ground:
         else:
             self._together = [follower for follower in self._together if follower.body != body]
 
-    def configure(self, config: PatchConfig) -> None:
-        """Takes other settings for patches, from the next update on; bodies may rest on them meanwhile. Raises
-        `InputError` and changes nothing where the terrain does not allow them."""
+    def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
+        """Takes other settings for patches, and another ``gravity`` [m/s^2] unless it is None, from the next update on;
+        bodies may rest on patches meanwhile. Raises `InputError` and changes nothing where the terrain does not allow
+        the settings."""
         for mesh in self.terrain.tiles.values():
             require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
@@ -172,6 +176,8 @@ class Ground:
         self.stale = True
         self.config = config
         self._selector.configure(config)
+        if gravity is not None:
+            self._selector.gravity = gravity
 
     def step(self, time: float, dt: float) -> None:
         """Runs one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
@@ -241,12 +247,13 @@ class Ground:
     def _correct(self, time: float) -> None:
         """Works corrections of the ground off up to ``time`` [s] and takes the bodies along that are on it or near."""
         moves = []
-        for index, mesh in enumerate(self.terrain.tiles.values()):
+        numbers = {name: number for number, name in enumerate(self._selector.names)}  # as the supports have them
+        for name, mesh in self.terrain.tiles.items():
             if isinstance(mesh, HeightMap) and mesh.motion.corrects:
                 correcting, before = mesh.correcting, mesh.moved_to(time)
                 mesh.show(time)
                 if correcting:
-                    moves.append((index, before, mesh.moved_to(time)))
+                    moves.append((numbers.get(name, NEW_TILE), before, mesh.moved_to(time)))
         self.colliders.exact = bool(moves)
         if moves and self.followers:
             self._read_states(0.0)

@@ -105,7 +105,7 @@ class World:
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.guests.config = config.guests
-        self.ground.configure(config.patch)
+        self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
     def close(self) -> None:
         """Ends the world."""

@@ -1,5 +1,6 @@
 """The main mesh as a height map that deforms in place."""
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, INSTANTS, KEPT, REST, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, read_window, samples_at
@@ -84,10 +86,9 @@ class HeightMap:
         self._settled = -math.inf  # when all of them are [s]
         self.fused: FusedMap | None = None  # where heights are fused
         self._deviation: float | None = None  # of heights whose velocities count, where variances came with them [m]
-        self.slide_w = (0.0, 0.0)  # horizontal velocity while it moves [m/s]
-        self._slide_interval = 0.0  # between the maps that tell it [s]
         self.version = 0  # counts the updates
         self._take(0, 0, new, speeds, time, _checked_variance(variance, shape))
+        self.track = at_rest(geometry, self.time)  # where the grid lies, and how it moves as one piece
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -110,7 +111,7 @@ class HeightMap:
     def lifetime(self) -> float:
         """Expected time from the last update to the next, of ground that moves [s]; 0 = none is expected."""
         moves = self._clocks["time"] + REST * self._clocks["lifetime"] > self.time
-        return float(self._clocks["lifetime"][moves].max(initial=self._slide_interval))
+        return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
 
     @property
     def has_holes(self) -> bool:
@@ -169,6 +170,8 @@ class HeightMap:
         certainty = _checked_variance(variance, shape)
         new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
         self._take(0, 0, new, speeds, time, certainty)
+        if not self.motion.corrects:
+            self.follow(self, time)
 
     def update_region(
         self,
@@ -204,35 +207,58 @@ class HeightMap:
         """Whether any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.slide_w != (0.0, 0.0) and time < self.time + REST * self._slide_interval
+        slides = self.track.moves and time < self.track.time + REST * self.track.interval
         return slides or bool((time < self._clocks["time"] + REST * self._clocks["lifetime"]).any())
 
-    def slide(self, velocity_w: tuple[float, float], interval: float) -> None:
-        """Has the ground carry a horizontal velocity [m/s] while maps come every ``interval`` [s], about."""
-        self.slide_w = velocity_w
-        self._slide_interval = interval if velocity_w != (0.0, 0.0) else 0.0
+    @property
+    def slide_w(self) -> tuple[float, float]:
+        """Horizontal velocity of sample (0, 0) while the map moves as one piece [m/s]."""
+        return self.track.motion[:2]
+
+    def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
+        """Has the map move as one piece while maps come every ``interval`` [s], about: with a horizontal velocity [m/s]
+        of its sample (0, 0), and a ``spin`` about z [rad/s]."""
+        motion = RigidMotion(*velocity_w, spin)
+        self.track = at_rest(self.geometry, self.time)
+        if motion != STILL:
+            self.track = self.track._replace(motion=motion, interval=interval)
+
+    def follow(self, before: "HeightMap", time: float) -> None:
+        """Has this whole map of ``time`` [s] move on as one piece as its place, after those ``before``, tells."""
+        motion = self.motion
+        self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
         for name in INSTANTS:
             self._clocks[name] += by
+        self.track = self.track.shifted(by)
         self._shown += by
         self._settled += by
 
     def moved_to(self, time: float) -> MovingGrid:
-        """The map for compiled functions, at where it has slid to by ``time`` [s]."""
+        """The map for compiled functions, at where it has moved to by ``time`` [s]."""
         geometry, motion = self.geometry, self.motion
         x, y, z = geometry.origin
-        slide_x = slide_y = 0.0
-        if self._slide_interval:
-            along, _, rate, *_ = phase_of(time, self.time, self._slide_interval, 0.0, motion.code)
-            x, y = x + along * self.slide_w[0], y + along * self.slide_w[1]
-            slide_x, slide_y = rate * self.slide_w[0], rate * self.slide_w[1]
+        yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
+        if self.track.interval:
+            moving = self.track.motion
+            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code)
+            x, y, yaw = moved_on(geometry, moving, along)
+            slide_x, slide_y = velocity_after(moving, along)
+            slide_x, slide_y, spin = rate * slide_x, rate * slide_y, rate * moving.spin
         return MovingGrid(
-            self._heights, self._velocities, self._clocks, x, y, z, math.cos(geometry.yaw), math.sin(geometry.yaw),
-            geometry.resolution, slide_x, slide_y, motion.code, motion.max_velocity, self._offsets, self._shown,
-            motion.settle, self.noise,
+            self._heights, self._velocities, self._clocks, x, y, z, math.cos(yaw), math.sin(yaw), geometry.resolution,
+            slide_x, slide_y, spin, motion.code, motion.max_velocity, self._offsets, self._shown, motion.settle,
+            self.noise,
         )  # fmt: skip
+
+    def placed_at(self, time: float) -> GridGeometry:
+        """The grid at where it has moved to by ``time`` [s]."""
+        if not self.track.interval:
+            return self.geometry
+        grid = self.moved_to(time)
+        return dataclasses.replace(self.geometry, origin=(grid.x, grid.y, grid.z), yaw=math.atan2(grid.sin, grid.cos))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
         """Ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map, heights with the

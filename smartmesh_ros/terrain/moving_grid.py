@@ -24,7 +24,7 @@ class MovingGrid(NamedTuple):
     ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring
     whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
     ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
-    [m/s]. ``mode``, ``max_velocity``, ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what
+    at sample (0, 0) [m/s]; ``spin``: how fast the grid turns about z [rad/s]. ``mode``, ``max_velocity``, ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what
     was corrected of the heights; ``shown`` [s]: the instant that corrections are worked off to. ``noise`` [m]: standard
     deviation of the heights, as far as velocities are concerned.
     """
@@ -40,6 +40,7 @@ class MovingGrid(NamedTuple):
     resolution: float
     slide_x: float
     slide_y: float
+    spin: float
     mode: int
     max_velocity: float
     offsets: NDArray[np.float32]
@@ -60,6 +61,12 @@ def to_world(grid: MovingGrid, row: float, column: float) -> tuple[float, float]
     """Position (x, y) of a (fractional) sample [m]."""
     u, v = column * grid.resolution, row * grid.resolution
     return grid.x + u * grid.cos - v * grid.sin, grid.y + u * grid.sin + v * grid.cos
+
+
+@compiled
+def slide_at(grid: MovingGrid, x: float, y: float) -> tuple[float, float]:
+    """Horizontal velocity of the ground at a point [m/s]."""
+    return grid.slide_x - grid.spin * (y - grid.y), grid.slide_y + grid.spin * (x - grid.x)
 
 
 @compiled

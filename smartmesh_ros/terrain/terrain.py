@@ -9,7 +9,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.scrolling import correct_across, sliding
+from smartmesh_ros.terrain.scrolling import correct_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -30,13 +30,14 @@ class Terrain:
         return ground if isinstance(ground, Terrain) else cls(ground)
 
     def put(self, name: str, mesh: MainMesh) -> None:
-        """Adds a tile or takes the place of the one of that name; what comes elsewhere may have slid there."""
+        """Adds a tile or takes the place of the one of that name; ground whose map comes elsewhere may have moved
+        there."""
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             if mesh.motion.corrects:
                 correct_across(old, mesh)
             else:
-                mesh.slide(sliding(old, mesh), mesh.time - old.time)
+                mesh.follow(old, mesh.time)
         self.tiles[name] = mesh
         self.layout_revision = next_revision()
 

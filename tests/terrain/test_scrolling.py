@@ -1,13 +1,25 @@
 """Maps that travel with a robot keep the ground's velocity where they overlap."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.grid_track import (
+    STILL,
+    RigidMotion,
+    at_rest,
+    follow,
+    motion_between,
+    moved_on,
+    velocity_after,
+)
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scrolling import cells_moved, sliding, velocities_across
+from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
+from smartmesh_ros.terrain.terrain import Terrain
 
 
 def surface(geometry: GridGeometry, time: float) -> np.ndarray:
@@ -65,22 +77,82 @@ def at(x: float, time: float, **geometry: float) -> HeightMap:
     return HeightMap(np.zeros((8, 10)), resolution=0.1, origin=(x, 0.0), time=time, **geometry)  # type: ignore[arg-type]
 
 
+def motion(before: HeightMap, after: HeightMap) -> RigidMotion:
+    """As it is known once the second map has taken the place of the first."""
+    after.follow(before, after.time)
+    return after.track.motion
+
+
 def test_ground_whose_map_comes_elsewhere_slides() -> None:
-    assert sliding(at(0.0, 1.0), at(0.03, 1.1)) == pytest.approx((0.3, 0.0))
+    assert motion(at(0.0, 1.0), at(0.03, 1.1)) == pytest.approx((0.3, 0.0, 0.0))
+
+
+def test_ground_whose_map_comes_turned_turns() -> None:
+    assert motion(at(0.0, 1.0), at(0.0, 1.1, yaw=0.1)) == pytest.approx((0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    "after", [at(0.2, 1.1), at(0.03, 3.0), at(0.03, 1.0), at(0.03, 1.1, yaw=0.1), at(7.03, 1.1)],
-    ids=["by whole cells", "long ago", "at once", "another grid", "too far for a motion"],
+    "after", [at(0.2, 1.1), at(0.03, 3.0), at(0.03, 1.0), at(7.03, 1.1), at(0.0, 1.1, yaw=3.0), at(0.0, 1.1, yaw=1e-3)],
+    ids=["by whole cells", "long ago", "at once", "too far for a motion", "turned too far", "hardly turned"],
 )  # fmt: skip
 def test_a_map_that_travels_or_jumps_does_not(after: HeightMap) -> None:
-    assert sliding(at(0.0, 1.0), after) == (0.0, 0.0)
+    before = at(0.0, 1.0)
+    assert motion(before, after) == STILL
 
 
 def test_ground_that_slides_goes_on_when_its_next_map_comes_very_soon() -> None:
     """By less than a hundredth of a cell: ground at rest stays at rest, as a map's place is never quite the same."""
     before, after = at(0.03, 1.1), at(0.0306, 1.102)
-    assert sliding(before, after) == (0.0, 0.0)
+    assert motion(before, after) == STILL
     before.slide((0.3, 0.0), 0.1)
-    assert sliding(before, after) == pytest.approx((0.3, 0.0))
-    assert sliding(before, at(0.03, 1.2)) == (0.0, 0.0)
+    assert motion(before, after) == pytest.approx((0.3, 0.0, 0.0))
+    assert motion(before, at(0.03, 1.2)) == STILL
+
+
+def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() -> None:
+    """Of 0.02 m/s: 0.67 hundredths of a cell with every second map."""
+    terrain, rate = Terrain(at(0.0, 0.0)), 60.0
+    found = []
+    for index in range(1, 60):
+        terrain.put("", at(0.02 * (index // 2 * 2) / rate, index / rate))
+        found.append(terrain.tiles[""].track.motion.x)  # type: ignore[union-attr]
+    assert found[8:] == pytest.approx([0.02] * len(found[8:]), abs=0.007)
+
+
+places = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
+
+
+@given(places, st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.0, 3.0), st.floats(0.01, 0.2))
+def test_a_motion_is_the_one_that_takes_the_grid_there(
+    place: tuple[float, float, float], x: float, y: float, spin: float, duration: float
+) -> None:
+    """Back and on from there, and as fast as the place changes."""
+    before = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(*place[:2], 0.0), yaw=place[2])
+    went = moved_on(before, RigidMotion(x, y, spin), duration)
+    after = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(*went[:2], 0.0), yaw=went[2])
+    found = motion_between(before, after, duration)
+    vx, vy = velocity_after(RigidMotion(x, y, spin), duration)
+    assert found == pytest.approx((vx, vy, spin), abs=1e-9)
+    assert moved_on(after, found, -duration) == pytest.approx(place, abs=1e-9)
+    soon = moved_on(after, found, 1e-6)
+    assert np.subtract(soon, went) / 1e-6 == pytest.approx(found, abs=1e-4)
+
+
+@given(places, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.integers(10, 240))
+def test_the_track_of_a_steady_motion_finds_it_however_slow(
+    place: tuple[float, float, float], x: float, y: float, spin: float, rate: int
+) -> None:
+    """Unless it is by whole cells, or so slow that a second's maps do not tell it."""
+    first = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(*place[:2], 0.0), yaw=place[2])
+    true = RigidMotion(x, y, spin)
+    track, went = at_rest(first, 0.0), first
+    for index in range(1, rate + 1):
+        ax, ay, yaw = moved_on(first, true, index / rate)
+        went = GridGeometry(rows=8, columns=10, resolution=0.1, origin=(ax, ay, 0.0), yaw=yaw)
+        track, _ = follow(track, went, index / rate, 0.25, 25.0)
+    if track.moves:
+        vx, vy = velocity_after(true, 1.0)
+        assert track.motion == pytest.approx((vx, vy, spin), abs=0.05 * math.hypot(x, y) + 0.1 * abs(spin) + 1e-6)
+    else:
+        moves = follow(at_rest(first, 0.0), went, 0.2, 0.25, 1e9)[0]
+        assert not moves.moves or abs(spin) < 1e-3

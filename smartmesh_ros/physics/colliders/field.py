@@ -122,9 +122,11 @@ def plan_field(grid, collider, support, samples, time, limits, heights, at_conta
     yaw = math.atan2(grid.sin, grid.cos)
     field_heights(grid, support, samples, time, limits.hole, above)
     drift = field_drift(grid, collider, support, above, heights, at_contact)
-    aside = max(abs(collider.x - x), abs(collider.y - y))
+    astray = collider.yaw - yaw
+    astray = abs(astray - math.tau * round(astray / math.tau))
+    aside = max(abs(collider.x - x), abs(collider.y - y)) + astray * 0.5 * (max(rows, columns) - 1) * spacing
     there = collider.there == 1
-    here = there and aside <= limits.elsewhere * spacing and abs(collider.yaw - yaw) < 1e-12
+    here = there and aside <= limits.elsewhere * spacing
     change = NOTHING
     if not (here and drift.off <= limits.off):
         change = POSE

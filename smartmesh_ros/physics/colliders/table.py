@@ -14,7 +14,8 @@ from smartmesh_ros.compiled import compiled
 # bounds reach above and below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
 # heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
 # ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at
-# ``time`` [s]; ``yaw`` [rad]: of its grid when it was placed; ``tilt_*`` [rad]: how much it turned since; ``v*``
+# ``time`` [s]; ``yaw`` [rad]: of the grid it lies along; ``tilt_*`` [rad]: how much it leaned over
+# since it was placed; ``v*``
 # [m/s], ``w*`` [rad/s]: its velocity. ``n*``: upward normal of a box's top.
 COLLIDER = np.dtype(
     [
@@ -77,8 +78,10 @@ def advance(collider, time):
     collider.x += collider.vx * elapsed
     collider.y += collider.vy * elapsed
     collider.z += collider.vz * elapsed
-    collider.tilt_x += collider.wx * elapsed
-    collider.tilt_y += collider.wy * elapsed
+    tilt_x, tilt_y = collider.tilt_x, collider.tilt_y
+    collider.tilt_x += (collider.wx - collider.wz * tilt_y) * elapsed
+    collider.tilt_y += (collider.wy + collider.wz * tilt_x) * elapsed
+    collider.yaw += collider.wz * elapsed
     nx, ny, nz = collider.nx, collider.ny, collider.nz
     nx, ny, nz = (
         nx + (collider.wy * nz - collider.wz * ny) * elapsed,
