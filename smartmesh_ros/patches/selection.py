@@ -63,7 +63,7 @@ class Place(NamedTuple):
 
 @compiled
 def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
-    """A body (13,) in the frame of the grid, which moves: x along columns, y along rows, from sample (0, 0) and z = 0."""
+    """A body (13,) in the moving frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
     row, column = to_grid(grid, body[0], body[1])
     out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
     half = 0.5 * math.atan2(grid.sin, grid.cos)

@@ -24,9 +24,10 @@ class MovingGrid(NamedTuple):
     ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring
     whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
     ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
-    at sample (0, 0) [m/s]; ``spin``: how fast the grid turns about z [rad/s]. ``mode``, ``max_velocity``, ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what
-    was corrected of the heights; ``shown`` [s]: the instant that corrections are worked off to. ``noise`` [m]: standard
-    deviation of the heights, as far as velocities are concerned.
+    at sample (0, 0) [m/s]; ``spin``: how fast the grid turns about z [rad/s]. ``mode``, ``max_velocity``,
+    ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what was corrected of the heights;
+    ``shown`` [s]: the instant that corrections are worked off to. ``noise`` [m]: standard deviation of the heights, as
+    far as velocities are concerned.
     """
 
     heights: NDArray[np.float32]

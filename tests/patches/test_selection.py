@@ -15,7 +15,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
-from smartmesh_ros.patches.selection import in_window, local_body, travel_of, window_memory, window_place
+from smartmesh_ros.patches.selection import (
+    acceleration_by_turning,
+    in_window,
+    local_body,
+    travel_of,
+    window_memory,
+    window_place,
+)
 from smartmesh_ros.patches.selector import Selector, rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE, solid_of
 from smartmesh_ros.patches.supports import Support
@@ -71,7 +78,14 @@ class Case(NamedTuple):
 
 
 def case_of(
-    kind: str, seed: int, *, moving: bool = False, yaw: float | None = None, count: int = 10, calm: float = 0.2
+    kind: str,
+    seed: int,
+    *,
+    moving: bool = False,
+    yaw: float | None = None,
+    count: int = 10,
+    calm: float = 0.2,
+    spin: float = 0.0,
 ) -> Case:
     """Bodies of every shape, turned anyhow, of which many are about to touch the ground, or to leave it."""
     rng = np.random.default_rng(seed)
@@ -87,7 +101,7 @@ def case_of(
             time = 0.05 * step
             wave = np.sin(0.3 * rows + 0.2 * columns + rng.choice([0.0, 4.0]) * time)
             heightmap.replace(shape + (rise[0] * time + rise[1] * time**2 + 0.2 * rise[2] * wave * time), time=time)
-        heightmap.slide((float(rng.normal()), float(rng.normal())), 0.05)
+        heightmap.slide((float(rng.normal()), float(rng.normal())), 0.05, spin)
         time += float(rng.choice([0.0, 0.01, 0.09]))  # the last: maps are late
     forms = [Form(FORMS[index % len(FORMS)], resolution * rng.choice([0.3, 1.0, 3.0]), rng) for index in range(count)]
     bodies = np.zeros((count, BODY_COLUMNS))
@@ -132,14 +146,11 @@ def cells_under(case: Case, index: int) -> tuple[np.ndarray, np.ndarray]:
 
 def facet_points(case: Case, rows: np.ndarray, columns: np.ndarray, time: float) -> np.ndarray:
     """Points (cells, 2, k, 3) of the facets of cells at a time, those below their diagonals first."""
-    grid = case.heightmap.moved_to(time)
+    placed = case.heightmap.placed_at(time)
     corners = []
     for dr, dc in ((0, 0), (0, 1), (1, 1), (1, 0)):
         r, c = rows + dr, columns + dc
-        xy = case.heightmap.geometry.to_world(r, c) + (
-            grid.x - case.heightmap.geometry.origin[0],
-            grid.y - case.heightmap.geometry.origin[1],
-        )
+        xy = placed.to_world(r, c)
         z = case.heightmap.sample(r * SIZE + c, time).heights
         corners.append(np.column_stack([xy, z]))
     first, right, opposite, up = corners
@@ -165,7 +176,8 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
     rules = rules_for(PatchConfig(), SELECTION, 9.81, across=False)
     local_body(grid, case.bodies[index], local)
     solid = solid_of(case.shapes[index], local)
-    travel = travel_of(local, solid, case.forms[index].radius, case.duration, rules)
+    bend = acceleration_by_turning(grid, case.bodies[index])
+    travel = travel_of(local, solid, case.forms[index].radius, case.duration, rules, bend)
     place = window_place(grid.resolution, solid, travel, rules)
     assert place.stride == 1
     heights, rises, touched = (part[: place.high, : place.wide] for part in window_memory(140))
@@ -202,9 +214,9 @@ def chosen_for(case: Case, config: PatchConfig | None = None) -> Any:
 
 
 @examples(120)
-@given(seeds, st.sampled_from(GROUNDS), st.booleans())
-def test_every_facet_that_a_body_can_reach_is_found(seed: int, kind: str, moving: bool) -> None:
-    case = case_of(kind, seed, moving=moving)
+@given(seeds, st.sampled_from(GROUNDS), st.booleans(), st.sampled_from([0.0, 0.5, -4.0]))
+def test_every_facet_that_a_body_can_reach_is_found(seed: int, kind: str, moving: bool, spin: float) -> None:
+    case = case_of(kind, seed, moving=moving, spin=spin)
     for index in range(len(case.forms)):
         missing = touched_by_brute_force(case, index) - touched_by_the_selection(case, index)
         assert not missing, f"body {index}, a {FORMS[index % len(FORMS)]}, reaches facets {sorted(missing)[:5]}"
