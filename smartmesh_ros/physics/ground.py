@@ -94,6 +94,10 @@ class Ground:
         """The followers' bounding radii (N,) [m]."""
         return np.asarray(self.shapes["radius"])
 
+    def colliders_of(self, follower: Follower) -> list[int]:
+        """PyBullet's bodies that are ground to a follower: its own collider, or those of the whole terrain."""
+        return self._whole.bodies if follower.collider is None else [follower.collider]
+
     def will_move(self, indices: list[int], moved_w: FloatArray) -> None:
         """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
         self._told.append((indices, moved_w))

@@ -26,6 +26,7 @@ from smartmesh_ros.patches.touchable import (
     out_of_reach,
     surface_at,
 )
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import read_window
 
 # Advances after which a solid that grazes the ground is taken to miss it.
@@ -97,11 +98,9 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
 
 
 @compiled
-def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float, contact: float) -> Point:
+def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
     """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the
-    way; unchanged where it meets nothing, or is in contact from the start: deeper than ``contact`` [m]."""
-    if nearest_gap(window, solid, path, -math.inf, NEARBY).distance < -contact:
-        return path
+    way; unchanged where it meets nothing."""
     first = time_of_impact(window, solid, path, least)
     if first.share >= 1.0:
         return path
@@ -115,6 +114,27 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
     if second.share < 1.0:
         return along(scaled(path, first.share), second.share, rest)
     return along(path, closing - first.gap - arrival, first.normal)
+
+
+@compiled
+def without_closing(path: Point, normals: FloatArray, cos: float, sin: float) -> Point:
+    """A path without its parts that close on contacts with unit ``normals`` (n, 3), which the solver takes away;
+    ``cos``, ``sin``: turn of the path's frame about z."""
+    for n in range(len(normals)):
+        x, y = normals[n, 0], normals[n, 1]
+        normal = Point(x * cos + y * sin, y * cos - x * sin, normals[n, 2])
+        closing = -dot(normal, path)
+        if closing > 0.0:
+            path = along(path, closing, normal)
+    return path
+
+
+@compiled
+def out_of_ground(window: Window, solid: Solid) -> Solid:
+    """A solid that is in contact, moved along the contact's normal until it just touches: as deep as it is, the ground
+    beside the contact would be in its way."""
+    gap = nearest_gap(window, solid, UP, -math.inf, 0.0)
+    return moved_by(solid, gap.normal, 2.0 * TOUCH - gap.distance) if gap.distance < 0.0 else solid
 
 
 @compiled
@@ -151,10 +171,15 @@ def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
 
 
 @compiled
-def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
+def clamp_before_impact(
+    grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+):  # fmt: skip
     """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
-    ``dt`` [s] from ``time`` [s], instead of going into it; ``fall`` (3,) [m/s]: what gravity adds in the step. Whether
-    there is any."""
+    ``dt`` [s] from ``time`` [s], instead of going into it. Returns True if there is any.
+
+    ``fall`` (3,) [m/s]: what gravity adds in the step. ``normals`` (n, 3): unit normals, towards the body, of the
+    contacts that it has with its collider. The solver stops the body there, so only the rest of its path is clamped.
+    """
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape, local)
@@ -164,17 +189,19 @@ def clamp_before_impact(grid, shape, body, time, dt, fall, least, arrival, conta
     place, window = window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
-    relative = Point(path.x, path.y, path.z - rise)
-    clamped = clamped_path(window, own, relative, least, arrival, contact)
+    relative = without_closing(Point(path.x, path.y, path.z - rise), normals, grid.cos, grid.sin)
+    start = own if len(normals) == 0 else out_of_ground(window, own)
+    clamped = clamped_path(window, start, relative, least, arrival)
     cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
-    window.heights[:] += window.rises
-    for axis in range(3):
-        local[axis] += (path.x, path.y, path.z)[axis]
-    spin(local, dt)
-    after = in_window(grid, place, solid_of(shape, local))
-    cut = along(cut, 1.0, to_arrival(window, moved_by(after, cut, 1.0), arrival))
+    if len(normals) == 0:
+        window.heights[:] += window.rises
+        for axis in range(3):
+            local[axis] += (path.x, path.y, path.z)[axis]
+        spin(local, dt)
+        after = in_window(grid, place, solid_of(shape, local))
+        cut = along(cut, 1.0, to_arrival(window, moved_by(after, cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
     return True

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,8 @@ from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.impact import clamp_before_impact
+from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.impact import TOUCH, clamp_before_impact
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
@@ -36,11 +38,10 @@ class LandingConfig:
 
     ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in
     contact with a collider that lies within this share of where it should be; twice as deep each time that it does not
-    meet it. ``shallow`` [m],
-    ``falling``: what would come no deeper is left to the solver, nor what would come no deeper than so many times a
-    fall from rest for a step: all that lies on the ground would. ``near``: bodies within this share of their radius of
-    coming as near to the ground as they move in a step are looked at closely. ``deep`` [m], ``escape`` [m/s]: a body
-    deeper than this leaves the ground no faster than that.
+    meet it. ``shallow`` [m], ``falling``: what would come no deeper is left to the solver, nor what would come no
+    deeper than so many times a fall from rest for a step: all that lies on the ground would. ``near``: bodies within
+    this share of their radius of coming as near to the ground as they move in a step are looked at closely. ``deep``
+    [m], ``escape`` [m/s]: a body deeper than this leaves the ground no faster than that.
     """
 
     arrival: float = 0.5
@@ -54,6 +55,7 @@ class LandingConfig:
 LANDING = LandingConfig()
 # A body that has not met its collider after so many doublings of the arrival's depth meets nothing.
 MOST_TRIES = 6
+NO_NORMALS = np.empty((0, 3))
 
 
 class Escape(NamedTuple):
@@ -84,7 +86,7 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
-        self._tries: dict[int, int] = {}  # in how many steps in a row followers were clamped
+        self.tries: dict[Follower, int] = {}  # in how many steps in a row each was clamped
 
     def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
         """Has bodies arrive at the ground's surface in the coming step; ``free`` (N,): which followers may be slowed.
@@ -97,14 +99,15 @@ class Landing:
             ground.positions_w, ground.moved_w, ground.states, ground.supports, ground.shapes, free, time - ground.time,
             dt, fall, shallow, LANDING.near, LANDING.deep, codes,
         )  # fmt: skip
-        tries, self._tries = self._tries, {}
+        tries, self.tries = self.tries, {}
         if not found:
             return None
         escapes = [self._escape(index) for index in np.flatnonzero(codes == DEEP).tolist()]
         near = np.flatnonzero(codes == NEAR).tolist()
         followers, changes = self._changes(near, tries, time, dt, fall, shallow)
-        self._tries = {index: tries.get(index, 0) + 1 for index in followers}
-        uids = [ground.followers[index].body for index in followers]
+        clamped = [ground.followers[index] for index in followers]
+        self.tries = {follower: tries.get(follower, 0) + 1 for follower in clamped}
+        uids = [follower.body for follower in clamped]
         self._calls.add_velocities(uids, changes.tolist())
         return Clamped(followers, uids, -changes, escapes)
 
@@ -118,27 +121,40 @@ class Landing:
             self._hold_back(escape)
 
     def _changes(
-        self, near: list[int], tries: dict[int, int], time: float, dt: float, fall: FloatArray, shallow: float
+        self, near: list[int], tries: dict[Follower, int], time: float, dt: float, fall: FloatArray, shallow: float
     ) -> tuple[list[int], FloatArray]:
         """Which followers are slowed, and by how much (n, 3) [m/s]."""
         ground = self._ground
         rules = rules_for(ground.config, SELECTION, 0.0, across=False)
         found, changes, change = [], [], np.empty(3)
         tiles = list(ground.terrain.tiles.values())
+        arrival = LANDING.arrival * ground.config.tolerance
         for index in near:
-            mesh = tiles[int(ground.supports["tile"][index])]
+            mesh, follower = tiles[int(ground.supports["tile"][index])], ground.followers[index]
             if not isinstance(mesh, HeightMap):
                 continue
-            body = self._calls.states([ground.followers[index].body])[0]
-            arrival = LANDING.arrival * ground.config.tolerance
-            deeper = arrival * 2 ** min(tries.get(index, 0), MOST_TRIES)
-            if clamp_one(
-                mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, deeper,
-                0.5 * arrival, rules, *self._memory[:2], change,
-            ):  # fmt: skip
+            body = self._calls.states([follower.body])[0]
+            deeper = arrival * 2 ** min(tries.get(follower, 0), MOST_TRIES)
+            given = (mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, deeper)
+            memory = (rules, *self._memory[:2], change)
+            clamps = clamp_one(*given, NO_NORMALS, *memory)
+            if clamps and len(touching := self._touching(follower)):
+                clamps = clamp_one(*given, touching, *memory)
+            if clamps:
                 found.append(index)
                 changes.append(change.copy())
         return found, np.array(changes).reshape(-1, 3)
+
+    def _touching(self, follower: Follower) -> FloatArray:
+        """Unit normals (n, 3), towards a follower, of the points where it touches its collider now.
+
+        PyBullet is asked: a body at rest lies on its collider, which may be off the ground by the tolerance.
+        """
+        points = chain.from_iterable(
+            self._client.getClosestPoints(follower.body, collider, TOUCH)
+            for collider in self._ground.colliders_of(follower)
+        )
+        return np.array([point[7] for point in points]).reshape(-1, 3)
 
     def _escape(self, index: int) -> Escape:
         support, uid = self._ground.supports[index], self._ground.followers[index].body
@@ -191,8 +207,10 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
 
 
 @compiled
-def clamp_one(grid, shape, body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change):
+def clamp_one(
+    grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+):  # fmt: skip
     """`clamp_before_impact` for a record in an array of one."""
     return clamp_before_impact(
-        grid, shape[0], body, time, dt, fall, least, arrival, contact, rules, memory_h, memory_r, change
-    )
+        grid, shape[0], body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+    )  # fmt: skip

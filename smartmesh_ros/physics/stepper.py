@@ -65,7 +65,7 @@ class Stepper:
         self._roles = roles
         self._drop_lost = drop_lost
         self._schedule = UpdateSchedule()
-        self._landing = Landing(client, ground)
+        self.landing = Landing(client, ground)
         self._guard = Guard(ground)
 
     def refresh(self, time: float, physics: PhysicsConfig, *, behind: bool = False) -> None:
@@ -96,12 +96,12 @@ class Stepper:
         stopwatch, clamped = self._ground.stopwatch, None
         if physics.landing:
             with stopwatch.stage("bodies"):
-                clamped = self._landing.clamp(self._roles().free, time, physics)
+                clamped = self.landing.clamp(self._roles().free, time, physics)
         with stopwatch.stage("step"):
             simulate()
         if clamped is not None:
             with stopwatch.stage("bodies"):
-                self._landing.restore(clamped, physics)
+                self.landing.restore(clamped, physics)
 
 
 def physics_of(client: Any, dt: float) -> PhysicsConfig:

@@ -49,6 +49,11 @@ class WholeMesh:
         self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and whether it moved, at the last update
         self._kind: WholeKind | None = None
 
+    @property
+    def bodies(self) -> list[int]:
+        """PyBullet's bodies of the colliders."""
+        return [body for _, _, body in self._colliders.values()]
+
     def update(self, kind: WholeKind, time: float) -> None:
         """Brings the colliders to the ground as it is at ``time`` [s]: a trimesh is rebuilt, a heightfield replaced.
 

@@ -75,7 +75,7 @@ class World:
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
-        self._stepper = Stepper(self.client, self.ground, lambda: self._index, self._counts, self._drop_lost)
+        self.stepper = Stepper(self.client, self.ground, lambda: self._index, self._counts, self._drop_lost)
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
@@ -220,11 +220,11 @@ class World:
 
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
-        self._stepper.refresh(self.time, self.config.physics, behind=self.behind)
+        self.stepper.refresh(self.time, self.config.physics, behind=self.behind)
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        self._stepper.prepare(self.time, self.config.physics, behind=self.behind)
+        self.stepper.prepare(self.time, self.config.physics, behind=self.behind)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
         """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
@@ -234,7 +234,7 @@ class World:
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"):
-                self._stepper.step(self.time, self.config.physics, self._simulate)
+                self.stepper.step(self.time, self.config.physics, self._simulate)
             self.time += self.config.physics.dt
             self.guests.note_contacts()
             self.stopwatch.lap()

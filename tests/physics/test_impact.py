@@ -17,7 +17,14 @@ from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.patches.touchable import Window
 from smartmesh_ros.physics.guard import lift_of
-from smartmesh_ros.physics.impact import TOUCH, clamped_path, nearest_gap, time_of_impact
+from smartmesh_ros.physics.impact import (
+    TOUCH,
+    clamped_path,
+    nearest_gap,
+    out_of_ground,
+    time_of_impact,
+    without_closing,
+)
 from smartmesh_ros.physics.landing import clamp_one
 from smartmesh_ros.terrain.heightmap import HeightMap
 from tests.bodies import Form, random_turn, rotation
@@ -74,8 +81,19 @@ def test_who_moves_away_or_along_meets_nothing() -> None:
     window = window_over(slope(0.0))
     for path in (Point(0.0, 0.0, 1.0), Point(0.5, 0.2, 0.0)):
         assert time_of_impact(window, ball(1.0, 1.0, 0.101, 0.1), path, 0.0).share == 2.0
-        for z in (0.05, 0.101, 0.3):  # in the ground from the start, or never
-            assert clamped_path(window, ball(1.0, 1.0, z, 0.1), path, 0.0, ARRIVAL, 0.5 * ARRIVAL) == path
+        for z in (0.05, 0.0999, 0.101, 0.3):  # in the ground from the start, or never
+            assert clamped_path(window, out_of_ground(window, ball(1.0, 1.0, z, 0.1)), path, 0.0, ARRIVAL) == path
+
+
+def test_the_solver_takes_away_what_closes_on_contacts() -> None:
+    normals = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    found = without_closing(Point(1.0, 2.0, -3.0), normals[:1], 1.0, 0.0)
+    assert found == Point(1.0, 2.0, 0.0)
+    assert without_closing(Point(0.0, 0.0, 1.0), normals, 1.0, 0.0) == Point(0.0, 0.0, 1.0)
+    # In a frame turned by a quarter the second normal is (0, -0.6, 0.8).
+    assert without_closing(Point(0.0, -1.0, 0.0), normals[1:], 0.0, 1.0) == Point(0.0, -1.0, 0.0)
+    turned = without_closing(Point(0.0, 1.0, -1.0), normals[1:], 0.0, 1.0)
+    assert -0.6 * turned.y + 0.8 * turned.z == pytest.approx(0.0, abs=1e-12)
 
 
 def test_over_a_hole_there_is_nothing_to_meet() -> None:
@@ -123,7 +141,7 @@ def grazing(seed: int, round_: bool) -> tuple[float, float, float]:
     solid = solid._replace(centre=Point(*centre.tolist()))
     along = np.array([1.0, 0.0, rise]) / math.hypot(rise, 1.0)
     path = float(rng.uniform(0.2, 0.8)) * along - 2.0 * above * normal
-    cut = clamped_path(window_over(slope(rise)), solid, Point(*path.tolist()), 5.0 * ARRIVAL, ARRIVAL, 0.5 * ARRIVAL)
+    cut = clamped_path(window_over(slope(rise)), solid, Point(*path.tolist()), 5.0 * ARRIVAL, ARRIVAL)
     return -above - float(normal @ np.array(cut)), float(along @ np.array(cut)), float(along @ path)
 
 
@@ -153,7 +171,7 @@ def test_on_a_clamped_path_a_body_comes_no_deeper_than_its_arrival(seed: int) ->
     solid = ball(x, y, float(heights.max()) + radius + float(rng.uniform(1e-3, 0.1)), radius)
     path = Point(*rng.normal(scale=0.1, size=2).tolist(), -float(rng.uniform(0.2, 1.0)))
     shallow = 5.0 * ARRIVAL
-    cut = clamped_path(window, solid, path, shallow, ARRIVAL, 0.5 * ARRIVAL)
+    cut = clamped_path(window, solid, path, shallow, ARRIVAL)
     gap = gap_ahead(window, moved_by(solid, cut, 1.0), Point(0.0, 0.0, -1.0), 0.0)
     # It slides along one facet, and is stopped at the next; what it closes on by no more than that is left to others.
     assert gap.distance >= -2.0 * shallow
@@ -178,7 +196,7 @@ def test_clamping_leaves_what_goes_along_the_ground_and_counts_its_motion(yaw: f
         np.zeros(3),
         5e-4,
         ARRIVAL,
-        0.5 * ARRIVAL,
+        np.empty((0, 3)),
         RULES,
         *memory,
         change,

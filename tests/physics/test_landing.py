@@ -288,3 +288,84 @@ def test_the_guard_finds_who_went_a_little_way_into_a_cliff() -> None:
         world.time += 0.06
         world.refresh()
         assert world.rescues == 1
+
+
+SIDE = 41
+
+
+def clearances_where_ground_starts(speed: float, physics: PhysicsConfig, heights: np.ndarray) -> list[float]:
+    """How high a box of 0.3 m that has come to rest is above where it would ride [m], in each step of a second in
+    which the ground rises at ``speed`` from one step to the next."""
+    still = np.zeros((SIDE, SIDE))
+    heightmap = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0), velocities=still)
+    with World(heightmap, WorldConfig(physics=physics)) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, float(heights.max()) + 0.15)))
+        world.step(240)
+        rest, found = world.state("box").position[2], []
+        for step in range(240):
+            if step % 4 == 0:
+                rise = speed * step * DT
+                heightmap.replace(heights + rise, time=1.0 + step * DT, velocities=still + speed)
+            world.step()
+            found.append(world.state("box").position[2] - rest - speed * (step + 1) * DT)
+        return found
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 5.0])
+def test_a_body_at_rest_rides_on_ground_that_starts_to_rise_at_once(speed: float) -> None:
+    found = clearances_where_ground_starts(speed, PhysicsConfig(), np.zeros((SIDE, SIDE)))
+    assert max(found) <= 1e-3
+    assert min(found) >= -1e-4
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0])
+def test_a_body_at_rest_on_rough_ground_that_starts_to_rise_is_not_thrown(speed: float) -> None:
+    """There its collider is off the ground by up to the tolerance, so its distance from the ground tells little."""
+    rng = np.random.default_rng(3)
+    found = clearances_where_ground_starts(speed, PhysicsConfig(), rng.normal(scale=0.02, size=(SIDE, SIDE)))
+    assert max(found) <= 1e-3
+    assert min(found) >= -0.01
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 20.0])
+def test_a_body_at_rest_that_is_sent_into_flat_ground_stays_on_it(speed: float) -> None:
+    with World(HeightMap(np.zeros((SIDE, SIDE)), resolution=0.1, origin=(-2.0, -2.0))) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
+        world.step(240)
+        place = world.state("box")
+        world.move("box", BodyState(place.position, place.orientation, linear=(0.0, 0.0, -speed)))
+        heights = []
+        for _ in range(240):
+            world.step()
+            heights.append(world.state("box").position[2] - 0.15)
+        assert max(heights) <= 1e-3
+        assert min(heights) >= -1e-3
+
+
+def test_a_body_in_contact_is_clamped_where_it_runs_into_a_wall() -> None:
+    """A ball that rolls at 20 m/s meets a wall: the floor that it touches is no reason to let it in."""
+    heights = np.zeros((SIDE, SIDE))
+    heights[:, 30:] = 1.0
+    depths = []
+    with World(HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))) as world:
+        world.spawn("ball", Sphere(0.15), 1.0, BodyState((-0.5, 0.01, 0.15)))
+        world.step(60)
+        x, y, z = world.state("ball").position
+        world.move("ball", BodyState((x, y, z), linear=(20.0, 0.0, 0.0), angular=(0.0, 20.0 / 0.15, 0.0)))
+        slope = np.array([-1.0, 0.1]) / math.hypot(1.0, 0.1)  # of the wall, which rises by 1 m in a cell
+        for _ in range(40):
+            world.step()
+            x, _, z = world.state("ball").position
+            depths.append(0.15 - float(slope @ (x - 0.9, z)))
+    assert max(depths) <= 2e-3
+
+
+def test_another_body_is_not_clamped_deeper_because_one_before_it_is_gone() -> None:
+    with World(HeightMap(np.zeros((SIDE, SIDE)), resolution=0.1, origin=(-2.0, -2.0))) as world:
+        for index, name in enumerate(("first", "second")):
+            world.spawn(name, Sphere(0.05), 1.0, BodyState((index - 0.5, 0.0, 0.5), linear=(0.0, 0.0, -2.0)))
+        world.step()
+        followers = [world.ground.followers[index] for index in range(2)]
+        world.stepper.landing.tries[followers[0]] = 5
+        world.remove("first")
+        assert world.stepper.landing.tries.get(world.ground.followers[0], 0) == 0
