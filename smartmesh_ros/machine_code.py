@@ -209,7 +209,9 @@ def prepare(*, progress: bool = False) -> Path | None:
 
 def _compile(place: Path, lock: int, progress: bool) -> None:
     """Runs `smartmesh_ros.compiling` in a process that also holds the lock, should this one be killed."""
-    script = "import sys; sys.path.insert(0, sys.argv.pop(1)); from smartmesh_ros.compiling import fill; fill()"
+    # Nothing is imported from the working directory, which Python would look into first.
+    script = "import sys; sys.path[:] = [sys.argv.pop(1), *filter(None, sys.path)]; "
+    script += "from smartmesh_ros.compiling import fill; fill()"
     command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST]
     command += ["progress"] if progress else []
     try:
