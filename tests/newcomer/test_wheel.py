@@ -27,7 +27,8 @@ WITHOUT_ROS = {"smartmesh-compile", "smartmesh-studies", "smartmesh-tune"}
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
     bare = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
     bare |= {"PIP_CONSTRAINT": str(CONSTRAINTS), **settings}  # for the environments that pip builds in as well
-    return subprocess.run(command, env=bare, capture_output=True, text=True, timeout=LONG, check=False)
+    # Not from here, where the sources would be imported.
+    return subprocess.run(command, env=bare, cwd="/", capture_output=True, text=True, timeout=LONG, check=False)
 
 
 def pip(python: Path | str, *arguments: str | Path, **settings: str) -> None:
