@@ -79,12 +79,12 @@ class Frame:
     @property
     def x(self) -> NDArray[np.float64]:
         """x of the columns (m,) [m]."""
-        return self.origin[0] + np.arange(self.heights.shape[1]) * self.resolution
+        return np.asarray(self.origin[0] + np.arange(self.heights.shape[1]) * self.resolution, np.float64)
 
     @property
     def y(self) -> NDArray[np.float64]:
         """y of the rows (n,) [m]."""
-        return self.origin[1] + np.arange(self.heights.shape[0]) * self.resolution
+        return np.asarray(self.origin[1] + np.arange(self.heights.shape[0]) * self.resolution, np.float64)
 
     @property
     def places(self) -> NDArray[np.float64]:
