@@ -17,8 +17,7 @@ from smartmesh_ros.view.sight import Sight
 START = Camera((-6.3, -7.1, 6.9), (0.0, 0.0, 0.0))
 # Nothing nearer is drawn [m]. Smaller values resolve the depth of far things less finely.
 NEAREST = 0.05
-# A page that was opened so long ago [s] does not wait for bodies that are described but have no pose, and if its camera
-# is elsewhere by then, its user or its address put it there.
+# A page that was opened so long ago [s] does not wait for bodies that are described but have no pose.
 PATIENCE = 2.0
 # Width of the panel and its margins [pixels].
 PANEL = 340
@@ -34,7 +33,7 @@ class Cameras:
         self._server = server
         self._given = [START]  # every camera that pages have started with
         self._since: dict[int, float] = {}  # when pages were opened [s]
-        self._done: set[int] = set()  # pages that looked at the bodies once, or have a camera of their own
+        self._done: set[int] = set()  # pages that looked at the bodies once
         self._start_with(START)
 
     def update(self, ground: Ground, sight: Sight) -> None:
@@ -47,13 +46,11 @@ class Cameras:
                 continue
             known = bool(sight.poses) and sight.appearances.keys() <= sight.poses.keys()
             late = monotonic() > self._since[number] + PATIENCE
-            # A page may tell of the browser's own camera before it takes the one that it is given.
-            if self._is_unmoved(client):
-                if known or (late and sight.poses):
-                    self._done.add(number)
-                    self._turn(client, ground, sight)
-            elif late:
+            # A page may tell of the browser's own camera before it takes the one that it is given, so that is no reason
+            # to leave the page alone for good.
+            if (known or (late and sight.poses)) and self._is_unmoved(client):
                 self._done.add(number)
+                self._turn(client, ground, sight)
 
     def look(self, ground: Ground, sight: Sight) -> None:
         """Turns the cameras of all pages to the bodies."""
