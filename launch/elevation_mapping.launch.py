@@ -3,7 +3,7 @@
 from launch.actions import DeclareLaunchArgument
 
 from launch import LaunchDescription
-from smartmesh_ros.launching import description
+from smartmesh_ros.startup.launching import description
 
 
 def generate_launch_description() -> LaunchDescription:

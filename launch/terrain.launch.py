@@ -5,7 +5,7 @@ from typing import Any
 from launch.actions import DeclareLaunchArgument
 
 from launch import LaunchDescription
-from smartmesh_ros.launching import Values, description, is_true, node
+from smartmesh_ros.startup.launching import Values, description, is_true, node
 
 
 def source(value: Values) -> list[Any]:

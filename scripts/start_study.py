@@ -27,10 +27,10 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from smartmesh_ros import machine_code
-from smartmesh_ros.domains import isolated
+from smartmesh_ros.startup.domains import isolated
 
 ROOT = Path(__file__).resolve().parents[1]
-START = "from smartmesh_ros.starting import terrain_collider; terrain_collider()"
+START = "from smartmesh_ros.startup.executables import terrain_collider; terrain_collider()"
 PATIENCE = 600.0
 
 

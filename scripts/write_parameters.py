@@ -5,8 +5,8 @@ scripts/workspace run dev -- python scripts/write_parameters.py
 
 from pathlib import Path
 
-from smartmesh_ros.node.helping import parameter_page
-from smartmesh_ros.node.parameters import SPECS
+from smartmesh_ros.node.parameters.helping import parameter_page
+from smartmesh_ros.node.parameters.specifications import SPECS
 
 if __name__ == "__main__":
     page = Path(__file__).parent.parent / "docs" / "parameters.md"

@@ -97,10 +97,10 @@ def fill() -> None:
 def _record() -> list[tuple[Any, Any]]:
     """Functions and types of arguments of all calls that a warm-up makes, those of the largest functions first."""
     compiled.instead = _Recorded
-    from smartmesh_ros.node.quiet import silence_pybullet  # those below are imported only now
+    from smartmesh_ros.startup.quiet import silence_pybullet  # those below are imported only now
 
     silence_pybullet()
-    from smartmesh_ros.node.peer_states import PeerReader
+    from smartmesh_ros.node.fleet.peer_states import PeerReader
     from smartmesh_ros.warm_up import run_through
 
     run_through()

@@ -58,7 +58,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, type[Record
             kinds[name] = type(name, (Recorded,), {})
             setattr(made, name, kinds[name])
         monkeypatch.setitem(sys.modules, module, made)
-    monkeypatch.delitem(sys.modules, "smartmesh_ros.launching", raising=False)
+    monkeypatch.delitem(sys.modules, "smartmesh_ros.startup.launching", raising=False)
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE", raising=False)
     yield kinds
-    sys.modules.pop("smartmesh_ros.launching", None)  # it is made of stand-ins
+    sys.modules.pop("smartmesh_ros.startup.launching", None)  # it is made of stand-ins

@@ -140,7 +140,7 @@ def test_everything_that_a_warm_up_needs_is_compiled_beforehand() -> None:
 import gc
 from numba.core.dispatcher import Dispatcher
 from smartmesh_ros.compiling import NOBODY
-from smartmesh_ros.node.peer_states import PeerReader
+from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.warm_up import warm_up
 warm_up()
 PeerReader().read(NOBODY, 0, 0)

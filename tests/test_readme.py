@@ -24,8 +24,8 @@ assert 0.15 < z - below < 0.4, (z, below)
 
 def test_the_page_of_parameters_is_that_of_the_node() -> None:
     """If not: scripts/workspace run dev -- python scripts/write_parameters.py"""
-    from smartmesh_ros.node.helping import parameter_page
-    from smartmesh_ros.node.parameters import SPECS
+    from smartmesh_ros.node.parameters.helping import parameter_page
+    from smartmesh_ros.node.parameters.specifications import SPECS
 
     page = (ROOT / "docs" / "parameters.md").read_text()
     assert page == parameter_page("terrain_collider", SPECS)
@@ -35,7 +35,7 @@ def test_the_page_of_parameters_is_that_of_the_node() -> None:
 
 
 def test_parameters_that_the_pages_name_exist() -> None:
-    from smartmesh_ros.node.parameters import SPECS
+    from smartmesh_ros.node.parameters.specifications import SPECS
 
     names = {spec.name for spec in SPECS}
     groups = {name.partition(".")[0] for name in names if "." in name}

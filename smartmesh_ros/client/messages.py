@@ -9,7 +9,7 @@ from smartmesh_msgs.msg import ColliderPatch
 
 from smartmesh_ros.client.patch import Patch
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 
 KINDS = {
     ColliderPatch.HEIGHTFIELD: "heightfield",

@@ -13,7 +13,7 @@ docs/testing.md is the guide to it. With pytest, import the fixtures and ask for
 Everything waits for conditions and gives up after a generous time; nothing sleeps for a fixed time.
 """
 
-from smartmesh_ros.domains import isolated
+from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.testing.fixtures import domain, probe
 from smartmesh_ros.testing.messages import (
     assert_on_map,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from smartmesh_ros.domains import isolated
+from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.testing.probe import Probe
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.quiet import silence_pybullet
+from smartmesh_ros.startup.quiet import silence_pybullet
 
 INTERRUPTED = 130
 

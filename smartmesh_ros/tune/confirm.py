@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.studies.presets import NAMES as PRESETS
+from smartmesh_ros.evaluation.presets import NAMES as PRESETS
 from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits

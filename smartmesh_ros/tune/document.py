@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.node.quiet import silence_pybullet
+from smartmesh_ros.startup.quiet import silence_pybullet
 
 SCENES = ("crater", "heave", "noise", "rut", "sinusoid", "sliding_boxes", "stairs", "waves_w04")
 # Cheaper, or truer, by less than this share is not told from noise.
@@ -21,8 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Tunes what is not in the results yet; with all of them there it only writes the table."""
     options = _parser().parse_args(arguments)
     silence_pybullet()
-    from smartmesh_ros.studies.bench.machine import describe
-    from smartmesh_ros.studies.tables import fill
+    from smartmesh_ros.evaluation.machine import describe
+    from studies.tables import fill
 
     results = options.out / "results.json"
     options.out.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from smartmesh_ros.studies.bench.machine import describe
+from smartmesh_ros.evaluation.machine import describe
 from smartmesh_ros.tune.case import Case, MapTopic
 from smartmesh_ros.tune.confirm import Verdict
 from smartmesh_ros.tune.figures import Asked, Figures

@@ -13,7 +13,7 @@ from time import monotonic
 import optuna
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.scene import FOLDER, read_scene
+from smartmesh_ros.evaluation.scene import FOLDER, read_scene
 from smartmesh_ros.tune import chart
 from smartmesh_ros.tune.bag import Bag
 from smartmesh_ros.tune.bag_case import BagCase

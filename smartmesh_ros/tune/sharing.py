@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from smartmesh_ros.node.quiet import silence_pybullet
+from smartmesh_ros.startup.quiet import silence_pybullet
 
 # Of the area under the front of one process, so much is the same front.
 SAME_FRONT = 0.98

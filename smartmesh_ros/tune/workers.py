@@ -9,7 +9,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.quiet import silence_pybullet
+from smartmesh_ros.startup.quiet import silence_pybullet
 
 if TYPE_CHECKING:
     from smartmesh_ros.tune.session import Request

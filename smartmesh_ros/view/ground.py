@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import conversions
-from smartmesh_ros.node.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, GridGeometry
 
 FloatGrid = NDArray[np.float32]

@@ -11,7 +11,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
 
-from smartmesh_ros.node.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.view.sight import NO_TOUCH, Appearance, Pose, Sight, Touch
 
 

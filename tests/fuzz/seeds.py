@@ -24,7 +24,7 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody,
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.node.optional_messages import find_message
+from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.testing import floats, heightmap_message, mesh_message, point_message, pose_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
+from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.testing import COLLIDER, Probe, Process
 
 # Size of the shared memory that the profile asks for [bytes].

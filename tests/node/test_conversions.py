@@ -9,7 +9,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.conversions import map_from, region_from
+from smartmesh_ros.node.inputs.conversions import map_from, region_from
 from smartmesh_ros.testing import floats, heightmap_message
 
 ROOM = 10_000

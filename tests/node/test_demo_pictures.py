@@ -10,8 +10,8 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node import demo_pictures
-from smartmesh_ros.node.demo_pictures import BODY_COLOURS, Snapshot
+from smartmesh_ros.node.demo import demo_pictures
+from smartmesh_ros.node.demo.demo_pictures import BODY_COLOURS, Snapshot
 from smartmesh_ros.testing import heightmap_message
 from smartmesh_ros.testing.messages import pose_message
 

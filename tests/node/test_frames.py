@@ -12,8 +12,8 @@ from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.frames import HISTORY, LATE, FrameBuffer, Transform
-from smartmesh_ros.node.transform_input import transforms_from
+from smartmesh_ros.node.inputs.frames import HISTORY, LATE, FrameBuffer, Transform
+from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.physics.state import BodyState
 
 NUMBERS = st.floats(-10.0, 10.0)

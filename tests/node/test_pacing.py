@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros.node.pacing import MOST_CATCH_UP, MOST_JUMP, DeadlinePolicy, Pacer
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, DeadlinePolicy, Pacer
 
 PERIOD = 1 / 240
 POLICIES: tuple[DeadlinePolicy, ...] = ("skip", "catch_up", "slow_down")

@@ -10,8 +10,8 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
-from smartmesh_ros.node import terrain_source
-from smartmesh_ros.node.parameters import SPECS
+from smartmesh_ros.node.demo import terrain_source
+from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.testing import Probe, executable
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -23,7 +23,7 @@ from types import SimpleNamespace
 
 from rclpy.node import Node
 
-from smartmesh_ros.node.pacing import Pacer
+from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.node.running import run
 
 

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.urdf import robot_name, with_package_paths
+from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
 from smartmesh_ros.testing import Probe, pose_message
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"

@@ -32,7 +32,7 @@ from simulation_interfaces.srv import (
 )
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.simulation_services import _urdf_of
+from smartmesh_ros.node.services.simulation_services import _urdf_of
 from smartmesh_ros.testing import Probe, Process, pose_message
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"

@@ -13,8 +13,8 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.node import publishing
-from smartmesh_ros.node.parameter_files import files_of, mismatch
+from smartmesh_ros.node.outputs import publishing
+from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.testing import Probe, Process, executable
 
 HUSKY = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"

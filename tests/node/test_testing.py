@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
-from smartmesh_ros.domains import in_use, isolated, isolated_unless_chosen
+from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
 from smartmesh_ros.testing import PATIENCE, Probe, Process
 
 STARTS_A_NODE = """

@@ -17,7 +17,7 @@ from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.shapes import Shape, form_of, shape_of
 from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any
 from smartmesh_ros.physics.states import simulated_states
-from smartmesh_ros.studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
+from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
 
 BALL = Sphere(0.2)

@@ -21,7 +21,7 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
-from smartmesh_ros.physics.tracking import Tracking
+from smartmesh_ros.node.inputs.tracking import Tracking
 
 HUSKY = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
 CART = """

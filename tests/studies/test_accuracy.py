@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros.studies import accuracy
-from smartmesh_ros.studies.configurations import configurations
-from smartmesh_ros.studies.contest import Result, run_scene
-from smartmesh_ros.studies.front import beyond_all, cheapest_as_accurate, pareto_front
-from smartmesh_ros.studies.matrix.row import Outcome
-from smartmesh_ros.studies.matrix.run import ROWS, run_cell
-from smartmesh_ros.studies.scene import Bodies, Scene
-from smartmesh_ros.studies.tables import fill
+from studies import accuracy
+from studies.configurations import configurations
+from studies.contest import Result, run_scene
+from studies.front import beyond_all, cheapest_as_accurate, pareto_front
+from studies.matrix.row import Outcome
+from studies.matrix.run import ROWS, run_cell
+from smartmesh_ros.evaluation.scene import Bodies, Scene
+from studies.tables import fill
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)

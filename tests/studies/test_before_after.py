@@ -7,10 +7,10 @@ import pytest
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.before_after.case import CASES, cases
-from smartmesh_ros.studies.before_after.contest import Calls, Compared, Figures, compare
-from smartmesh_ros.studies.before_after.side import Side
-from smartmesh_ros.studies.before_after.tables import missed, speed_table
+from studies.before_after.case import CASES, cases
+from studies.before_after.contest import Calls, Compared, Figures, compare
+from studies.before_after.side import Side
+from studies.before_after.tables import missed, speed_table
 
 HERE = Path(smartmesh_ros.__file__).parents[1]
 [BALLS] = [case for case in CASES if case.name == "waves_10"]

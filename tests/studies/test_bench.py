@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.studies.bench import cli, document, report
-from smartmesh_ros.studies.bench.markdown import number, times
-from smartmesh_ros.studies.bench.measure import Bench, Case, Effort, Results, Timing
-from smartmesh_ros.studies.bench.targets import TARGETS
+from studies.bench import cli, document, report
+from studies.bench.markdown import number, times
+from studies.bench.measure import Bench, Case, Effort, Results, Timing
+from studies.bench.targets import TARGETS
 
 PNG = b"\x89PNG"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros.studies.consumer.cases import Case, TrueGround
+from studies.consumer.cases import Case, TrueGround
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.testing import domain
 
@@ -25,7 +25,7 @@ ATTEMPTS = 3
 )
 def test_wheels_keep_to_the_true_ground(domain: int, case: Case) -> None:
     pytest.importorskip("mujoco")
-    from smartmesh_ros.studies.consumer.run import run_case
+    from studies.consumer.run import run_case
 
     found = []
     for _ in range(ATTEMPTS):

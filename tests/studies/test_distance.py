@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.studies.clearance import clearances, rotate, skin
-from smartmesh_ros.studies.distance import Surface, nearest
+from smartmesh_ros.evaluation.clearance import clearances, rotate, skin
+from smartmesh_ros.evaluation.distance import Surface, nearest
 from smartmesh_ros.terrain.grid import GridGeometry
 
 UPRIGHT = np.array([[0.0, 0.0, 0.0, 1.0]])

@@ -12,9 +12,9 @@ import pytest
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.studies.engines.bullet import BulletHeightfieldOptions, BulletTrimeshOptions
-from smartmesh_ros.studies.engines.engine import EngineBody, Setup
-from smartmesh_ros.studies.engines.registry import ENGINES, build, missing
+from smartmesh_ros.evaluation.engines.bullet import BulletHeightfieldOptions, BulletTrimeshOptions
+from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
+from studies.engines.registry import ENGINES, build, missing
 
 DT = 1.0 / 240.0
 G = 9.81
@@ -92,7 +92,7 @@ def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) 
     box = EngineBody(shape=Box(0.4, 0.4, 0.2), state=BodyState(position=(2.03, 2.01, 0.101)))
     cases: list[tuple[Any, bool]] = [(None, engine == "smartmesh")]
     if engine == "mujoco":
-        from smartmesh_ros.studies.engines.mujoco_hfield import MujocoOptions
+        from studies.engines.mujoco_hfield import MujocoOptions
 
         cases.append((MujocoOptions(surface_velocity=True), True))
     for options, dragged in cases:

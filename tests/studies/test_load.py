@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
-from smartmesh_ros.node.parameters import NAMES
-from smartmesh_ros.studies.load import cases
-from smartmesh_ros.studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
-from smartmesh_ros.studies.load.processes import run_case
-from smartmesh_ros.studies.load.soak_report import slope_of
-from smartmesh_ros.studies.load.summary import Summary
-from smartmesh_ros.studies.load.tables import runs
-from smartmesh_ros.studies.load.terrain_messages import TerrainMessages
+from smartmesh_ros.node.parameters.specifications import NAMES
+from studies.load import cases
+from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
+from studies.load.processes import run_case
+from studies.load.soak_report import slope_of
+from studies.load.summary import Summary
+from studies.load.tables import runs
+from studies.load.terrain_messages import TerrainMessages
 from smartmesh_ros.testing import domain
 
 __all__ = ["domain"]

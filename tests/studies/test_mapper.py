@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from smartmesh_ros import GridGeometry, InputError
-from smartmesh_ros.node.adapters.grid_map import raster_from
-from smartmesh_ros.studies.distance import Surface
-from smartmesh_ros.studies.mapper import (
+from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
+from smartmesh_ros.evaluation.distance import Surface
+from studies.mapper import (
     NO_DRIFT,
     DepthCamera,
     DriftConfig,
@@ -31,15 +31,15 @@ from smartmesh_ros.studies.mapper import (
     mapped_terrain,
     true_ground,
 )
-from smartmesh_ros.studies.mapper.elevation_mapper import ElevationMapper
-from smartmesh_ros.studies.mapper.grid_map import grid_map_arrays
-from smartmesh_ros.studies.mapper.mapping import true_heights
-from smartmesh_ros.studies.mapper.picture import draw_frame
-from smartmesh_ros.studies.mapper.poses import on_ground
-from smartmesh_ros.studies.mapper.rays import cast_rays
-from smartmesh_ros.studies.mapper.sensors import RangeSensor, Scan, scan
-from smartmesh_ros.studies.mapper.truth import TruthConfig
-from smartmesh_ros.terrain.rasters import RasterConfig, from_grid_map
+from studies.mapper.elevation_mapper import ElevationMapper
+from studies.mapper.grid_map import grid_map_arrays
+from studies.mapper.mapping import true_heights
+from studies.mapper.picture import draw_frame
+from studies.mapper.poses import on_ground
+from studies.mapper.rays import cast_rays
+from studies.mapper.sensors import RangeSensor, Scan, scan
+from studies.mapper.truth import TruthConfig
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map
 from smartmesh_ros.testing import bags
 
 TESTS = Path(__file__).parents[1]

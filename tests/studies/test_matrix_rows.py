@@ -3,7 +3,7 @@
 import pytest
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.studies.matrix.run import ROWS
+from studies.matrix.run import ROWS
 
 NARROW = PatchConfig(kind="heightfield", rings=1)  # 3 x 3 samples, whatever the body's size
 PLANE = PatchConfig(kind="plane")  # a plane, however far from the main mesh

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from smartmesh_ros.studies.matrix.real_maps_picture import corrected, noisy, ways
+from studies.matrix.real_maps_picture import corrected, noisy, ways
 
 
 def test_only_corrections_leave_a_box_on_the_ground() -> None:

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros.studies.grounds import make_ground
-from smartmesh_ros.studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
-from smartmesh_ros.studies.matrix.arena import square
-from smartmesh_ros.studies.matrix.moving_ground import WAVES
-from smartmesh_ros.studies.matrix.uneven_maps import STAMPS
-from smartmesh_ros.studies.scene import Scene, read_scenes
+from smartmesh_ros.evaluation.grounds import make_ground
+from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
+from studies.matrix.arena import square
+from studies.matrix.moving_ground import WAVES
+from studies.matrix.uneven_maps import STAMPS
+from smartmesh_ros.evaluation.scene import Scene, read_scenes
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig

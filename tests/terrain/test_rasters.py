@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.rasters import (
+from smartmesh_ros.io.rasters import (
     Raster,
     RasterConfig,
     from_cells,

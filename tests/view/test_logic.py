@@ -14,8 +14,8 @@ from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
 
 from smartmesh_ros.client.messages import KINDS
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node import declaring
-from smartmesh_ros.node.parameters import SPECS
+from smartmesh_ros.node.parameters import declaring
+from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.testing.messages import floats, heightmap_message
 from tests.examples import examples
 

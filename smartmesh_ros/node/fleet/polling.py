@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
-from smartmesh_ros.node.peer_bodies import NEWEST
+from smartmesh_ros.node.fleet.peer_bodies import NEWEST
 
 
 class _Never(CallbackGroup):

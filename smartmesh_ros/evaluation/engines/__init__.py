@@ -1,0 +1,1 @@
+"""The engines that references are computed with."""

@@ -1,0 +1,126 @@
+"""Ground of the studies beyond that of `smartmesh_ros.scenes.moving`, and all of it by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.scenes.elevation import jacksboro_fault
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.scenes.moving import Crater, FloatGrid, Heave, InwardWaves, Rut, Scene, Wave
+
+
+class Rigid(Scene):
+    """Ground that stays as it is: ``surface`` (rows, columns) [m]."""
+
+    def __init__(self, geometry: GridGeometry, surface: Any) -> None:
+        super().__init__(geometry)
+        shape = (geometry.rows, geometry.columns)
+        self.surface: FloatGrid = np.ascontiguousarray(np.broadcast_to(surface, shape), np.float32)
+
+    def heights(self, time: float) -> FloatGrid:
+        return self.surface
+
+
+class Lift(Scene):
+    """Flat ground that moves at ``speed`` [m/s] for ``duration`` [s], upwards or (below zero) downwards, and stops."""
+
+    def __init__(self, geometry: GridGeometry, speed: float = 2.0, duration: float = 1.0) -> None:
+        super().__init__(geometry)
+        self.speed, self.duration = speed, duration
+
+    def heights(self, time: float) -> FloatGrid:
+        level = self.speed * min(max(time, 0.0), self.duration)
+        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+
+
+class Drop(Scene):
+    """Flat ground that falls away from time zero with ``acceleration`` [m/s^2] until it is ``depth`` [m] down."""
+
+    def __init__(self, geometry: GridGeometry, acceleration: float = 20.0, depth: float = 2.0) -> None:
+        super().__init__(geometry)
+        self.acceleration, self.depth = acceleration, depth
+
+    def heights(self, time: float) -> FloatGrid:
+        level = -min(0.5 * self.acceleration * max(time, 0.0) ** 2, self.depth)
+        return np.full((self.geometry.rows, self.geometry.columns), level, np.float32)
+
+
+def flat(geometry: GridGeometry) -> Scene:
+    """Level ground at z = 0."""
+    return Rigid(geometry, 0.0)
+
+
+def slope(geometry: GridGeometry, angle: float = 20.0) -> Scene:
+    """Ground that rises along x by ``angle`` [deg]."""
+    plain = Rigid(geometry, 0.0)
+    return Rigid(geometry, plain.x * math.tan(math.radians(angle)))
+
+
+def sinusoid(geometry: GridGeometry, amplitude: float = 0.05, wavelength: float = 2.0) -> Scene:
+    """Ripples along x and y [m]."""
+    plain = Rigid(geometry, 0.0)
+    number = 2.0 * math.pi / wavelength
+    return Rigid(geometry, 0.5 * amplitude * (np.sin(number * plain.x) + np.sin(number * plain.y)))
+
+
+def stairs(geometry: GridGeometry, rise: float = 0.1, tread: float = 1.0) -> Scene:
+    """Steps along x, each a cell steep."""
+    plain = Rigid(geometry, 0.0)
+    return Rigid(geometry, rise * np.floor(plain.x / tread + 1e-6))
+
+
+def noise(geometry: GridGeometry, deviation: float = 0.02, seed: int = 1) -> Scene:
+    """Independent normal heights at every sample: the roughest ground a map can hold."""
+    rng = np.random.default_rng(seed)
+    return Rigid(geometry, rng.normal(0.0, deviation, (geometry.rows, geometry.columns)))
+
+
+def elevation(geometry: GridGeometry, spacing: float = 10.0, relief: float = 100.0) -> Scene:
+    """The elevation model of the Jacksboro fault with samples ``spacing`` [m] apart, scaled to ``relief`` [m], around
+    its middle; a finer map gets bilinear heights between them."""
+    model = jacksboro_fault(relief)
+    plain = Rigid(geometry, 0.0)
+    row = np.clip(plain.y[:, 0] / spacing + model.shape[0] / 2, 0, model.shape[0] - 1.001)
+    column = np.clip(plain.x / spacing + model.shape[1] / 2, 0, model.shape[1] - 1.001)
+    r, c = row.astype(int)[:, None], column.astype(int)
+    v, u = row[:, None] - r, column - c
+    upper = model[r, c] * (1.0 - u) + model[r, c + 1] * u
+    lower = model[r + 1, c] * (1.0 - u) + model[r + 1, c + 1] * u
+    heights = upper * (1.0 - v) + lower * v
+    return Rigid(geometry, heights - heights.mean())
+
+
+def waves(geometry: GridGeometry, amplitude: float = 0.3, number: float = 1.0, frequency: float = 4.0) -> Scene:
+    """The report's inward waves."""
+    return InwardWaves(geometry, Wave(amplitude, number, frequency))
+
+
+GROUNDS: dict[str, Callable[..., Scene]] = {
+    "flat": flat,
+    "slope": slope,
+    "sinusoid": sinusoid,
+    "stairs": stairs,
+    "noise": noise,
+    "elevation": elevation,
+    "waves": waves,
+    "heave": Heave,
+    "crater": Crater,
+    "rut": Rut,
+    "lift": Lift,
+    "drop": Drop,
+}
+
+
+def make_ground(geometry: GridGeometry, kind: str, **settings: Any) -> Scene:
+    """Ground by name; raises `InputError` where there is none of that name or it has no such setting."""
+    if kind not in GROUNDS:
+        raise InputError("scene", f"there is no ground {kind!r}; choose {', '.join(GROUNDS)}")
+    try:
+        return GROUNDS[kind](geometry, **settings)
+    except TypeError as error:
+        raise InputError("scene", f"ground {kind!r} does not take {settings}: {error}") from None

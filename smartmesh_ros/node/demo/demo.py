@@ -1,0 +1,247 @@
+"""``make demo``: the whole system on a real elevation model with a wave over it, for about 15 seconds.
+
+Terrain source and collider run in processes of their own; this one spawns bodies, drives a robot, watches the topics,
+and draws what it saw. Exits 0 only if no body was lost and every output was received.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import pybullet_data
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_prefix
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import (
+    BodyDescriptionArray,
+    ColliderPatchArray,
+    ContactArray,
+    Heightmap,
+    Timing,
+    TrackedBodyArray,
+)
+from smartmesh_msgs.srv import SpawnBody
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros import machine_code
+from smartmesh_ros.startup.domains import isolated_unless_chosen
+from smartmesh_ros.node.demo import demo_pictures
+from smartmesh_ros.node.inputs.conversions import map_from
+from smartmesh_ros.startup.dds import use_large_message_profile
+from smartmesh_ros.node.demo.demo_pictures import Snapshot
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+SOURCE = {
+    "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
+    "wave.amplitude": 0.1, "wave.number": 1.2, "wave.frequency": 4.0,
+}  # fmt: skip
+# As often as this watcher looks, so that two cores suffice for three processes.
+WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
+# The bound is that of a map with a centimetre of noise: patches of every kind can be seen.
+COLLIDER = {"patch.tolerance": 0.015, **{f"publish.{topic}": 10.0 for topic in WATCHED}}
+ROBOT = "husky"
+WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
+SHAPES = (
+    SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.25]),
+    SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.6, 0.4, 0.3]),
+    SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.4, 0.25]),
+)
+BODIES = 24
+OUTPUTS = {
+    "patches": MarkerArray,
+    "collider_patches": ColliderPatchArray,
+    "body_states": TrackedBodyArray,
+    "contacts": ContactArray,
+    "timing": Timing,
+    "joint_states": JointState,
+    "odometry": Odometry,
+    "body_descriptions": BodyDescriptionArray,
+}
+# Kept for whoever listens later, as body_descriptions are.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+START_LIMIT = 60.0
+
+
+class Demo(Node):
+    """Spawns, drives and watches."""
+
+    def __init__(self) -> None:
+        super().__init__("demo")
+        self._latest: dict[str, Any] = {}
+        self.counts: dict[str, int] = dict.fromkeys([*OUTPUTS, "diagnostics"], 0)
+        for topic, kind in OUTPUTS.items():
+            # As bytes: most are only counted, and those that are drawn are converted then.
+            qos = LATCHED if topic == "body_descriptions" else 10
+            self.create_subscription(kind, f"terrain_collider/{topic}", self._keeper(topic), qos, raw=True)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._keeper("diagnostics"), 10)
+        self.create_subscription(Heightmap, "terrain_collider/heightmap", self._keeper("heightmap"), 1, raw=True)
+        self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
+        self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
+
+    def _keeper(self, topic: str) -> Any:
+        def keep(message: Any) -> None:
+            self._latest[topic] = message
+            if topic in self.counts:
+                self.counts[topic] += 1
+
+        return keep
+
+    def latest(self, topic: str) -> Any:
+        """The newest message of a topic."""
+        message = self._latest[topic]
+        return deserialize_message(message, OUTPUTS[topic]) if isinstance(message, bytes) else message
+
+    def snapshot(self, time: float) -> Snapshot:
+        """What there is to be seen now."""
+        return Snapshot(time, {topic: self._latest[topic] for topic in demo_pictures.DRAWN})
+
+    def wait_for(self, condition: Any, what: str) -> Any:
+        """Spins until the condition holds."""
+        end = monotonic() + START_LIMIT
+        while not (value := condition()):
+            if monotonic() > end:
+                raise TimeoutError(f"no {what} after {START_LIMIT:.0f} s")
+            rclpy.spin_once(self, timeout_sec=0.1)
+        return value
+
+    def terrain(self) -> HeightMap:
+        """The newest map."""
+        new = map_from(self._latest["heightmap"], 2**31)
+        return HeightMap(new.heights, geometry=new.geometry)
+
+    def spawn_all(self) -> None:
+        """Two dozen mixed bodies in a ring, and a wheeled robot beside them."""
+        self.wait_for(lambda: "heightmap" in self._latest, "map")
+        self.wait_for(self._spawner.service_is_ready, "spawn service")
+        # Without ground in the node the bodies would fall, and be found below it when it comes.
+        self.wait_for(lambda: "diagnostics" in self._latest and int(self._value("terrain", "tiles")), "map in the node")
+        terrain = self.terrain()
+        for index in range(BODIES):
+            angle = 2.0 * math.pi * index / BODIES
+            reach = 5.0 + 2.0 * (index % 3)
+            x, y = reach * math.cos(angle), reach * math.sin(angle)
+            self._spawn(terrain, f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.8, shape=SHAPES[index % 3])
+        urdf = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
+        self._spawn(terrain, ROBOT, -4.0, 0.0, 0.4, urdf=str(urdf))
+
+    def drive(self) -> None:
+        """Keeps the robot going."""
+        self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
+
+    def lost(self) -> int:
+        """Bodies and links whose centre is below the ground, by the node's own diagnostics, or off the terrain."""
+        return int(self._value("bodies", "below ground")) + int(self._value("bodies", "put back onto the ground"))
+
+    def _value(self, task: str, key: str) -> str:
+        """A value of the node's diagnostics."""
+        [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
+        return next(str(pair.value) for pair in status.values if pair.key == key)
+
+    def line(self) -> str:
+        """How things are, in one line."""
+        timing = self.latest("timing")
+        stages = "  ".join(f"{stage.stage} {stage.p50_us:.0f}" for stage in timing.stages)
+        shown = sum(marker.action == Marker.ADD for marker in self.latest("patches").markers)
+        bodies = len(self.latest("body_states").bodies)
+        return (
+            f"bodies {bodies}  patches {shown}  real-time {timing.real_time_factor:.2f}  "
+            f"missed {timing.deadline_misses}  lost {self.lost()}  | us: {stages}"
+        )
+
+    def _spawn(self, terrain: HeightMap, name: str, x: float, y: float, above: float, **what: Any) -> None:
+        request = SpawnBody.Request(id=name, mass=5.0, **what)
+        ground = float(terrain.at([[x, y]], 0.0).heights[0])
+        request.pose.position.x, request.pose.position.y, request.pose.position.z = x, y, ground + above
+        future = self._spawner.call_async(request)
+        self.wait_for(future.done, f"answer to the spawning of {name}")
+        if not future.result().success:
+            raise RuntimeError(f"{name} was not spawned: {future.result().message}")
+
+
+@contextmanager
+def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
+    """An installed executable of the package in a process of its own, started as ``ros2 run`` does.
+
+    Whatever it has to compile is compiled before, since those who wait for it do not wait so long.
+    """
+    machine_code.prepare()
+    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+        yaml.safe_dump({"/**": {"ros__parameters": parameters}}, file)
+        file.flush()
+        process = subprocess.Popen([str(path), "--ros-args", "--params-file", file.name], stdout=subprocess.DEVNULL)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.wait(10)
+
+
+def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
+    """Runs the demo, printing a line a second; returns snapshots to draw and the most bodies lost at any time."""
+    snapshots: list[Snapshot] = []
+    lost = 0
+    start = monotonic()
+    next_line, next_frame = start + 1.0, start
+    while (now := monotonic()) < start + seconds:
+        rclpy.spin_once(demo, timeout_sec=0.05)
+        if now >= next_frame:
+            next_frame += 0.25
+            snapshots.append(demo.snapshot(now - start))
+            demo.drive()
+        if now >= next_line:
+            next_line += 1.0
+            lost = max(lost, demo.lost())
+            print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
+    return snapshots, max(lost, demo.lost())
+
+
+def main(args: list[str] | None = None) -> None:
+    """Runs the demo."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=15.0, help="how long bodies move")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
+    options = parser.parse_args(args)
+    use_large_message_profile()
+    with isolated_unless_chosen():
+        snapshots, lost, counts = run(options.seconds)
+    print("drawing ...", flush=True)
+    for path in demo_pictures.draw(snapshots, options.out):
+        print(f"wrote {path}")
+    if lost:
+        sys.exit(f"demo failed: {lost} bodies were lost")
+    print(f"no body lost; received {counts}")
+
+
+def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
+    """Runs everything for so long; snapshots to draw, the most bodies lost at any time, and messages by output."""
+    rclpy.init()
+    demo = Demo()
+    try:
+        with node_process("terrain_source", SOURCE), node_process("terrain_collider", COLLIDER):
+            print("starting terrain_source and terrain_collider ...", flush=True)
+            demo.spawn_all()
+            demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
+            snapshots, lost = watch(demo, seconds)
+    except (TimeoutError, RuntimeError) as error:
+        sys.exit(f"demo failed: {error}; received {demo.counts}")
+    finally:
+        demo.destroy_node()
+        rclpy.shutdown()
+    return snapshots, lost, demo.counts

@@ -1,0 +1,161 @@
+"""The node ``terrain_source``: publishes moving terrain as a simulator would."""
+
+from __future__ import annotations
+
+import array
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.timing.clock import NodeClock
+from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
+from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.node.refusals import Refusals
+from smartmesh_ros.node.running import ExecutorKind, run
+from smartmesh_ros.scenes.elevation import jacksboro_fault
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief
+
+NAME = "terrain_source"
+SCENES = ("waves", "rut", "crater", "heave", "elevation")
+# A map that late joiners wait for at the most, in region mode [s].
+FULL_PERIOD = 5.0
+
+_WAVE = Wave()
+SPECS = (
+    Spec("scene", "waves", "What the terrain does.", choices=SCENES, read_only=True),
+    Spec("mode", "full", "Whole maps, or the regions that change.", choices=("full", "regions"), read_only=True),
+    Spec("rate", 30.0, "Maps or regions per second [Hz].", 0.1, 1000.0, read_only=True),
+    Spec("rows", 201, "Rows of the map; an elevation model brings its own.", 3, 16384, read_only=True),
+    Spec("columns", 201, "Columns of the map; an elevation model brings its own.", 3, 16384, read_only=True),
+    Spec("resolution", 0.25, "Distance between samples [m].", 0.001, 1000.0, read_only=True),
+    Spec("yaw", 0.0, "Turn of the map about z [rad].", -math.pi, math.pi, read_only=True),
+    Spec("relief", 10.0, "Height of the elevation model from its lowest to its highest sample [m].", 0.0, 1.0e4,
+         read_only=True),
+    Spec("wave.amplitude", _WAVE.amplitude, "Amplitude of the waves [m].", 0.0, 100.0, read_only=True),
+    Spec("wave.number", _WAVE.number, "Wave number [rad/m].", 0.0, 100.0, read_only=True),
+    Spec("wave.frequency", _WAVE.frequency, "Angular frequency [rad/s].", -1000.0, 1000.0, read_only=True),
+    Spec("frame_id", "map", "Frame of the terrain.", read_only=True),
+    Spec("tile", "", "Name of the tile; empty = the single map.", read_only=True),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SourceSettings:
+    """What `running.run` wants to know."""
+
+    executor: ExecutorKind = "single_threaded"
+
+
+class TerrainSource(Node):
+    """Publishes a scene, centred on the frame's origin, on ``terrain_collider/heightmap`` and ``..._update``."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(NAME, **node_options)
+        values = declare(self, SPECS)
+        self.settings = SourceSettings()
+        self.pacer = Pacer(1.0 / values["rate"], "skip", NodeClock(self).pace)
+        self.refusals = Refusals(self.get_logger())
+        self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
+        self._scene = make_scene(values)
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", qos)
+        self._regions = self.create_publisher(
+            HeightmapUpdate, "terrain_collider/heightmap_update", QoSProfile(depth=100)
+        )
+        self._start = self.get_clock().now()
+        self._listeners = 0
+        self._full_due = 0.0
+
+    def tick(self, _: int = 0) -> None:
+        """Publishes the terrain as it is now."""
+        now = self.get_clock().now()
+        time = (now - self._start).nanoseconds * 1e-9
+        listeners = self._maps.get_subscription_count()
+        if self._mode == "full" or listeners > self._listeners or time >= self._full_due:
+            self._full_due = time + FULL_PERIOD
+            self._publish_map(time, now.to_msg())
+        else:
+            self._publish_region(self._scene.changed(time), now.to_msg())
+        self._listeners = listeners
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy's, but a refusal says what would be right."""
+        return objection(self, parameter_list, SPECS) or super().set_parameters_atomically(parameter_list)
+
+    handled = 0  # it takes no messages
+
+    def restart(self) -> None:
+        """Starts the beat anew."""
+        self.pacer.restart()
+
+    def idle(self) -> None:
+        """Publishes nothing while time stands still."""
+
+    def _publish_map(self, time: float, stamp: Any) -> None:
+        geometry = self._scene.geometry
+        message = Heightmap(tile=self._tile)
+        message.header.stamp, message.header.frame_id = stamp, self._frame_id
+        message.info.resolution = geometry.resolution
+        message.info.width, message.info.height = geometry.columns, geometry.rows
+        origin = message.info.origin
+        origin.position.x, origin.position.y, origin.position.z = geometry.origin
+        origin.orientation.z, origin.orientation.w = math.sin(0.5 * geometry.yaw), math.cos(0.5 * geometry.yaw)
+        message.heights = _floats(self._scene.heights(time))
+        self._maps.publish(message)
+
+    def _publish_region(self, region: Region, stamp: Any) -> None:
+        message = HeightmapUpdate(tile=self._tile, x=region.column, y=region.row)
+        message.header.stamp, message.header.frame_id = stamp, self._frame_id
+        message.height, message.width = region.heights.shape
+        message.heights = _floats(region.heights)
+        self._regions.publish(message)
+
+
+def make_scene(values: dict[str, Any]) -> Scene:
+    """The scene that the parameters describe, its middle at the frame's origin."""
+    wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
+    rows, columns = values["rows"], values["columns"]
+    if values["scene"] == "elevation":
+        try:
+            relief = jacksboro_fault(values["relief"])
+        except ModuleNotFoundError:
+            raise InputError(
+                "missing", "scene 'elevation' needs Matplotlib's sample data; install matplotlib"
+            ) from None
+        geometry = centred_grid(relief.shape[0], relief.shape[1], values["resolution"], values["yaw"])
+        return WaveOnRelief(geometry, relief, wave)
+    geometry = centred_grid(rows, columns, values["resolution"], values["yaw"])
+    if values["scene"] == "waves":
+        return InwardWaves(geometry, wave)
+    scenes: dict[str, type[Rut | Crater | Heave]] = {"rut": Rut, "crater": Crater, "heave": Heave}
+    return scenes[values["scene"]](geometry)
+
+
+def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> GridGeometry:
+    """A grid whose middle lies at the frame's origin."""
+    x, y = -0.5 * (columns - 1) * resolution, -0.5 * (rows - 1) * resolution
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    origin = (x * cos - y * sin, x * sin + y * cos, 0.0)
+    return GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw)
+
+
+def _floats(heights: Any) -> array.array[float]:
+    """A NumPy array for a float32[] field: the one way that does not convert number by number."""
+    values = array.array("f")
+    values.frombytes(heights.tobytes())
+    return values
+
+
+def main(args: list[str] | None = None) -> None:
+    """Runs the node until SIGINT or SIGTERM."""
+    answer(NAME, __doc__, SPECS, args)
+    run(TerrainSource, args)

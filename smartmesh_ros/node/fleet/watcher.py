@@ -1,0 +1,58 @@
+"""What the front of a fleet says, and how it is asked for bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from time import monotonic
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodySpecification
+from smartmesh_msgs.srv import SpawnBodies
+
+from smartmesh_ros.node.fleet.layout import front_of
+
+# Waits for anything [s]: a shared machine may be slow.
+PATIENCE = 120.0
+MASS = 5.0  # of a ball [kg]
+
+
+class FleetWatcher(Node):
+    """``front``: its diagnostics by their keys, and their message by an empty one."""
+
+    def __init__(self) -> None:
+        super().__init__("fleet_watcher")
+        self.front: dict[str, str] = {}
+        self._spawner = self.create_client(SpawnBodies, f"{front_of()}/spawn_bodies")
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
+
+    def wait_for(self, condition: Callable[[], Any], what: str) -> float:
+        """Handles messages until the condition holds; the time it took [s]."""
+        start = monotonic()
+        while not condition():
+            if monotonic() > start + PATIENCE:
+                raise TimeoutError(f"no {what} after {PATIENCE:.0f} s; the front says {self.front}")
+            rclpy.spin_once(self, timeout_sec=0.05)
+        return monotonic() - start
+
+    def spawn_balls(self, balls: Iterable[tuple[str, float, float, float]], radius: float) -> None:
+        """Has the front spawn balls of a ``radius`` [m]: the name and the place of each [m]."""
+        request = SpawnBodies.Request()
+        shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[radius])
+        for name, x, y, z in balls:
+            body = BodySpecification(id=name, shape=shape, mass=MASS)
+            body.pose.position.x, body.pose.position.y, body.pose.position.z = x, y, z
+            request.bodies.append(body)
+        self.wait_for(self._spawner.service_is_ready, "front")
+        future = self._spawner.call_async(request)
+        self.wait_for(future.done, "answer of the front")
+        if not future.result().success:
+            raise RuntimeError(f"bodies were not spawned: {future.result().message}")
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "fleet: nodes":
+                self.front = {pair.key: pair.value for pair in status.values} | {"": status.message}

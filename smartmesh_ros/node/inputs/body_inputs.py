@@ -1,0 +1,97 @@
+"""Bodies from topics and frames: poses that are dictated, and commands to robots' joints."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import TrackedBodyArray
+from std_msgs.msg import Header
+
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.bounds import require_name, require_room
+from smartmesh_ros.node.inputs.conversions import BodyInput
+from smartmesh_ros.node.inputs.frame_bodies import FrameBodies
+from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
+from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.physics.limits import SIZES, require_between, require_possible
+
+# Takes reliable and best-effort publishers alike.
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class BodyInputs:
+    """Takes messages about bodies into the world."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._clocks: dict[str, StampClock] = {}
+        self._of_poses: set[str] = set()
+        self._transforms = TransformInput(session)
+        self._frames = FrameBodies(session, self._transforms)
+
+        def most() -> int:
+            return session.settings.most_bodies
+
+        session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT, most=most)
+        session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT, most=most)
+        session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
+        for name, topic in session.settings.poses:
+            session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
+        for name, topic in session.settings.odometry:
+            session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
+
+    def refresh(self) -> None:
+        """Brings the bodies that are frames to where they are."""
+        self._frames.refresh()
+
+    def forget_stamps(self) -> None:
+        """Accepts whatever stamps come next, after a reset."""
+        self._clocks.clear()
+        self._frames.forget_stamps()
+        self._transforms.buffer.clear()
+
+    def _on_bodies(self, message: TrackedBodyArray) -> None:
+        self._track("tracked_bodies", message.header, conversions.bodies_from(message))
+
+    def _on_poses(self, message: PoseArray) -> None:
+        bodies = conversions.poses_from(message)
+        self._track("body_poses", message.header, bodies)
+        names = {body.name for body in bodies}
+        for name in self._of_poses - names:
+            self._session.tracking.forget(name)
+        self._of_poses = names
+
+    def _on_pose(self, name: str, topic: str, message: PoseStamped) -> None:
+        self._track(topic, message.header, [BodyInput(name, conversions.state_from(message.pose), 0.0)])
+
+    def _on_odometry(self, name: str, topic: str, message: Odometry) -> None:
+        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
+
+    def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
+        session = self._session
+        stamp = conversions.stamp_seconds(header.stamp)
+        transform = self._transforms.to_terrain(header.frame_id, stamp)
+        clock = self._clocks.setdefault(topic, StampClock())
+        time = clock.place(stamp, session.clock_now(), session.pace_at)
+        require_room((body.name for body in bodies), session.world.bodies, session.settings)
+        states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
+        radii = [body.radius or session.settings.default_radius for body in bodies]
+        for body, state, radius in zip(bodies, states, radii, strict=True):
+            session.require_not_simulated(body.name)
+            require_name(body.name, session.settings)
+            require_possible(body.name, state)
+            require_between(f"radius of {body.name!r}", radius, SIZES, "m")
+        for body, state, radius in zip(bodies, states, radii, strict=True):
+            session.tracking.update(body.name, radius, state, time)
+        clock.accept(stamp, time)
+
+    def _on_joint_commands(self, message: JointState) -> None:
+        world = self._session.world
+        for robot, joint, command in joint_commands_from(message, world):
+            world.command(robot, joint, command)

@@ -1,0 +1,226 @@
+"""Messages to the core's values, all of it, as pure functions. What cannot be converted raises `InputError`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from shape_msgs.msg import SolidPrimitive
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader, Stamped
+from smartmesh_ros.physics.quaternions import rotate
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
+from smartmesh_ros.terrain.grid import GridGeometry
+
+FloatGrid = NDArray[np.float32]
+
+
+class Quaternion(NamedTuple):
+    """A rotation."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class MapInput(NamedTuple):
+    """A whole map: where it lies (None = its tile goes), heights (rows, columns) [m], and velocities [m/s] or None."""
+
+    start: Stamped
+    geometry: GridGeometry | None
+    heights: FloatGrid
+    velocities: FloatGrid | None
+
+
+class RegionInput(NamedTuple):
+    """A rectangle of new heights (rows, columns) [m] from a first row and column, and velocities [m/s] or None."""
+
+    start: Stamped
+    row: int
+    column: int
+    heights: FloatGrid
+    velocities: FloatGrid | None
+
+
+class MeshInput(NamedTuple):
+    """A general mesh: vertices (V, 3) [m], triangles (T, 3), and velocities (V, 3) [m/s] or None."""
+
+    start: Stamped
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    velocities: NDArray[np.float64] | None
+
+
+class MeshUpdateInput(NamedTuple):
+    """New positions (n, 3) [m] of the vertices ``indices`` (n,), None = all; and velocities (n, 3) [m/s] or None."""
+
+    start: Stamped
+    indices: NDArray[np.uint32] | None
+    vertices: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
+
+
+class BodyInput(NamedTuple):
+    """A tracked body: its name, state and bounding radius [m], 0 = the default."""
+
+    name: str
+    state: BodyState
+    radius: float
+
+
+def stamp_seconds(stamp: Any) -> float | None:
+    """A stamp in seconds; None where it is not set (zero)."""
+    if stamp.sec < 0 or not 0 <= stamp.nanosec < 1_000_000_000:
+        raise InputError("stamp", f"stamp {stamp.sec} s {stamp.nanosec} ns is not a time; nanosec is 0 to 999999999")
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        return None
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def map_from(data: bytes, max_samples: int) -> MapInput:
+    """A Heightmap message from its bytes, sizes checked before anything is touched; the arrays lie over the bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    reader.number("i"), reader.number("I")  # map_load_time
+    resolution, columns, rows = reader.number("f"), reader.number("I"), reader.number("I")
+    x, y, z = (reader.number("d") for _ in range(3))
+    orientation = Quaternion(*(reader.number("d") for _ in range(4)))
+    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    if not rows and not columns and not len(heights):
+        return MapInput(start, None, heights, None)
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x, y, z),
+                            yaw=yaw_from(orientation))  # fmt: skip
+    return MapInput(start, geometry, *_grids(heights, velocities, (rows, columns)))
+
+
+def region_from(data: bytes, max_samples: int) -> RegionInput:
+    """A HeightmapUpdate message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    column, row, columns, rows = (reader.number("I") for _ in range(4))
+    heights, velocities = reader.sequence("f4"), reader.sequence("f4")
+    _require_count(columns, rows, len(heights), len(velocities), max_samples)
+    return RegionInput(start, row, column, *_grids(heights, velocities, (rows, columns)))
+
+
+def mesh_from(data: bytes, max_samples: int) -> MeshInput:
+    """A TerrainMesh message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    triangles = reader.sequence("u4", 3)
+    vertices = reader.sequence("f8", 3)
+    velocities = reader.sequence("f8", 3)
+    _require_size(len(vertices), max_samples)
+    return MeshInput(start, vertices, triangles, velocities if len(velocities) else None)
+
+
+def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
+    """A TerrainMeshUpdate message from its bytes."""
+    reader = CdrReader(data)
+    start = reader.stamped()
+    indices = reader.sequence("u4")
+    vertices = reader.sequence("f8", 3)
+    velocities = reader.sequence("f8", 3)
+    _require_size(len(vertices), max_samples)
+    return MeshUpdateInput(start, indices if len(indices) else None, vertices, velocities if len(velocities) else None)
+
+
+def bodies_from(message: Any) -> list[BodyInput]:
+    """A TrackedBodyArray message; refused whole if one of its bodies is impossible."""
+    bodies = []
+    for body in message.bodies:
+        if not (math.isfinite(body.radius) and body.radius >= 0.0):
+            raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
+        bodies.append(BodyInput(body.id, state_from(body.pose, body.twist), float(body.radius)))
+    _require_distinct([body.name for body in bodies])
+    return bodies
+
+
+def poses_from(message: Any) -> list[BodyInput]:
+    """A PoseArray message: body i is called ``body_<i>``."""
+    return [BodyInput(f"body_{index}", state_from(pose), 0.0) for index, pose in enumerate(message.poses)]
+
+
+def odometry_from(message: Any) -> BodyState:
+    """An Odometry message; its twist is in the body's own frame and is turned into that of the pose."""
+    state = state_from(message.pose.pose, message.twist.twist)
+    linear, angular = (rotate(state.orientation, vector) for vector in (state.linear, state.angular))
+    return replace(state, linear=linear, angular=angular)
+
+
+def state_from(pose: Any, twist: Any = None) -> BodyState:
+    """A pose and a twist, finite and with a unit quaternion (then made exactly so)."""
+    p, q = pose.position, pose.orientation
+    linear = angular = (0.0, 0.0, 0.0)
+    if twist is not None:
+        linear = (twist.linear.x, twist.linear.y, twist.linear.z)
+        angular = (twist.angular.x, twist.angular.y, twist.angular.z)
+    return BodyState((p.x, p.y, p.z), (q.x, q.y, q.z, q.w), linear, angular)
+
+
+def yaw_from(quaternion: Any) -> float:
+    """The turn about z [rad] of a unit quaternion that turns about nothing else."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    length = math.hypot(x, y, z, w)
+    if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
+    if math.hypot(x, y) > QUATERNION_SLACK:
+        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be turned about z only")
+    return 2.0 * math.atan2(z, w)
+
+
+def shape_from(primitive: Any) -> Shape:
+    """A SolidPrimitive as the core's shape."""
+    dimensions = [float(value) for value in primitive.dimensions]
+    wanted = {
+        SolidPrimitive.SPHERE: ("SPHERE", 1),
+        SolidPrimitive.BOX: ("BOX", 3),
+        SolidPrimitive.CYLINDER: ("CYLINDER", 2),
+    }
+    if primitive.type not in wanted:
+        raise InputError("shape", f"shape type {primitive.type} is not supported; use SPHERE, BOX or CYLINDER")
+    name, count = wanted[primitive.type]
+    if len(dimensions) != count:
+        raise InputError("shape", f"{name} needs {count} dimensions, not {len(dimensions)}")
+    if primitive.type == SolidPrimitive.SPHERE:
+        return Sphere(*dimensions)
+    if primitive.type == SolidPrimitive.BOX:
+        return Box(*dimensions)
+    height, radius = dimensions
+    return Cylinder(radius, height)
+
+
+def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
+    """Flat arrays as (rows, columns), without a copy."""
+    return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
+
+
+def _require_count(width: int, height: int, heights: int, velocities: int, max_samples: int) -> None:
+    count = width * height
+    _require_size(count, max_samples)
+    if heights != count:
+        raise InputError("length", f"{heights} heights for {height} rows x {width} columns; there must be {count}")
+    if velocities not in (0, count):
+        raise InputError("length", f"{velocities} velocities for {count} heights; there must be as many, or none")
+
+
+def _require_size(count: int, max_samples: int) -> None:
+    if count > max_samples:
+        raise InputError("size", f"{count} samples are more than terrain.max_samples = {max_samples}")
+
+
+def _require_distinct(names: list[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if not name or "/" in name:
+            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        if name in seen:
+            raise InputError("duplicate_id", f"body {name!r} is in the message twice; names must be distinct")
+        seen.add(name)

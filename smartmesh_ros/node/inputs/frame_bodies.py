@@ -1,0 +1,63 @@
+"""Tracked bodies that stand where TF has a frame."""
+
+from __future__ import annotations
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.physics.state import BodyState
+
+SOURCE = "bodies.frames"
+# Frames are looked up when transforms have arrived, and else so often, for those that never move [s].
+PERIOD = 0.2
+
+
+class FrameBodies:
+    """Follows the frames of the parameter ``bodies.frames``."""
+
+    def __init__(self, session: Session, transforms: TransformInput) -> None:
+        self._session = session
+        self._transforms = transforms
+        self._clocks: dict[str, StampClock] = {}
+        self._stamps: dict[str, float] = {}
+        self._version = -1
+        self._due = 0.0
+        if session.settings.frames:
+            transforms.listen(SOURCE)
+
+    def forget_stamps(self) -> None:
+        """Accepts whatever stamps come next."""
+        self._clocks.clear()
+        self._stamps.clear()
+
+    def refresh(self) -> None:
+        """Looks every frame up, if there is news. One that cannot be reached is refused at most once a `PERIOD`."""
+        session, buffer = self._session, self._transforms.buffer
+        if not session.settings.frames or not session.frame_id:
+            return
+        now = session.clock.pace()
+        overdue = now >= self._due
+        if buffer.version == self._version and not overdue:
+            return
+        self._version = buffer.version
+        self._due = now + PERIOD if overdue else self._due
+        for name, frame in session.settings.frames:
+            try:
+                self._follow(name, frame)
+            except InputError as error:
+                if overdue:
+                    session.refusals.add(SOURCE, error)
+
+    def _follow(self, name: str, frame: str) -> None:
+        session = self._session
+        session.require_not_simulated(name)
+        pose, stamp = self._transforms.buffer.lookup(session.frame_id, frame)
+        if stamp is not None and stamp == self._stamps.get(name):
+            return
+        clock = self._clocks.setdefault(name, StampClock())
+        time = clock.place(stamp, session.clock_now(), session.pace_at)
+        session.tracking.update(name, session.settings.default_radius, BodyState(*pose), time)
+        clock.accept(stamp, time)
+        if stamp is not None:
+            self._stamps[name] = stamp

@@ -1,0 +1,31 @@
+"""How a whole map becomes the terrain, whatever message or file brought it. Without ROS."""
+
+from __future__ import annotations
+
+from smartmesh_ros.node.inputs.bounds import require_tile_fits
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.io.rasters import FloatGrid, Raster
+from smartmesh_ros.terrain.scrolling import velocities_across
+from smartmesh_ros.terrain.terrain import Terrain
+
+
+def take_map(
+    terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
+) -> None:
+    """Takes a map of ``time`` [s]: in place of the one before if it lies on the same grid; where that grid was moved,
+    with the velocities of the samples on both. Raises `InputError` and changes nothing."""
+    geometry, heights, variances = raster
+    known = terrain.tiles.get(tile)
+    if isinstance(known, HeightMap):
+        if known.geometry == geometry:
+            known.replace(heights, time=time, velocities=velocities, variance=variances)
+            return
+        if velocities is None and not known.motion.corrects:
+            velocities = velocities_across(known, geometry, heights, time)
+    require_tile_fits(tile, geometry.size, terrain, settings)
+    motion = settings.motion
+    new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
+    require_usable(settings.world.patch, new)
+    terrain.put(tile, new)

@@ -1,0 +1,230 @@
+"""Terrain from topics: height maps and their regions, general meshes and their moves, and what adapters bring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from time import monotonic
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
+from smartmesh_ros.node.inputs.bounds import require_name, require_tile_fits
+from smartmesh_ros.node.inputs.conversions import FloatGrid
+from smartmesh_ros.node.inputs.map_checks import MapChecks
+from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
+from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.inputs.rivals import Rivals, publisher_names
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.search.methods import ANYWHERE, require_search_on
+from smartmesh_ros.io import files
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.io.rasters import Raster
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+# Frame of a terrain whose first map names none.
+DEFAULT_FRAME = "map"
+
+
+class TerrainInputs:
+    """Takes terrain messages into the world's terrain. ``taken`` is called after each."""
+
+    def __init__(self, session: Session, taken: Callable[[], None]) -> None:
+        self._session = session
+        self._terrain = session.world.terrain
+        self._taken = taken
+        self._clocks: dict[str, StampClock] = {}
+        self._rivals: dict[str, Rivals] = {}  # by tile
+        self._rivals_told = False
+        self._map_checks = MapChecks(session.node.get_logger())
+        settings = session.settings
+        durability = DurabilityPolicy[settings.durability.upper()]
+        reliability = ReliabilityPolicy[settings.reliability.upper()]
+        maps = QoSProfile(depth=settings.map_depth, durability=durability, reliability=reliability)
+        updates = QoSProfile(depth=settings.update_depth, durability=durability, reliability=reliability)
+        before = len(session.subscriptions)
+        session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
+        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
+        session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
+        session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
+        if settings.input != "heightmap":
+            adapter = ADAPTERS[settings.input]
+            kind = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
+            session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
+        if settings.input == "occupancy_grid":
+            self._listen_to_occupancy_updates(updates)
+        session.terrain_subscriptions = session.subscriptions[before:]
+        if settings.file:
+            self._load(settings.file)
+
+    def forget_stamps(self) -> None:
+        """Accepts whatever stamps come next, after a reset."""
+        self._clocks.clear()
+        self._map_checks.forget()
+        self._session.doubtful_maps = ""
+
+    def _on_map(self, data: bytes) -> None:
+        new = conversions.map_from(data, self._session.settings.max_samples)
+        start = new.start
+        if self._overtaken(start.tile, conversions.stamp_seconds(start)):
+            return
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as time:
+            if new.geometry is None:
+                self._terrain.remove(start.tile)
+                self._map_checks.forget(start.tile)
+                self._session.doubtful_maps = self._map_checks.doubt
+            else:
+                self._take_map(start.tile, new.geometry, new.heights, new.velocities, time)
+
+    def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
+        settings = self._session.settings
+        stamp = conversions.stamp_seconds(message.header.stamp)
+        if self._overtaken("", stamp):
+            return
+        with self._ingesting("", stamp, message.header.frame_id) as time:
+            raster = convert(message, settings.raster, settings.max_samples)
+            self._take_map("", raster.geometry, raster.heights, None, time, raster.variances)
+
+    def _take_map(
+        self,
+        tile: str,
+        geometry: GridGeometry,
+        heights: FloatGrid,
+        velocities: FloatGrid | None,
+        time: float,
+        variances: FloatGrid | None = None,
+    ) -> None:
+        """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
+        self._look_for_rivals(tile, geometry, heights)
+        take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
+        taken = self._terrain.tiles[tile]
+        if isinstance(taken, HeightMap):
+            self._map_checks.take(tile, taken, given=velocities is not None)
+            self._session.doubtful_maps = self._map_checks.doubt
+
+    def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
+        """Notes publishers whose maps disagree, and says so once."""
+        session, topics = self._session, self._session.terrain_subscriptions
+        if all(topic.get_publisher_count() < 2 for topic in topics):
+            if self._rivals:
+                self._rivals.clear()
+                session.rival_maps = []
+            return
+        rivals = self._rivals.setdefault(tile, Rivals())
+        rivals.take(geometry, heights)
+        if not any(of_tile.found for of_tile in self._rivals.values()):
+            session.rival_maps = []
+        elif not session.rival_maps:
+            session.rival_maps = publisher_names(session.node, topics, session.names)
+            if session.rival_maps and not self._rivals_told:
+                self._rivals_told = True
+                session.node.get_logger().warning(
+                    f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "
+                    "them, or give each a tile of its own"
+                )
+
+    def _on_region(self, data: bytes) -> None:
+        new = conversions.region_from(data, self._session.settings.max_samples)
+        start = new.start
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id, update=True) as time:
+            self._take_region(start.tile, new.row, new.column, new.heights, new.velocities, time)
+
+    def _on_occupancy_update(self, message: Any) -> None:
+        settings = self._session.settings
+        stamp = conversions.stamp_seconds(message.header.stamp)
+        with self._ingesting("", stamp, message.header.frame_id, update=True) as time:
+            row, column, heights = occupancy_grid.region_from(message, settings.raster, settings.max_samples)
+            self._take_region("", row, column, heights, None, time)
+
+    def _take_region(
+        self, name: str, row: int, column: int, heights: FloatGrid, velocities: FloatGrid | None, time: float
+    ) -> None:
+        tile = self._terrain.tile(name)
+        if not isinstance(tile, HeightMap):
+            raise InputError("unknown_tile", f"tile {name!r} is a general mesh; use ~/terrain_mesh_update")
+        tile.update_region(row, column, heights, time=time, velocities=velocities)
+
+    def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
+        kind = find_message("map_msgs", "OccupancyGridUpdate")
+        if kind is not None:
+            self._session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, qos)
+        else:
+            self._session.node.get_logger().info(
+                "no ~/occupancy_grid_update: it needs map_msgs, which is not installed; apt install ros-jazzy-map-msgs"
+            )
+
+    def _load(self, path: str) -> None:
+        """Takes the terrain of a file, at the start."""
+        settings = self._session.settings
+        raster = files.load(path, settings.raster, settings.max_samples)
+        with self._ingesting("", None, settings.frame_id) as time:
+            self._take_map("", raster.geometry, raster.heights, None, time)
+
+    def _on_mesh(self, data: bytes) -> None:
+        settings = self._session.settings
+        new = conversions.mesh_from(data, settings.max_samples)
+        stamp = conversions.stamp_seconds(new.start)
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id) as time:
+            if not len(new.vertices) and not len(new.triangles):
+                self._terrain.remove(new.start.tile)
+                return
+            require_tile_fits(new.start.tile, len(new.vertices), self._terrain, settings)
+            self._put(
+                new.start.tile,
+                TriangleMesh(new.vertices, new.triangles, time=time, velocities=new.velocities, motion=settings.motion),
+            )
+
+    def _on_mesh_update(self, data: bytes) -> None:
+        settings = self._session.settings
+        new = conversions.mesh_update_from(data, settings.max_samples)
+        stamp = conversions.stamp_seconds(new.start)
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id, update=True) as time:
+            mesh = self._terrain.tile(new.start.tile)
+            if not isinstance(mesh, TriangleMesh):
+                raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
+            method = settings.world.patch.search
+            check = None if method in ANYWHERE else partial(require_search_on, method)
+            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
+
+    def _overtaken(self, tile: str, stamp: float | None) -> bool:
+        """Whether a whole map is a little older than the last one: that one came before it and has taken its place."""
+        clock = self._clocks.get(tile)
+        late = clock is not None and clock.is_late(stamp, self._session.settings.motion.max_interval)
+        self._session.overtaken += late
+        return late
+
+    def _put(self, tile: str, mesh: MainMesh) -> None:
+        require_usable(self._session.settings.world.patch, mesh)
+        self._terrain.put(tile, mesh)
+
+    @contextmanager
+    def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[float]:
+        """Checks what all terrain messages have in common; gives the simulated time of the stamp, and notes the
+        message as taken if the block refuses nothing."""
+        session = self._session
+        with session.world.stopwatch.stage("ingest"):
+            if update and not self._terrain.tiles:
+                raise InputError("no_map", "an update came before any map; publish the whole map first")
+            if update:
+                self._terrain.tile(tile)
+            session.require_frame(frame_id)
+            require_name(tile, session.settings)
+            clock = self._clocks.get(tile) or StampClock()
+            late = self._session.settings.motion.max_interval if update else 0.0
+            time = clock.place(stamp, session.clock_now(), session.time_at, late)
+            yield time
+            clock.accept(stamp, time)
+            self._clocks[tile] = clock
+            session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
+            session.map_taken = monotonic()
+            session.maps += 1
+        self._taken()

@@ -1,0 +1,77 @@
+"""Transforms from ``/tf`` and ``/tf_static``, listened to from the first time they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import NamedTuple
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.inputs.bounds import require_name
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
+from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.session import Session
+
+
+class Stamp(NamedTuple):
+    """A time, as builtin_interfaces/Time has it."""
+
+    sec: int
+    nanosec: int
+
+
+def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
+    """(stamp, parent, child, transform) of a TFMessage from its bytes, four times as fast as by rclpy's objects."""
+    reader = CdrReader(data)
+    for _ in range(reader.number("I")):
+        stamp = Stamp(reader.number("i"), reader.number("I"))
+        parent, child = reader.text(), reader.text()
+        x, y, z, *rotation = reader.numbers("d", 7)
+        qx, qy, qz, qw = rotation
+        yield stamp, parent, child, Transform((x, y, z), (qx, qy, qz, qw))
+
+
+class TransformInput:
+    """The frame buffer, and the subscriptions that feed it. Nothing is subscribed to before `listen`."""
+
+    def __init__(self, session: Session) -> None:
+        self.buffer = FrameBuffer()
+        self._session = session
+        self._listening = False
+
+    def listen(self, what: str) -> None:
+        """Subscribes, once. Raises `InputError` naming the package that ``what`` needs where it is not installed."""
+        if self._listening:
+            return
+        kind = require_message("tf2_msgs", "TFMessage", what)
+        self._listening = True
+        moving = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._session.listen(kind, "/tf", partial(self._take, static=False), moving, raw=True, private=False)
+        self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, raw=True, private=False)
+
+    def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
+        """How poses in ``frame_id`` are seen in the terrain's frame; None where they are in it. Raises `InputError`."""
+        require_name(frame_id, self._session.settings)
+        terrain = self._session.frame_id
+        if not terrain or not frame_id or frame_id == terrain:
+            return None
+        try:
+            self.listen(f"a pose in frame {frame_id!r} instead of the terrain's, {terrain!r},")
+        except InputError as error:
+            raise InputError("frame", str(error)) from None
+        return self.buffer.lookup(terrain, frame_id, stamp)[0]
+
+    def _take(self, data: bytes, *, static: bool) -> None:
+        """Each transform counts by itself: one that is refused does not take its neighbours with it."""
+        for stamp, parent, child, transform in transforms_from(data):
+            try:
+                require_name(child, self._session.settings)
+                time = None if static else conversions.stamp_seconds(stamp) or 0.0
+                self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
+            except InputError as error:
+                self._session.refusals.add("/tf_static" if static else "/tf", error)

@@ -1,0 +1,1 @@
+"""What the node publishes: patches, bodies, robots, the clock, diagnostics."""

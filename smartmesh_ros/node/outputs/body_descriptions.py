@@ -1,0 +1,72 @@
+"""``~/body_descriptions``: what every body looks like, for whoever shows them."""
+
+from __future__ import annotations
+
+import array
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+
+# Bodies that came or went are noticed so often [s].
+PERIOD = 0.1
+# Whoever listens later gets the last message too.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_KINDS: dict[type[Shape], int] = {
+    Sphere: BodyDescription.SPHERE,
+    Box: BodyDescription.BOX,
+    Cylinder: BodyDescription.CYLINDER,
+    Capsule: BodyDescription.CAPSULE,
+}
+
+
+class BodyDescriptions:
+    """Publishes all descriptions when a body has come or gone, while somebody listens."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        session.topics.publish("~/body_descriptions")
+        self.publisher = session.node.create_publisher(BodyDescriptionArray, "~/body_descriptions", LATCHED)
+        self._described: list[Body] | None = None  # by the last message; None = there was no use for one
+        self._due = 0.0
+
+    def publish(self) -> None:
+        """Publishes if it is due."""
+        now = monotonic()
+        if now < self._due:
+            return
+        self._due = now + PERIOD
+        if not self.publisher.get_subscription_count():
+            self._described = None
+            return
+        bodies = [body for body in self._session.world.bodies.values() if not body.owner]
+        if bodies != self._described:
+            self._described = bodies
+            header = Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
+            self.publisher.publish(BodyDescriptionArray(header=header, bodies=[description(body) for body in bodies]))
+
+
+def description(body: Body) -> BodyDescription:
+    """The description of one body."""
+    made = BodyDescription(id=body.name, tracked=body.tracked)
+    if body.urdf is not None:
+        made.shape = BodyDescription.ROBOT
+        with suppress(InputError):  # the file was there when the robot was loaded
+            made.urdf = urdf_text(body.urdf)
+        if body.urdf != made.urdf:
+            made.urdf_file = str(Path(body.urdf).absolute())
+        return made
+    shape: Any = body.shape or Sphere(body.radius)
+    made.shape = _KINDS[type(shape)]
+    made.dimensions = array.array("d", list(shape.dimensions.values()))
+    return made

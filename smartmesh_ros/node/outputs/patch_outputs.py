@@ -1,0 +1,184 @@
+"""Patches as the node publishes them, as ready bytes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import partial
+
+import numpy as np
+from geometry_msgs.msg import Point
+from shape_msgs.msg import MeshTriangle
+from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros.node.outputs.array_message import ArrayMessage, by_length, stamp_fields
+from smartmesh_ros.node.outputs.cdr import text_rows
+from smartmesh_ros.node.outputs.patch_groups import PatchGroup, SentPatches, by_triangles
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+
+KINDS = {
+    "heightfield": ColliderPatch.HEIGHTFIELD,
+    "plane": ColliderPatch.PLANE,
+    "trimesh": ColliderPatch.TRIMESH,
+    "hull": ColliderPatch.HULL,
+    "prisms": ColliderPatch.PRISMS,
+    "whole": ColliderPatch.WHOLE,
+}
+# Colour of the patches (r, g, b, a).
+COLOUR = (0.95, 0.55, 0.15, 0.85)
+
+
+class PatchMarkers:
+    """``~/patches``: one TRIANGLE_LIST marker per patch, with a stable id per body, DELETE when it goes."""
+
+    def __init__(self, namespace: str = "patches") -> None:
+        self._namespace = namespace
+        self._message = ArrayMessage()
+        self._ids: dict[str, int] = {}
+        self._id_of = np.empty(0, np.int64)  # by the batches' indices
+        self._next_id = 0
+        self._names: list[str] = []
+        self._shown = np.empty(0, np.int64)  # ids, ascending
+        self._sent = SentPatches()
+
+    def write(
+        self, header: Header, batches: list[PatchBatch], names: list[str], *, only_changed: bool = False
+    ) -> bytes:
+        """The MarkerArray of all patches (or of those that differ from what was last sent), and of those that went.
+
+        ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
+        """
+        self._take_names(names)
+        message = self._message
+        message.start("markers", MarkerArray)
+        stamp = stamp_fields(header)
+        # Patches of one size are written together, planes and heightfields alike.
+        ids: dict[int, list[IntArray]] = defaultdict(list)
+        points: dict[int, list[FloatArray]] = defaultdict(list)
+        shown = [np.empty(0, np.int64)]
+        for group in by_triangles(batches):
+            of_group, vertices, size = self._id_of[group.bodies], group.vertices_w, group.triangles.size
+            shown.append(of_group)
+            if only_changed:
+                changed = self._sent.changed(group, "marker", vertices)
+                of_group, vertices = of_group[changed], vertices[changed]
+            ids[size].append(of_group)
+            points[size].append(vertices.take(group.triangles.ravel(), axis=1))
+        for size, parts in points.items():
+            fields = {**stamp, "id": np.concatenate(ids[size]), "points": np.concatenate(parts)}
+            make = partial(_marker, self._namespace, header.frame_id, Marker.ADD, size)
+            message.add((header.frame_id, size), make, len(fields["id"]), fields)
+        gone = self._gone(np.sort(np.concatenate(shown)))
+        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETE, 0)
+        message.add((header.frame_id, "gone"), make, len(gone), {**stamp, "id": gone})
+        if only_changed:
+            self._sent.end()
+        else:
+            self._sent.forget()
+        return message.finish()
+
+    def _take_names(self, names: list[str]) -> None:
+        """Gives ids to those that have none yet."""
+        if names is not self._names:
+            self._names = names
+            self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
+            self._id_of = np.array([self._ids[name] for name in names], np.int64)
+            self._next_id += len(names)
+            self._sent = SentPatches(len(names))
+
+    def _gone(self, shown: IntArray) -> IntArray:
+        """Ids that were shown before and are not among those now ``shown`` (n,), ascending."""
+        before, self._shown = self._shown, shown
+        return before[:0] if np.array_equal(before, shown) else np.setdiff1d(before, shown)
+
+
+class ColliderPatches:
+    """``~/collider_patches``: the same geometry for other simulators."""
+
+    def __init__(self) -> None:
+        self._message = ArrayMessage()
+        self._names: list[str] = []
+        self._shown: set[str] = set()
+        self._sent = SentPatches()
+
+    def write(
+        self,
+        header: Header,
+        batches: list[PatchBatch],
+        names: list[str],
+        carry_velocity: bool,
+        *,
+        only_changed: bool = False,
+    ) -> bytes:
+        """The ColliderPatchArray of all patches, or of those that differ from what was last sent and what went.
+
+        ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
+        """
+        if names is not self._names:
+            self._names = names
+            self._sent = SentPatches(len(names))
+        groups = list(by_triangles(batches))
+        shown = {names[index] for group in groups for index in group.bodies.tolist()}
+        gone = sorted(self._shown - shown) if only_changed else []
+        self._shown = shown
+        self._message.start(
+            None if gone else (header.frame_id, only_changed),
+            lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
+            header,
+        )
+        for group in groups:
+            self._add(group, carry_velocity, only_changed)
+        if only_changed:
+            self._sent.end()
+        else:
+            self._sent.forget()
+        return self._message.finish()
+
+    def _add(self, group: PatchGroup, carry_velocity: bool, only_changed: bool) -> None:
+        """Adds the patches of a group, or those of them that changed."""
+        batch, triangles = group.batch, group.triangles
+        placed = np.stack([batch.rows, batch.columns, batch.stride, batch.deviation], axis=1)[group.members]
+        twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)[group.members]
+        vertices = group.vertices_w
+        chosen = np.arange(len(vertices))
+        if only_changed:
+            kind = (batch.tile, batch.kind, carry_velocity)
+            chosen = np.flatnonzero(self._sent.changed(group, kind, vertices, placed, twist))
+        for some, texts in by_length([self._names[index] for index in group.bodies[chosen].tolist()]):
+            part = chosen[some]
+            fields = {
+                "body_id": text_rows(texts),
+                **dict(zip(("row", "column", "stride", "deviation"), placed[part].T, strict=True)),
+                "mesh.vertices": vertices[part],
+                "mesh.triangles": np.broadcast_to(triangles, (len(texts), *triangles.shape)),
+            }
+            if carry_velocity:
+                fields.update(zip(_TWIST_FIELDS, twist[part].T, strict=True))
+            size = vertices.shape[1]
+            self._message.add(
+                (batch.tile, batch.kind, len(texts[0].encode()), size, len(triangles)),
+                lambda: _collider_patch(batch.tile, batch.kind, texts[0], size, len(triangles)),  # noqa: B023
+                len(texts),
+                fields,
+            )
+
+
+_TWIST_FIELDS = tuple(f"surface_twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
+
+
+def _marker(namespace: str, frame_id: str, action: int, points: int) -> Marker:
+    marker = Marker(ns=namespace, type=Marker.TRIANGLE_LIST, action=action)
+    marker.header.frame_id = frame_id
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    marker.color.r, marker.color.g, marker.color.b, marker.color.a = COLOUR
+    marker.points = [Point()] * points
+    return marker
+
+
+def _collider_patch(tile: str, kind: str, name: str, vertices: int, triangles: int) -> ColliderPatch:
+    patch = ColliderPatch(body_id=name, tile=tile, kind=KINDS[kind])
+    patch.mesh.triangles = [MeshTriangle()] * triangles
+    patch.mesh.vertices = [Point()] * vertices
+    return patch

@@ -1,0 +1,268 @@
+"""When outputs are published: at their rates, while somebody listens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from time import monotonic
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import (
+    ColliderPatchArray,
+    ContactArray,
+    ContactWrenchArray,
+    StageTiming,
+    Timing,
+    TrackedBodyArray,
+)
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from smartmesh_ros.node.outputs import body_outputs
+from smartmesh_ros.node.outputs import diagnostics
+from smartmesh_ros.node.outputs import patch_outputs
+from smartmesh_ros.node.outputs import robot_outputs
+from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
+from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
+from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.physics.states import SimulatedStates
+
+# In incremental mode all patches are published at least so often [s].
+ALL_PATCHES_PERIOD = 5.0
+# So long after a subscriber was found it may not have found the node, and hear nothing [s].
+JOINING = 1.0
+# They show patches: nothing new until those are brought up to date.
+SHOWING_PATCHES = ("patches", "collider_patches")
+# Diagnostics come so often, and so soon after a publisher came or went [s].
+DIAGNOSTICS_PERIOD, NOTICING = 1.0, 0.1
+# A real-time factor is told of no less [s].
+SHORTEST = 0.5
+RELIABLE = QoSProfile(depth=10)
+
+
+class _Window:
+    """Time and misses since the last reading.
+
+    The real-time factor of less than `SHORTEST` is that of the reading before: a few steps say nothing. Before the
+    first one there is, the loop counts as being in time.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._read, self._misses = monotonic(), 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Measures the factor anew where the time of the loop or of the world starts: after a pause or a reset."""
+        self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
+
+    def read(self) -> tuple[float, float, int]:
+        """Time since the last reading [s], the real-time factor, and the deadlines missed since the last reading."""
+        now, world, pacer = monotonic(), self._session.world, self._session.pacer
+        length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
+        if now - self._start >= SHORTEST:
+            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
+            self._start, self._time = now, world.time
+        self._read, self._misses = now, pacer.misses
+        return length, self._factor, misses
+
+
+class _Increments:
+    """When a message need hold no more than what changed since the one before."""
+
+    def __init__(self) -> None:
+        self._listeners = 0
+        self._all_until = -math.inf
+        self._all_due = -math.inf
+
+    def only_changed(self, listeners: int) -> bool:
+        """Whether this one need not; everything goes to whoever came just now, and now and then for whoever missed
+        something."""
+        now = monotonic()
+        if listeners != self._listeners:
+            self._listeners, self._all_until = listeners, now + JOINING
+        if self._all_until <= now < self._all_due:
+            return True
+        self._all_due = now + ALL_PATCHES_PERIOD
+        return False
+
+
+class _Output(NamedTuple):
+    publisher: Any
+    make: Callable[[], Any]  # the message, or a list of messages
+
+
+class Publishing:
+    """The node's outputs."""
+
+    def __init__(self, session: Session, peers: PeerBodies) -> None:
+        self._session, self._peers = session, peers
+        self._node, self._world = session.node, session.world
+        self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
+        self._collider_patches = patch_outputs.ColliderPatches()
+        self._states = SimulatedStates(session.world)
+        self._body_states = body_outputs.BodyStates()
+        self._contacts = body_outputs.Contacts()
+        self._clock = ClockPublishing(session)
+        self._descriptions = BodyDescriptions(session)
+        self._qos = QoSProfile(
+            depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
+        )
+        self._outputs = {
+            "patches": self._output(MarkerArray, "~/patches", self._make_patches),
+            "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
+            "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
+            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
+            "timing": self._output(Timing, "~/timing", self._make_timing),
+            "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
+            "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
+            "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
+        }
+        self._diagnostics = _Output(
+            self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
+        )
+        # Staggered, so that no step has to write all of them.
+        start = monotonic()
+        self._due = {
+            name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
+            for place, name in enumerate(self._outputs)
+        }
+        self._diagnostics_due, self._connections_due = 0.0, 0.0
+        self._connections: dict[str, int] = {}
+        self._timing_window = _Window(session)
+        self._diagnostics_window = _Window(session)
+        self._refused_before = 0
+        self._increments = {name: _Increments() for name in SHOWING_PATCHES}
+        self._shown = dict.fromkeys(SHOWING_PATCHES, -1)  # the world's refreshes when they were last published
+
+    def publish(self, *, now: bool = False) -> None:
+        """Publishes every output that is due (or all of them) and has subscribers."""
+        time = monotonic()
+        self._publish(self._outputs, time, now=now)
+        self._clock.publish(time)
+        self._descriptions.publish()
+        if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
+            self._diagnostics_due = time + DIAGNOSTICS_PERIOD
+            self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def restart_measuring(self) -> None:
+        """Has the real-time factor measured from now on."""
+        self._timing_window.restart()
+        self._diagnostics_window.restart()
+
+    def publish_patches(self) -> None:
+        """Publishes those outputs that show patches, if they are due: before a step, nobody waits for the physics."""
+        self._publish(SHOWING_PATCHES, monotonic(), now=False)
+
+    def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
+        rates = self._session.settings.publish
+        for name in names:
+            output, rate = self._outputs[name], getattr(rates, name)
+            new = self._shown.get(name) != self._world.refreshes
+            if rate > 0.0 and (now or (new and time >= self._due[name])):
+                # On the beat, unless one was missed.
+                self._due[name] = max(self._due[name] + 1.0 / rate, time)
+                if output.publisher.get_subscription_count():
+                    if name in self._shown:
+                        self._shown[name] = self._world.refreshes
+                    with self._world.stopwatch.stage("publish"):
+                        made = output.make()
+                        for message in made if isinstance(made, list) else [made]:
+                            output.publisher.publish(message)
+
+    def _connections_changed(self) -> bool:
+        self._connections_due = monotonic() + NOTICING
+        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
+        return self._connections != before
+
+    def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
+        self._session.topics.publish(topic)
+        return _Output(self._node.create_publisher(kind, topic, self._qos), make)
+
+    def _header(self) -> Header:
+        return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
+
+    def _only_changed(self, output: str) -> bool:
+        listeners = self._outputs[output].publisher.get_subscription_count()
+        return self._session.settings.incremental and self._increments[output].only_changed(listeners)
+
+    def _make_patches(self) -> bytes:
+        world, only_changed = self._world, self._only_changed("patches")
+        return self._markers.write(
+            self._header(), world.shown_batches(), world.follower_names(), only_changed=only_changed
+        )
+
+    def _make_collider_patches(self) -> bytes:
+        world, only_changed = self._world, self._only_changed("collider_patches")
+        carried = world.config.patch.carry_velocity
+        return self._collider_patches.write(
+            self._header(), world.shown_batches(), world.follower_names(), carried, only_changed=only_changed
+        )
+
+    def _make_body_states(self) -> bytes:
+        physics = self._world.config.physics
+        return self._body_states.write(self._header(), self._states.read(), physics, self._session.ahead_of_stamps())
+
+    def _make_contacts(self) -> bytes:
+        return self._contacts.write(self._header(), self._world.contacts())
+
+    def _make_joint_states(self) -> list[JointState]:
+        """None while there is no robot."""
+        return [robot_outputs.joint_states(self._header(), self._world)] if robot_outputs.robots(self._world) else []
+
+    def _make_odometry(self) -> list[Odometry]:
+        header, world = self._header(), self._world
+        return [robot_outputs.odometry(header, world, robot) for robot in robot_outputs.robots(world)]
+
+    def _make_contact_wrenches(self) -> ContactWrenchArray:
+        return robot_outputs.contact_wrenches(self._header(), self._world)
+
+    def _make_timing(self) -> Timing:
+        length, factor, misses = self._timing_window.read()
+        stages = [
+            StageTiming(
+                stage=times.stage, count=times.runs, p50_us=times.p50_us, p99_us=times.p99_us, max_us=times.max_us
+            )
+            for times in (*self._world.stopwatch.read(), *self._session.pacer.lateness.read())
+        ]
+        message = Timing(window_s=length, real_time_factor=factor, deadline_misses=misses, stages=stages)
+        message.header.stamp = self._session.stamp_now()
+        return message
+
+    def _make_diagnostics(self) -> DiagnosticArray:
+        _, factor, _ = self._diagnostics_window.read()
+        session = self._session
+        refused = session.refusals.counts.total()
+        health = diagnostics.Health(
+            map_age=None if session.map_taken is None else monotonic() - session.map_taken,
+            maps=session.maps,
+            map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
+            overtaken=session.overtaken,
+            real_time_factor=factor,
+            deadline_misses=session.pacer.misses,
+            paused=session.paused,
+            refusals=session.refusals.counts,
+            peers=self._peers.summaries(),
+            silent_peers=self._peers.silent(),
+            publishers=publishers_of(session.subscriptions),
+            rival_clocks=self._clock.rivals,
+            rival_maps=session.rival_maps,
+            doubtful_maps=session.doubtful_maps,
+            incompatible=incompatible_peers(
+                self._node,
+                session.subscriptions,
+                [self._descriptions.publisher, *(output.publisher for output in self._outputs.values())],
+                session.names,
+            ),
+            new_refusals=refused - self._refused_before,
+        )
+        self._refused_before = refused
+        message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))
+        message.header.stamp = self._session.stamp_now()
+        return message

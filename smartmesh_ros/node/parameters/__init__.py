@@ -1,0 +1,1 @@
+"""The node's parameters: their specifications, declaration, help and files."""

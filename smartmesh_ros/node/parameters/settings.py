@@ -1,0 +1,93 @@
+"""What the parameters of ``terrain_collider`` say, as values. Defaults of the core live in its own configurations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.body_sources import BodySource
+from smartmesh_ros.node.timing.pacing import DeadlinePolicy
+from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.io.urdf import UrdfRules
+from smartmesh_ros.physics.world import WorldConfig
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.io.rasters import RasterConfig
+
+Durability = Literal["volatile", "transient_local"]
+Reliability = Literal["reliable", "best_effort"]
+# What a change of height means; *auto*: a correction where the terrain comes from sensors and mappers.
+TerrainChanges = Literal["auto", "motion", "correction"]
+TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishRates:
+    """How often each output is published while somebody subscribes to it [Hz]; 0 = never."""
+
+    patches: float = 30.0
+    collider_patches: float = 30.0
+    body_states: float = 60.0
+    contacts: float = 30.0
+    timing: float = 1.0
+    clock: float = 0.0
+    joint_states: float = 60.0
+    odometry: float = 60.0
+    contact_wrenches: float = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """The robot that a description describes. ``description``: its URDF, or a file of it; empty = what comes on
+    ``~/robot_description``. ``xy``, ``above`` [m], ``yaw`` [rad]: where the centre of its base starts, over the ground.
+    """
+
+    description: str = ""
+    name: str = "robot"
+    xy: tuple[float, float] = (0.0, 0.0)
+    above: float = 0.5
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.xy) != 2:
+            raise InputError("parameter", f"robot.xy is {list(self.xy)}; it must be two numbers [m]")
+        if not self.name or "/" in self.name:
+            raise InputError("parameter", f"robot.name is {self.name!r}; it must not be empty and have no '/'")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Everything the parameters say."""
+
+    world: WorldConfig = field(default_factory=WorldConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    publish: PublishRates = field(default_factory=PublishRates)
+    frame_id: str = ""
+    max_samples: int = 16_384**2
+    durability: Durability = "volatile"
+    reliability: Reliability = "reliable"
+    input: TerrainInput = "heightmap"
+    file: str = ""
+    most_tiles: int = 1000
+    most_bodies: int = 10_000
+    longest_name: int = 256
+    longest_urdf: int = UrdfRules.longest
+    urdf_folders: tuple[str, ...] = ()
+    raster: RasterConfig = field(default_factory=RasterConfig)
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    simulation_interfaces: bool = False
+    poses: tuple[BodySource, ...] = ()
+    odometry: tuple[BodySource, ...] = ()
+    frames: tuple[BodySource, ...] = ()
+    peers: tuple[str, ...] = ()
+    map_depth: int = 2
+    update_depth: int = 100
+    output_durability: Durability = "volatile"
+    output_depth: int = 10
+    incremental: bool = False
+    marker_namespace: str = "patches"
+    body_timeout: float = 1.0
+    default_radius: float = 0.25
+    spawn: tuple[str, ...] = ()
+    deadline: DeadlinePolicy = "catch_up"
+    executor: ExecutorKind = "events"

@@ -1,0 +1,1 @@
+"""What the node answers: services for bodies and for the simulation."""

@@ -1,0 +1,110 @@
+"""The services that add and remove bodies, one at a time or many at once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from smartmesh_msgs.msg import BodyFailure
+from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs import bounds
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.refusals import shortened
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.io.urdf import checked_urdf
+
+# Failures whose reasons the message of a response quotes; the response lists all of them.
+QUOTED = 3
+
+
+class BodyServices:
+    """Serves ``~/spawn_body``, ``~/remove_body``, ``~/spawn_bodies`` and ``~/remove_bodies``."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        session.answer(SpawnBody, "spawn_body", self._on_spawn)
+        session.answer(RemoveBody, "remove_body", self._on_remove)
+        session.serve(SpawnBodies, "spawn_bodies", self._on_spawn_all)
+        session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the world, simulated or tracked."""
+        if name in self._session.tracking.names:
+            self._session.tracking.forget(name)
+        else:
+            self._session.world.remove(name)
+
+    def _spawn(self, body: Any) -> None:
+        """Adds one body; raises `InputError` and adds nothing if it cannot be."""
+        session = self._session
+        state = conversions.state_from(body.pose, body.twist)
+        bounds.require_name(body.id, session.settings)
+        bounds.require_room([body.id], session.world.bodies, session.settings)
+        if body.urdf:
+            urdf = checked_urdf(with_package_paths(body.urdf), bounds.urdf_rules(session.settings))
+            session.world.spawn_robot(body.id, urdf, state)
+        else:
+            session.world.spawn(body.id, conversions.shape_from(body.shape), body.mass, state)
+
+    def _on_spawn(self, request: SpawnBody.Request) -> str:
+        self._spawn(request)
+        return ""
+
+    def _on_remove(self, request: RemoveBody.Request) -> str:
+        self.remove(request.id)
+        return ""
+
+    def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
+        world, added = self._session.world, []
+
+        def add(body: Any) -> None:
+            self._spawn(body)
+            added.append(body.id)
+
+        with world.together():
+            failures = _failures_of((body.id, body, add) for body in request.bodies)
+            for name in added if failures else ():
+                world.remove(name)
+        self._finish("spawn_bodies", response, failures, len(request.bodies))
+
+    def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
+        world, counts = self._session.world, Counter(request.ids)
+
+        def check(name: str) -> None:
+            if name not in world.bodies:
+                raise InputError("unknown_body", f"there is no body {name!r}")
+            if counts[name] > 1:
+                raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
+
+        failures = _failures_of((name, name, check) for name in counts)
+        if not failures:
+            with world.together():
+                for name in request.ids:
+                    self.remove(name)
+        self._finish("remove_bodies", response, failures, len(request.ids))
+
+    def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int) -> None:
+        """Fills in a response, and counts and logs a refusal."""
+        response.success = not failures
+        response.failures = failures
+        if failures:
+            quoted = "; ".join(failure.reason for failure in failures[:QUOTED])
+            more = f"; and {len(failures) - QUOTED} more" if len(failures) > QUOTED else ""
+            words = f"{len(failures)} of {count} bodies are refused, so nothing was changed: {quoted}{more}"
+            response.message = shortened(words)
+            self._session.refusals.add(service, InputError("batch", words))
+
+
+def _failures_of(tasks: Iterable[tuple[str, Any, Callable[[Any], None]]]) -> list[BodyFailure]:
+    """Does (name, thing, act) one after the other; those whose ``act`` refused, each with its reason."""
+    failures = []
+    for name, thing, act in tasks:
+        try:
+            act(thing)
+        except InputError as error:
+            failures.append(BodyFailure(id=shortened(name), reason=shortened(str(error))))
+    return failures

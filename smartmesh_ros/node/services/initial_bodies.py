@@ -1,0 +1,60 @@
+"""The bodies that parameters name: spawned at the start or as soon as there is ground for them, and again after a reset
+of everything."""
+
+from __future__ import annotations
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
+
+
+class InitialBodies:
+    """Entries of ``bodies.spawn``, and others added later. ``names``: of all of them, in the world or waiting."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._entries: dict[str, Entry] = {}
+        self._waiting: list[str] = []
+        with session.world.together():
+            for text in session.settings.spawn:
+                entry = entry_from_text(text)
+                if entry.name in self._entries:
+                    raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
+                self.add(entry)
+
+    @property
+    def names(self) -> set[str]:
+        """Bodies that are part of the start."""
+        return set(self._entries)
+
+    def add(self, entry: Entry) -> None:
+        """Adds an entry, or replaces that of the same name, and spawns it unless it waits for ground."""
+        waiting = not spawn(self._session.world, entry)
+        self._entries[entry.name] = entry
+        self._waiting = [name for name in self._waiting if name != entry.name]
+        if waiting:
+            self._waiting.append(entry.name)
+
+    def replace(self, entry: Entry) -> None:
+        """Notes another entry of the same name, whose body is in the world already, or still waits."""
+        self._entries[entry.name] = entry
+
+    def on_terrain(self) -> None:
+        """Spawns what waited for ground."""
+        waiting, self._waiting = self._waiting, []
+        if not waiting:
+            return
+        with self._session.world.together():
+            for name in waiting:
+                try:
+                    if not spawn(self._session.world, self._entries[name]):
+                        self._waiting.append(name)
+                except InputError as error:
+                    self._session.refusals.add("bodies.spawn", error)
+
+    def restore(self) -> None:
+        """Spawns again those that were removed."""
+        for name in self._entries:
+            if name not in self._session.world.bodies and name not in self._waiting:
+                self._waiting.append(name)
+        self.on_terrain()

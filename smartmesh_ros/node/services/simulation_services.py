@@ -1,0 +1,240 @@
+"""The standard services of simulation_interfaces, where that package is installed.
+
+As in its definitions of 1.x (ROS 2 Jazzy) and 2.x: where they differ, both are read. Entities are the bodies of the
+world, tracked ones among them; what can be spawned are URDF robots.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs import bounds
+from smartmesh_ros.node.inputs import conversions
+from smartmesh_ros.node.services.entity_filters import select
+from smartmesh_ros.node.inputs.optional_messages import find_interfaces
+from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
+from smartmesh_ros.physics.base_frames import centre_state
+from smartmesh_ros.io.urdf import checked_urdf
+
+PACKAGE = "simulation_interfaces"
+FEATURES = (
+    "SPAWNING",
+    "SPAWNING_RESOURCE_STRING",
+    "DELETING",
+    "ENTITY_BOUNDS_BOX",
+    "ENTITY_STATE_GETTING",
+    "ENTITY_STATE_SETTING",
+    "SIMULATION_RESET",
+    "SIMULATION_RESET_TIME",
+    "SIMULATION_RESET_STATE",
+    "SIMULATION_RESET_SPAWNED",
+    "SIMULATION_STATE_GETTING",
+    "SIMULATION_STATE_SETTING",
+    "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE",
+    "STEP_SIMULATION_MULTIPLE",
+)
+# Results by the reasons that input is refused for; SpawnEntity's own where its name is given.
+_REASONS = {"unknown_body": "RESULT_NOT_FOUND", "unsupported": "RESULT_FEATURE_UNSUPPORTED"}
+_SPAWN_REASONS = {
+    "duplicate_id": "NAME_NOT_UNIQUE",
+    "empty_id": "NAME_INVALID",
+    "urdf_format": "UNSUPPORTED_FORMAT",
+    "no_resource": "NO_RESOURCE",
+    "urdf": "RESOURCE_PARSE_ERROR",
+    "urdf_package": "MISSING_ASSETS",
+    "frame": "INVALID_POSE",
+    "non_finite": "INVALID_POSE",
+    "quaternion": "INVALID_POSE",
+}
+_STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
+
+
+class Controls(Protocol):
+    """What the services need of the node."""
+
+    def pause(self, paused: bool) -> None:
+        """Stops the physics, or lets it go on."""
+
+    def step(self, count: int) -> None:
+        """Runs steps while the physics is paused."""
+
+    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
+        """Resets the time, the bodies' states, and which bodies there are."""
+
+    def remove(self, name: str) -> None:
+        """Takes a body out of the world."""
+
+
+def serve_simulation_interfaces(session: Session, controls: Controls) -> bool:
+    """Serves the services; False, and a line in the log, where the package is not installed."""
+    services = find_interfaces(PACKAGE, "srv")
+    messages = find_interfaces(PACKAGE, "msg")
+    if services is None or messages is None:
+        session.node.get_logger().error(
+            "simulation_interfaces: true has no effect: package simulation_interfaces is not installed; "
+            "apt install ros-jazzy-simulation-interfaces"
+        )
+        return False
+    SimulationServices(session, controls, services, messages)
+    return True
+
+
+class SimulationServices:
+    """Answers each service from the world. ``services``, ``messages``: the package's modules."""
+
+    def __init__(self, session: Session, controls: Controls, services: Any, messages: Any) -> None:
+        self._session, self._controls = session, controls
+        self._results, self._states = messages.Result, messages.SimulationState
+        self._features, self._bounds = messages.SimulatorFeatures, messages.Bounds
+        self._stopped = False
+        serve = self._serve
+        serve(services.GetSimulatorFeatures, "get_simulator_features", self._get_features, {})
+        serve(services.GetSimulationState, "get_simulation_state", self._get_state, {})
+        serve(
+            services.SetSimulationState,
+            "set_simulation_state",
+            self._set_state,
+            {"in_state": "ALREADY_IN_TARGET_STATE", "state": "STATE_TRANSITION_ERROR"},
+        )
+        serve(services.StepSimulation, "step_simulation", self._step, {})
+        serve(services.ResetSimulation, "reset_simulation", self._reset, {})
+        serve(services.SpawnEntity, "spawn_entity", self._spawn, _SPAWN_REASONS)
+        serve(services.DeleteEntity, "delete_entity", self._delete, {})
+        serve(services.GetEntities, "get_entities", self._get_entities, {})
+        serve(services.GetEntityState, "get_entity_state", self._get_entity_state, {})
+        serve(services.SetEntityState, "set_entity_state", self._set_entity_state, _STATE_REASONS)
+
+    def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], None], reasons: dict[str, str]) -> None:
+        """Serves ``~/service``; what ``act`` refuses ends in the result that ``reasons`` name."""
+        session, results = self._session, self._results
+
+        def handle(request: Any, response: Any) -> None:
+            try:
+                act(request, response)
+                code, words = results.RESULT_OK, ""
+            except InputError as error:
+                session.refusals.add(service, error)
+                own = reasons.get(error.reason)
+                name = _REASONS.get(error.reason, "RESULT_OPERATION_FAILED")
+                code = getattr(results, name) if own is None else getattr(kind.Response, own)
+                words = str(error)
+            if hasattr(response, "result"):
+                response.result.result, response.result.error_message = code, words
+
+        session.serve(kind, service, handle)
+
+    def _get_features(self, _: Any, response: Any) -> None:
+        response.features.features = [getattr(self._features, name) for name in FEATURES]
+        response.features.spawn_formats = ["urdf"]
+        response.features.custom_info = (
+            "smartmesh_ros terrain_collider. The state of tracked bodies cannot be set. Accelerations are not "
+            "measured: they read zero, and are ignored when set."
+        )
+
+    def _state(self) -> int:
+        if not self._session.paused:
+            return int(self._states.STATE_PLAYING)
+        # Whoever has stepped or played since by other services has started it.
+        stopped = self._stopped and self._session.world.time == 0.0
+        return int(self._states.STATE_STOPPED if stopped else self._states.STATE_PAUSED)
+
+    def _get_state(self, _: Any, response: Any) -> None:
+        response.state.state = self._state()
+
+    def _set_state(self, request: Any, _: Any) -> None:
+        states, wanted = self._states, request.state.state
+        if wanted == self._state():
+            raise InputError("in_state", "the simulation is in that state already")
+        if wanted == states.STATE_QUITTING:
+            signal.raise_signal(signal.SIGINT)  # ends the node's loop once this call is answered
+        elif wanted == states.STATE_PLAYING:
+            self._controls.pause(False)
+        elif wanted == states.STATE_PAUSED:
+            self._controls.pause(True)
+            self._stopped = False
+        elif wanted == states.STATE_STOPPED:
+            self._controls.pause(True)
+            self._controls.reset(spawned=True)
+            self._stopped = True
+        else:
+            raise InputError("state", f"state {wanted} cannot be set; use STOPPED, PLAYING, PAUSED or QUITTING")
+
+    def _step(self, request: Any, _: Any) -> None:
+        if self._state() != self._states.STATE_PAUSED:
+            raise InputError("not_paused", "only a paused simulation can be stepped; set STATE_PAUSED first")
+        self._controls.step(request.steps)
+
+    def _reset(self, request: Any, _: Any) -> None:
+        scope = request.scope or request.SCOPE_ALL
+        self._controls.reset(
+            time=bool(scope & request.SCOPE_TIME),
+            bodies=bool(scope & request.SCOPE_STATE),
+            spawned=bool(scope & request.SCOPE_SPAWNED),
+        )
+
+    def _spawn(self, request: Any, response: Any) -> None:
+        session = self._session
+        given = _urdf_of(getattr(request, "entity_resource", request))
+        urdf = checked_urdf(given, bounds.urdf_rules(session.settings))
+        if request.entity_namespace:
+            raise InputError("unsupported", "entities have no namespace here; their topics name them")
+        session.require_frame(request.initial_pose.header.frame_id)
+        state = conversions.state_from(request.initial_pose.pose)
+        name = request.name or robot_name(urdf_text(urdf))
+        if request.allow_renaming:
+            name = self._free_name(name)
+        bounds.require_name(name, session.settings)
+        bounds.require_room([name], session.world.bodies, session.settings)
+        session.world.spawn_robot(name, urdf, state)
+        body = session.world.bodies[name]
+        body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
+        session.world.move(name, body.initial)
+        response.entity_name = name
+
+    def _free_name(self, wanted: str) -> str:
+        wanted = wanted.replace("/", "_") or "entity"
+        name, number = wanted, 0
+        while name in self._session.world.bodies:
+            number += 1
+            name = f"{wanted}_{number}"
+        return name
+
+    def _delete(self, request: Any, _: Any) -> None:
+        self._controls.remove(request.entity)
+
+    def _get_entities(self, request: Any, response: Any) -> None:
+        response.entities = select(self._session.world, request.filters, self._bounds)
+
+    def _get_entity_state(self, request: Any, response: Any) -> None:
+        session = self._session
+        state = session.world.base_state(request.entity)
+        header = response.state.header
+        header.stamp, header.frame_id = session.stamp_now(), session.frame_id
+        response.state.pose, response.state.twist = pose_message(state), twist_message(state)
+
+    def _set_entity_state(self, request: Any, _: Any) -> None:
+        world, name = self._session.world, request.entity
+        now = world.base_state(name)
+        self._session.require_frame(request.state.header.frame_id)
+        pose = request.state.pose if getattr(request, "set_pose", True) else pose_message(now)
+        twist = request.state.twist if getattr(request, "set_twist", True) else twist_message(now)
+        world.move(name, centre_state(conversions.state_from(pose, twist), world.bodies[name].inertial))
+
+
+def _urdf_of(resource: Any) -> str:
+    """The URDF text of a resource: a URI, or the text itself."""
+    if not resource.uri:
+        if not resource.resource_string:
+            raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
+        robot_name(resource.resource_string)  # must be URDF
+        return with_package_paths(resource.resource_string)
+    path = with_package_paths(resource.uri)
+    if not path.endswith(".urdf"):
+        raise InputError("urdf_format", f"{resource.uri!r} does not end in .urdf, the one format there is")
+    return path

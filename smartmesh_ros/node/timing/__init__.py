@@ -1,0 +1,1 @@
+"""When the node steps: clocks, pacing, and how late it runs."""

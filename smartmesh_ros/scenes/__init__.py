@@ -1,0 +1,1 @@
+"""Ground to try things on."""

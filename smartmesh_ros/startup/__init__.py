@@ -1,0 +1,1 @@
+"""Starting: executables, launch files, DDS settings and domains."""

@@ -1,5 +1,0 @@
-"""Running times: the report's tables measured again, on larger maps and for more bodies."""
-
-from smartmesh_ros.studies.bench.cli import main
-
-__all__ = ["main"]

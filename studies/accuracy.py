@@ -1,0 +1,138 @@
+"""The study of speed against accuracy, and of stability: ``make studies`` runs it whole."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from smartmesh_ros.evaluation.machine import describe
+from studies.chart import draw_all, draw_scene
+from studies.configurations import configurations
+from studies.contest import PIECES, Result, run_scene
+from studies.matrix.picture import draw_matrix, matrix_table
+from studies.matrix.real_maps_picture import draw_box
+from studies.matrix.row import METHODS, Outcome
+from studies.matrix.run import run_matrix
+from smartmesh_ros.evaluation.scene import read_scenes
+from studies.tables import fill, scene_table, summary_table
+from smartmesh_ros.warm_up import warm_up
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
+    options = _parser().parse_args(arguments)
+    out = folder_of(options)
+    images = out / "images" / "accuracy"
+    images.mkdir(parents=True, exist_ok=True)
+    warm_up()
+    began = perf_counter()
+
+    def say(line: str) -> None:
+        print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+
+    found = describe()
+    versions: Any = found["versions"]
+    words = ", ".join(f"{name} {version}" for name, version in versions.items())
+    blocks: dict[str, str] = {"machine": f"Measured on {found['cores']} cores of {found['cpu']}; {words}."}
+    data: dict[str, Any] = {"machine": found, "quick": options.quick}
+    if not options.matrix_only:
+        _charts(options, images, blocks, data, say)
+    if not options.charts_only:
+        outcomes = run_matrix(say, quick=options.quick, methods=options.methods)
+        if options.methods:
+            outcomes = _beside_those_before(outcomes, out / "accuracy.json")
+        draw_matrix(images / "stability.png", outcomes)
+        (out / "images" / "real_maps").mkdir(exist_ok=True)
+        draw_box(out / "images" / "real_maps" / "box.png")
+        blocks["stability"] = matrix_table(outcomes)
+        data["stability"] = [asdict(outcome) for outcome in outcomes]
+    print(file=sys.stderr)
+    path = out / "accuracy.json"
+    _save(path, data)
+    fill(out / "accuracy.md", blocks)
+    print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
+    return 0
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Where a run writes: only whole runs change the documents, so that no page mixes figures of several machines."""
+    part = options.quick or options.scenes or options.methods or options.charts_only or options.matrix_only
+    folder: Path = options.out or Path("out/studies" if part else "docs")
+    return folder
+
+
+def _save(path: Path, data: dict[str, Any]) -> None:
+    """Writes what a run found; what another run found of the rest stays."""
+    before = json.loads(path.read_text()) if path.exists() else {}
+    path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
+
+
+def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
+    """The results of scenes that an earlier run wrote."""
+    scenes = json.loads(path.read_text()).get("scenes", {}) if path.exists() else {}
+    return {
+        scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
+        for scene, found in scenes.items()
+    }
+
+
+def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
+    """Cells of the matrix, and those of other methods that an earlier run wrote, row by row."""
+    written = json.loads(path.read_text()).get("stability", []) if path.exists() else []
+    new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
+    before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}
+    cells = before | new
+    rows = dict.fromkeys(outcome.row for outcome in outcomes)
+    return [cells[row, method] for row in rows for method in METHODS if (row, method) in cells]
+
+
+def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
+    path = images.parent.parent / "accuracy.json"
+    scenes = [scene for scene in read_scenes() if scene.quick or not options.quick]
+    results: dict[str, dict[str, Result]] = {}
+    if options.scenes:
+        results = _measured_before(path)
+        scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
+    chosen = configurations(options.quick)
+    known = {configuration.name: configuration for configuration in chosen}
+    for scene in scenes:
+        results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
+        draw_scene(images / f"{scene.name}.png", scene, results[scene.name], known)
+        data["scenes"] = {
+            name: {one: asdict(result) for one, result in found.items()} for name, found in results.items()
+        }
+        _save(path, data)
+    scenes = [scene for scene in read_scenes() if scene.name in results]
+    parts = [
+        f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
+        for scene in scenes
+    ]
+    draw_all(images / "all.png", scenes, results, known)
+    blocks["summary"] = summary_table(scenes, results, known)
+    head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
+    head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
+    (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
+    print("\n" + blocks["summary"])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a few scenes and rows, under two minutes")
+    parser.add_argument("--out", type=Path, help="folder to write to (docs; out/studies for a part of a run)")
+    parser.add_argument("--scenes", nargs="+", default=[], help="these scenes only; what was measured of others stays")
+    parser.add_argument(
+        "--methods", nargs="+", default=[], choices=list(METHODS), help="these columns of the matrix; others stay"
+    )
+    parser.add_argument("--charts-only", action="store_true", help="no stability matrix")
+    parser.add_argument("--matrix-only", action="store_true", help="the stability matrix alone")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

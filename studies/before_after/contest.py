@@ -1,0 +1,148 @@
+"""Runs the cases on both sides in turns, piece by piece, and works out the figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from studies.before_after.case import PHYSICS_RATE, Case
+from studies.before_after.inputs import measure, write_inputs
+from studies.before_after.side import Piece, Side
+from smartmesh_ros.terrain.grid import FloatArray
+
+SIDES = ("before", "now")
+# Columns of what a piece took.
+UPDATE, STEP, OWN, CALLS, MAP_CAME = range(5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calls:
+    """Steps in which a map comes, per body [us]: what PyBullet's own calls take, but for ``stepSimulation``, and all
+    else; and how many ``calls`` there are per body."""
+
+    own: float
+    else_: float
+    calls: float
+
+    @property
+    def share(self) -> float:
+        """All but PyBullet's own calls, as a share of them [-]."""
+        return self.else_ / self.own
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """One side in one case. ``update``: all but ``stepSimulation``, per body and step [us], median over the pieces, and
+    its ``quartiles``; ``step``: ``stepSimulation`` [us]. ``longest``: the update of a whole step [ms], 99 %.
+    Penetration ``p99`` [mm], and bodies ``lost``. ``note``: why there is nothing."""
+
+    update: float = math.nan
+    quartiles: tuple[float, float] = (math.nan, math.nan)
+    step: float = math.nan
+    longest: float = math.nan
+    p99: float = math.nan
+    lost: int = 0
+    calls: Calls | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """Both sides in one case."""
+
+    case: Case
+    before: Figures
+    now: Figures
+
+    @property
+    def speed_up(self) -> float:
+        """How many times less the update takes now; NaN where a side did not run."""
+        return self.before.update / self.now.update
+
+
+def compare(
+    folders: Mapping[str, Path], chosen: list[Case], pieces: int, scratch: Path, say: Callable[[str], None]
+) -> list[Compared]:
+    """All cases on the code of both ``folders``, whose keys are `SIDES`; a piece of one, then a piece of the other."""
+    with Side(folders["before"]) as before, Side(folders["now"]) as now:
+        sides = {"before": before, "now": now}
+        found = {case.name: _timed(case, sides, pieces, scratch, say) for case in chosen}
+    counted: dict[str, dict[str, list[Piece] | str]] = {}
+    with Side(folders["before"], count_calls=True) as before, Side(folders["now"], count_calls=True) as now:
+        sides = {"before": before, "now": now}
+        for case in (case for case in chosen if case.calls):
+            counted[case.name] = _pieces(case, sides, max(3, pieces // 2), scratch, say, "calls")
+    compared = []
+    for case in chosen:
+        figures = {
+            side: _figures(case, found[case.name][side], counted.get(case.name, {}).get(side, [])) for side in SIDES
+        }
+        compared.append(Compared(case=case, before=figures["before"], now=figures["now"]))
+    return compared
+
+
+def _timed(
+    case: Case, sides: Mapping[str, Side], pieces: int, scratch: Path, say: Callable[[str], None]
+) -> dict[str, list[Piece] | str]:
+    write_inputs(case, scratch / case.name)
+    return _pieces(case, sides, pieces, scratch, say, "timing")
+
+
+def _pieces(
+    case: Case, sides: Mapping[str, Side], pieces: int, scratch: Path, say: Callable[[str], None], what: str
+) -> dict[str, list[Piece] | str]:
+    """So many pieces of each side after one for warming up, which comes first; or why a side cannot run the case."""
+    found: dict[str, list[Piece] | str] = {name: [] for name in SIDES}
+    for part in range(pieces + 1):
+        say(f"{case.title}: {what}, piece {part} of {pieces}")
+        for name in SIDES if part % 2 else SIDES[::-1]:
+            mine = found[name]
+            if isinstance(mine, str):
+                continue
+            try:
+                mine.append(sides[name].run(scratch / case.name))
+            except InputError as error:
+                found[name] = str(error).strip()
+    return found
+
+
+def _figures(case: Case, timed: list[Piece] | str, counted: list[Piece] | str) -> Figures:
+    if isinstance(timed, str):
+        return Figures(note=timed)
+    skip = round(case.settle * PHYSICS_RATE)
+    warm, *pieces = timed
+    taken = 1e6 / case.count * np.array([piece.taken[skip:, :2] for piece in pieces])  # (pieces, steps, 2) [us]
+    means = taken.mean(axis=1)
+    low, middle, high = np.percentile(means[:, UPDATE], (25, 50, 75)).tolist()
+    measured = warm.times > case.settle
+    depth = measure(case, warm.times[measured], warm.positions[measured], warm.orientations[measured])
+    return Figures(
+        update=middle,
+        quartiles=(low, high),
+        step=float(np.median(means[:, STEP])),
+        longest=1e-3 * case.count * float(np.percentile(_typical(taken)[:, UPDATE], 99)),
+        p99=1e3 * depth.p99,
+        lost=depth.lost,
+        calls=_calls(case, pieces, counted) if counted and not isinstance(counted, str) else None,
+    )
+
+
+def _typical(taken: FloatArray) -> FloatArray:
+    """The median over the pieces of each of their steps: all pieces do the same, so that what differs is noise."""
+    return np.asarray(np.median(taken, axis=0))
+
+
+def _calls(case: Case, pieces: list[Piece], counted: list[Piece]) -> Calls:
+    skip = round(case.settle * PHYSICS_RATE)
+    undisturbed, disturbed = (
+        _typical(np.array([piece.taken[skip:] for piece in group])) for group in (pieces, counted)
+    )
+    fresh = disturbed[:, MAP_CAME] > 0.0
+    whole = 1e6 / case.count * float(undisturbed[fresh, UPDATE].mean())
+    own = 1e6 / case.count * float(disturbed[fresh, OWN].mean())
+    return Calls(own=own, else_=whole - own, calls=float(disturbed[fresh, CALLS].mean()) / case.count)

@@ -1,0 +1,5 @@
+"""Running times: the report's tables measured again, on larger maps and for more bodies."""
+
+from studies.bench.cli import main
+
+__all__ = ["main"]

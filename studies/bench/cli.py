@@ -1,0 +1,114 @@
+"""``make bench``: measures, and writes one JSON, the tables and the pictures."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from studies.bench import (
+    collecting,
+    crowds,
+    document,
+    machine,
+    searching,
+    simple_mesh,
+    smart_mesh,
+    tables,
+)
+from studies.bench.measure import FULL, QUICK, Bench, Results
+from studies.bench.report import BATCHES
+from studies.bench.targets import TARGETS
+from smartmesh_ros.warm_up import warm_up
+
+_BAR = 24
+
+
+class Job(NamedTuple):
+    """A part of the bench: what it says while it runs, its share of the time, and what it calls with the bench."""
+
+    label: str
+    share: float
+    run: Callable[..., None]
+    arguments: tuple[Any, ...] = ()
+
+
+def jobs(*, quick: bool) -> list[Job]:
+    """All parts, in the order they run."""
+    found = [Job(f"whole mesh, {name}", 30.0, simple_mesh.measure_engine, (name,)) for name in simple_mesh.ENGINES]
+    found.append(Job("whole mesh, coal", 45.0, simple_mesh.measure_trees))
+    for side in smart_mesh.sides(quick):
+        found.append(Job(f"patch on {side}x{side}", 4.0, smart_mesh.measure_main_meshes, (side,)))
+        if side <= smart_mesh.SIDE:
+            found.append(Job(f"frames on {side}x{side}", 5.0, smart_mesh.measure_frames, (side,)))
+    found.append(Job("local colliders", 3.0, smart_mesh.measure_local_colliders))
+    found += [
+        Job(f"searches on {side}x{side}", 1.0, searching.measure_general, (side,))
+        for side in searching.report_sides(quick)
+    ]
+    found += [
+        Job(f"searches on a map of {side}x{side}", 3.0, searching.measure_maps, (side,))
+        for side in searching.map_sides(quick)
+    ]
+    found.append(Job("searches in batches", 2.0, searching.measure_batches))
+    found.append(Job("collecting", 1.0, collecting.measure_one))
+    found.append(Job("collecting in batches", 1.0, collecting.measure_batches))
+    found.append(Job("collider updates", 5.0, crowds.measure_updates))
+    for count, rate in ((100, 240.0), (1000, 60.0)):
+        if not quick or count <= crowds.BATCH:
+            found.append(Job(f"steps of {count} bodies", 3.0, crowds.measure_steps, (count, rate)))
+    for count in BATCHES[:1] if quick else BATCHES:
+        if count != crowds.BATCH:
+            found.append(Job(f"updates of {count}", 1.0, crowds.measure_batches, (count,)))
+        found.append(Job(f"engines, {count} bodies", 15.0, crowds.measure_engines, (crowds.COARSE, count)))
+        if count <= crowds.BATCH:  # more do not fit on it
+            found.append(Job(f"fine map, {count} bodies", 4.0, crowds.measure_engines, (crowds.FINE, count)))
+    found.append(Job("taking maps in", 1.0, crowds.measure_ingest))
+    found.append(Job("general mesh", 1.0, crowds.measure_general))
+    return found
+
+
+def measure(*, quick: bool) -> Results:
+    """Runs every part; a bar on stderr shows how far it is."""
+    warm_up()
+    bench = Bench(QUICK if quick else FULL)
+    todo = jobs(quick=quick)
+    total, done, start = sum(job.share for job in todo), 0.0, perf_counter()
+    for job in todo:
+        _show(done / total, perf_counter() - start, job.label)
+        job.run(bench, *job.arguments)
+        done += job.share
+    _show(1.0, perf_counter() - start, "done")
+    print(file=sys.stderr)
+    return bench.results
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="bench", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
+    parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the results (%(default)s)")
+    parser.add_argument("--from", type=Path, dest="earlier", help="a bench.json, to write tables and pictures from")
+    parser.add_argument("--document", type=Path, help="a markdown file whose generated section is to be written anew")
+    given = parser.parse_args(arguments)
+    if given.earlier:
+        run = document.read(given.earlier)
+    else:
+        run = document.Run(measure(quick=given.quick), machine.describe(), given.quick)
+    files = document.write(run, given.out)
+    if given.document:
+        document.update(given.document, document.summary(run), files.pictures)
+    print(tables.targets(run.results))
+    reached = [target.reached(run.results) for target in TARGETS]
+    print(f"\n{sum(reached)} of {len(reached)} figures reached; see {files.tables} and {files.results}")
+    return 0
+
+
+def _show(share: float, seconds: float, label: str) -> None:
+    filled = round(share * _BAR)
+    bar = "#" * filled + "." * (_BAR - filled)
+    end = "\r" if sys.stderr.isatty() else "\n"
+    print(f"[{bar}] {share:4.0%} {seconds:4.0f} s  {label:<32}", end=end, file=sys.stderr, flush=True)

@@ -1,0 +1,162 @@
+"""Many bodies at once: collider updates, whole steps, taking maps in, and other engines beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.colliders.field import replace_field
+from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.physics.state import BodyState
+from studies.bench.handing import Handing, handing
+from studies.bench.measure import Bench, Case
+from studies.bench.moving import (
+    BALL,
+    BOX,
+    RADIUS,
+    RESOLUTION,
+    Player,
+    Waves,
+    crowd_positions,
+    doubles,
+    general_mesh,
+    grid_vertices,
+    height_map,
+)
+from studies.bench.report import RINGS
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.registry import build, missing
+
+SIDE = 1024
+BATCH = 100
+MESH_SIDE = 200
+REGION = 64
+DT = 1.0 / 240.0
+
+
+class Scale(NamedTuple):
+    """A comparison of engines: which, on a map of how many samples a side and what resolution [m], with balls of what
+    radius [m]."""
+
+    engines: tuple[str, ...]
+    side: int
+    resolution: float
+    radius: float
+
+
+# A map of the report's size whose cells are as large as the balls, and one with fine cells.
+COARSE = Scale(("smartmesh", "mujoco", "physx", "bullet_heightfield", "bullet_trimesh"), 200, RESOLUTION, RADIUS)
+FINE = Scale(("smartmesh", "mujoco"), 1001, 0.02, 0.3)
+
+
+def measure_updates(bench: Bench) -> None:
+    """Updates of a batch of heightfield patches by their size, all in, without and with the edge filter."""
+    waves = Waves(SIDE)
+    for rings in RINGS[:2] if bench.effort.quick else RINGS:
+        for method, edge_filter in (("unfiltered", False), ("filtered", True)):
+            patch = PatchConfig(kind="heightfield", rings=rings, edge_filter=edge_filter)
+            player = Player(waves, height_map(waves), patch, BATCH, shape=BOX if edge_filter else BALL)
+            with player.world as world:
+                runs = {
+                    Case("update", method, SIDE, BATCH, rings): world.refresh,
+                    Case("replace", method, SIDE, BATCH, rings): _replacements(world.client, rings, edge_filter),
+                }
+                bench.race(runs, player.next_frame)
+
+
+def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], None]:
+    """What PyBullet alone takes to replace the batch's heightfields: no update can cost less."""
+    size = 2 * rings + 1
+    heights = np.random.default_rng(1).uniform(-0.1, 0.1, (2, size * size)).tolist()
+    layout = {"shapeType": pb.GEOM_HEIGHTFIELD, "numHeightfieldRows": size, "numHeightfieldColumns": size}
+    shape = client.createCollisionShape(meshScale=[RESOLUTION, RESOLUTION, 1.0], heightfieldData=heights[0], **layout)
+
+    def run() -> None:
+        heights.reverse()
+        for _ in range(BATCH):
+            replace_field(client._client, shape, size, size, heights[0], filtered=edge_filter)
+
+    return run
+
+
+def measure_steps(bench: Bench, count: int, rate: float) -> None:
+    """Update and step of ``count`` bodies with the default patches, on maps that come at 60 Hz and are not timed."""
+    waves = Waves(SIDE)
+    player = Player(waves, height_map(waves), PatchConfig(), count, rate)
+    with player.world as world:
+        bench.time(Case("step", f"{rate:g} Hz", SIDE, count), world.step, player.move_ground)
+
+
+def measure_batches(bench: Bench, count: int) -> None:
+    """The update of 5 x 5 patches by the number of bodies."""
+    waves = Waves(SIDE)
+    player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2, edge_filter=False), count)
+    with player.world as world:
+        bench.time(Case("update", "unfiltered", SIDE, count, 2), world.refresh, player.next_frame)
+
+
+def measure_ingest(bench: Bench) -> None:
+    """Taking in a whole map, a region of a map, and the vertices of a general mesh."""
+    waves = Waves(SIDE)
+    heightmap = height_map(waves)
+    region = np.full((REGION, REGION), 0.1, np.float32)
+    time = [0.0]
+
+    def advance() -> None:
+        time[0] += 0.05
+
+    bench.time(Case("ingest", "map", SIDE), lambda: heightmap.replace(waves.next(), time=time[0]), advance)
+    bench.time(Case("ingest", "region", SIDE), lambda: heightmap.update_region(401, 333, region, time=time[0]), advance)
+    waves = Waves(MESH_SIDE)
+    mesh = general_mesh(waves)
+    frames = [grid_vertices(waves.next()) for _ in range(2)]
+
+    def next_vertices() -> None:
+        advance()
+        frames.reverse()
+
+    bench.time(Case("ingest", "mesh", MESH_SIDE), lambda: mesh.move(frames[0], time=time[0]), next_vertices)
+
+
+def measure_general(bench: Bench) -> None:
+    """One body on a general mesh whose vertices all move: the update by each search that works there."""
+    waves = Waves(MESH_SIDE)
+    base = PatchConfig(kind="trimesh", rings=1, edge_filter=False)
+    for search in ("brute_force", "best_first"):
+        for collect in ("cached", "union_bfs"):
+            player = Player(waves, general_mesh(waves), replace(base, search=search, collect=collect))
+            with player.world as world:
+                bench.time(Case("general", f"{search} {collect}", MESH_SIDE), world.refresh, player.next_frame)
+
+
+def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
+    """A map that changes at every step under ``count`` balls: taking it in, the colliders and the step, by engine."""
+    for name in scale.engines:
+        if missing(name):
+            bench.results.left_out[name] = missing(name)
+            continue
+        waves = Waves(scale.side, scale.resolution, DT)
+        places = crowd_positions(count, scale.side, scale.resolution)
+        column, row = np.round(places / scale.resolution).astype(int).T
+        heights = waves.now[row, column] + scale.radius + 0.02
+        bodies = [
+            EngineBody(shape=Sphere(scale.radius), state=BodyState((x, y, z)))
+            for (x, y), z in zip(places.tolist(), heights.tolist(), strict=True)
+        ]
+        setup = Setup(heights=doubles(waves.now), resolution=scale.resolution, bodies=bodies, dt=DT)
+        with build(name, setup) as engine:
+            map_ = handing(name, engine, waves)
+            bench.time(Case("engines", name, scale.side, count), _step(map_, engine), map_.advance)
+
+
+def _step(map_: Handing, engine: Engine) -> Callable[[], None]:
+    def run() -> None:
+        map_.give()
+        engine.step()
+
+    return run

@@ -1,0 +1,79 @@
+"""What a run leaves: one JSON, the tables, the pictures, and the generated section of the documentation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from shutil import copyfile
+from typing import Any, NamedTuple
+
+from smartmesh_ros.errors import InputError
+from studies.bench.figures import draw_all
+from studies.bench.measure import Results
+from studies.bench.tables import all_tables
+
+START, END = "<!-- written by the bench: start -->", "<!-- written by the bench: end -->"
+RESULTS = "bench.json"
+TABLES = "tables.md"
+PICTURES = Path("images/bench")
+
+
+class Run(NamedTuple):
+    """What one run of the bench found, on which machine, and whether it was a quick one."""
+
+    results: Results
+    machine: dict[str, Any]
+    quick: bool
+
+
+class Written(NamedTuple):
+    """Files of one run."""
+
+    results: Path
+    tables: Path
+    pictures: list[Path]
+
+
+def write(run: Run, folder: Path) -> Written:
+    """Writes everything into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = {"machine": run.machine, "quick": run.quick, **run.results.as_json()}
+    (folder / RESULTS).write_text(json.dumps(data, indent=1) + "\n")
+    (folder / TABLES).write_text(summary(run))
+    return Written(folder / RESULTS, folder / TABLES, draw_all(run.results, folder))
+
+
+def read(file: Path) -> Run:
+    """An earlier run."""
+    data = json.loads(file.read_text())
+    return Run(Results.from_json(data), data["machine"], data["quick"])
+
+
+def summary(run: Run) -> str:
+    """The machine and all tables."""
+    machine = run.machine
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
+    frames = [timing.frames for timing in run.results.timings.values()]
+    most, least = max(frames, default=0), min(frames, default=0)
+    words = (
+        f"Measured on {machine['cores']} cores of {machine['cpu']}, {versions}, under a load of {machine['load']} "
+        f"(this bench alone: about 1). Medians of {most} frames; of as few as {least} where a frame takes long."
+    )
+    if run.quick:
+        words += " A quick run: too few frames to go by."
+    return f"{words}\n\n{all_tables(run.results)}"
+
+
+def update(document: Path, text: str, pictures: Iterable[Path] = ()) -> None:
+    """Puts ``text`` between the marks of a document, and the pictures into ``images/bench`` beside it; raises
+    `InputError` if it has no marks."""
+    whole = document.read_text()
+    if START not in whole or END not in whole:
+        raise InputError("document", f"{document} has no lines {START!r} and {END!r} to write between")
+    before, _, rest = whole.partition(START)
+    document.write_text(f"{before}{START}\n\n{text}\n{END}{rest.partition(END)[2]}")
+    folder = document.parent / PICTURES
+    for picture in pictures:
+        folder.mkdir(parents=True, exist_ok=True)
+        copyfile(picture, folder / picture.name)

@@ -1,0 +1,134 @@
+"""Moving ground and bodies on it, as in the report's Figure 1: circular waves that run inwards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+T = TypeVar("T")
+S = TypeVar("S")
+
+RESOLUTION = 0.25
+RADIUS = 0.2
+BALL = Sphere(RADIUS)
+# Of the same bounding radius; unlike a ball it needs the edge filter.
+BOX = Box(*[2.0 * RADIUS / math.sqrt(3.0)] * 3)
+FRAME = 1.0 / 60.0
+# Distance of the bodies of a crowd [m].
+_APART = 1.5
+# Samples of ready-made frames that are kept: 32 MB of them.
+_SAMPLES = 1 << 23
+
+
+class Cycle(Generic[T]):
+    """Frames that are run through forth and back, so that successive ones always follow from one another."""
+
+    def __init__(self, frames: list[T]) -> None:
+        self._frames = frames
+        self._order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
+        self._next = 0
+        self.now = frames[0]
+
+    def next(self) -> T:
+        """Goes on to the next frame."""
+        self.now = self._frames[self._order[self._next % len(self._order)]]
+        self._next += 1
+        return self.now
+
+    def converted(self, convert: Callable[[T], S]) -> Cycle[S]:
+        """The same frames in another form, all made now."""
+        return Cycle([convert(frame) for frame in self._frames])
+
+
+class Waves(Cycle[FloatGrid]):
+    """Heights (side, side) [m] under a wave, one every ``interval`` [s], made before anything is timed."""
+
+    def __init__(self, side: int, resolution: float = RESOLUTION, interval: float = FRAME) -> None:
+        self.side = side
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=resolution))
+        count = min(max(_SAMPLES // side**2, 3), 16)
+        super().__init__([scene.heights(index * interval) for index in range(count)])
+
+
+def doubles(heights: FloatGrid) -> FloatArray:
+    """Heights in the precision of most engines."""
+    return heights.astype(np.float64)
+
+
+def height_map(waves: Waves) -> HeightMap:
+    """A height map under a wave."""
+    return HeightMap(waves.next(), resolution=RESOLUTION)
+
+
+def grid_vertices(heights: FloatGrid) -> FloatArray:
+    """The same ground as vertices (V, 3) [m] of a general mesh."""
+    rows, columns = heights.shape
+    vertices = np.empty((rows, columns, 3))
+    vertices[..., 0] = np.arange(columns) * RESOLUTION
+    vertices[..., 1] = np.arange(rows)[:, None] * RESOLUTION
+    vertices[..., 2] = heights
+    return vertices.reshape(-1, 3)
+
+
+def general_mesh(waves: Waves) -> TriangleMesh:
+    """A general mesh under a wave, which does not know that it is a grid."""
+    return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
+
+
+def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> FloatArray:
+    """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
+    rows = math.ceil(math.sqrt(count))
+    extent = (side - 1) * resolution
+    apart = min(_APART, 0.8 * extent / rows)
+    index = np.arange(count)
+    middle = 0.5 * extent
+    offset = np.stack([index % rows, index // rows], axis=1) - 0.5 * (rows - 1)
+    return np.asarray(middle + apart * offset + 0.07)
+
+
+class Player:
+    """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
+
+    def __init__(
+        self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1, rate: float = 60.0, shape: Shape = BALL
+    ) -> None:
+        self._waves = waves
+        self._mesh = mesh
+        self._steps_per_frame = max(round(rate * FRAME), 1)
+        self._steps = 0
+        self.world = World(mesh, WorldConfig(physics=PhysicsConfig(rate=rate), patch=patch))
+        places = crowd_positions(count, waves.side)
+        heights = self.world.terrain.at(places, 0.0).heights + RADIUS
+        for index, (x, y) in enumerate(places.tolist()):
+            self.world.spawn(f"body_{index}", shape, 1.0, BodyState((x, y, float(heights[index]))))
+        self.world.refresh()
+
+    def next_frame(self) -> None:
+        """Lets the bodies move by physics, and the ground by a frame."""
+        self.world.step()
+        self.move_ground()
+
+    def move_ground(self) -> None:
+        """Gives the ground its next frame, if one is due."""
+        self._steps += 1
+        if self._steps % self._steps_per_frame:
+            return
+        heights = self._waves.next()
+        if isinstance(self._mesh, HeightMap):
+            self._mesh.replace(heights, time=self.world.time)
+        else:
+            self._mesh.move(grid_vertices(heights), time=self.world.time)

@@ -1,0 +1,137 @@
+"""Nearest-vertex searches (Table 4), for one body and for batches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from smartmesh_ros.patches.report.collect import topology_around
+from smartmesh_ros.search.best_first import best_first_cells, best_first_vertex, best_first_vertices
+from smartmesh_ros.search.brute_force import BruteForce, brute_force_cells
+from smartmesh_ros.search.grid import Cells, nearest_vertices
+from smartmesh_ros.search.ray_cast import ray_cast
+from studies.bench.measure import Bench, Case
+from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
+from studies.bench.report import BATCHES, LARGER, SEARCH
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+
+# Sizes over which a search of a uniform grid is to cost the same.
+EQUAL_SIDES = (50, 100, 200, 512, 1024, 2048, 4096)
+# Calls timed together where one alone is as short as the clock's own cost.
+REPEATS = 10
+
+
+def report_sides(quick: bool) -> tuple[int, ...]:
+    """Sizes of Table 4."""
+    return (50, 100) if quick else tuple(SEARCH["brute_force"])
+
+
+def map_sides(quick: bool) -> tuple[int, ...]:
+    """Sizes of height maps."""
+    return (50, 512) if quick else (50, 100, 200, *LARGER)
+
+
+def measure_general(bench: Bench, side: int) -> None:
+    """One body on a general mesh, a vertex at a time, as in the report; grid traversal on a height map.
+
+    The average player moves by less than a cell from frame to frame; the worst case teleports between two corners.
+    """
+    mesh = general_mesh(Waves(side))
+    brute_force = BruteForce(mesh.size)
+    average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
+    bench.time(
+        Case("search", "brute_force", side),
+        lambda: brute_force.nearest(mesh.coordinates, average.position),
+        average.advance,
+    )
+    vertex = brute_force.nearest(mesh.coordinates, average.position)
+    patch = topology_around(mesh, vertex, 1)
+    corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
+    bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
+    for walk, suffix in ((average, ""), (worst, "_worst")):
+        found = [vertex]
+
+        def search(walk: _Walk = walk, found: list[int] = found) -> None:
+            found[0] = best_first_vertex(mesh, walk.position, found[0])
+
+        search()
+        bench.time(Case("search", f"best_first{suffix}", side), search, walk.advance)
+    geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
+    for walk, suffix in ((average, ""), (worst, "_worst")):
+        run = _traversal(geometry, walk)
+        bench.time(Case("search", f"grid_traversal{suffix}", side), run, walk.advance)
+
+
+def measure_maps(bench: Bench, side: int) -> None:
+    """One body on a height map, through the searches that serve batches."""
+    geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
+    average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
+    bench.time(
+        Case("search_map", "brute_force", side),
+        lambda: brute_force_cells(geometry, geometry.to_grid(average.position[None])),
+        average.advance,
+    )
+    for walk, suffix in ((average, ""), (worst, "_worst")):
+        found = [nearest_vertices(geometry, geometry.to_grid(walk.position[None]))]
+
+        def search(walk: _Walk = walk, found: list[Cells] = found) -> None:
+            found[0] = best_first_cells(geometry, geometry.to_grid(walk.position[None]), found[0])
+
+        bench.time(Case("search_map", f"best_first{suffix}", side), search, walk.advance)
+        bench.time(Case("search_map", f"grid_traversal{suffix}", side), _traversal(geometry, walk), walk.advance)
+
+
+def measure_batches(bench: Bench) -> None:
+    """Grid traversal for batches on maps of every size, turn by turn; positions in the world to nearest vertices."""
+    for count in BATCHES:
+        runs: dict[Case, Callable[[], object]] = {}
+        for side in EQUAL_SIDES:
+            geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
+            runs[Case("search_batch", "grid_traversal", side, count)] = _repeated(
+                geometry, crowd_positions(count, side)
+            )
+        bench.race(runs)
+    mesh = general_mesh(Waves(200))
+    table = mesh.graph.padded()
+    for count in BATCHES:
+        positions = np.zeros((count, 3))
+        positions[:, :2] = crowd_positions(count, 200)
+        start = best_first_vertices(mesh, table, positions, np.zeros(count, np.int64))
+        positions += 0.4 * RESOLUTION
+        bench.time(
+            Case("search_batch", "best_first", 200, count),
+            lambda positions=positions, start=start: best_first_vertices(mesh, table, positions, start),  # type: ignore[misc]
+        )
+
+
+def _traversal(geometry: GridGeometry, walk: _Walk) -> Callable[[], object]:
+    return lambda: nearest_vertices(geometry, geometry.to_grid(walk.position[None]))
+
+
+def _repeated(geometry: GridGeometry, places: FloatArray) -> Callable[[], object]:
+    def run() -> None:
+        for _ in range(REPEATS):
+            nearest_vertices(geometry, geometry.to_grid(places))
+
+    return run
+
+
+class _Walk:
+    """A player over ``side`` x ``side`` samples that goes ``stride`` [m] a frame, None = teleports between corners."""
+
+    def __init__(self, side: int, stride: float | None) -> None:
+        self._extent = (side - 1) * RESOLUTION
+        self._stride = stride
+        self._frame = 0
+        self.position = np.zeros(3)
+        self.advance()
+
+    def advance(self) -> None:
+        """Goes on by a frame."""
+        self._frame += 1
+        if self._stride is None:
+            share = 0.999 if self._frame % 2 else 0.001
+            self.position[:2] = share * self._extent
+        else:
+            self.position[:2] = (0.3 * self._extent + self._frame * self._stride) % self._extent

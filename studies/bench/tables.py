@@ -1,0 +1,157 @@
+"""All tables of a run: what was reached, the report's, and what goes beyond them."""
+
+from __future__ import annotations
+
+import math
+
+from studies.bench import crowds, report, searching
+from studies.bench.markdown import RATIO, beside, number, size, table
+from studies.bench.measure import LONGEST_FRAME, Results
+from studies.bench.report_tables import SEARCHES, table_1, table_2, table_3, table_4, table_5, table_6
+from studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
+
+_SIMPLE = {
+    "physx": "PhysX, cooked",
+    "bullet_trimesh": "PyBullet trimesh, built anew",
+    "bullet_heightfield": "PyBullet heightfield, replaced",
+    "coal_rebuild": "coal BVH, built anew",
+    "coal_refit": "coal BVH, refitted",
+    "coal_heightfield": "coal heights, updated",
+    "mujoco": "MuJoCo, written",
+}
+
+
+def all_tables(results: Results) -> str:
+    """Every table, under its heading."""
+    parts = (
+        ("Reached and missed", targets(results)),
+        ("Table 1: collider of the whole main mesh [ms]", table_1(results)),
+        ("Beyond Table 1: other ways to keep a collider of the whole map, and larger maps [ms]", larger_maps(results)),
+        ("Table 2: one local collider of 3x3 by main mesh [ms]", table_2(results)),
+        ("Table 3: one local collider by its size, main mesh 200x200 [ms]", table_3(results)),
+        ("Table 4: nearest-vertex search, one body [ms]", table_4(results)),
+        (
+            "Beyond Table 4: one body on a height map, through the code that serves batches [ms]",
+            map_searches(results),
+        ),
+        ("Table 5: collecting the vertices of one local collider [ms]", table_5(results)),
+        ("Table 6: everything for one body [ms]", table_6(results)),
+        ("General mesh of 40,000 vertices, all moving, one body [ms]", general(results)),
+        ("Batches: per body [us]", batches(results)),
+        ("Collider updates in a batch of 100 on 1024x1024, all in: per body [us]", colliders(results)),
+        (f"Whole steps, {_scale(crowds.COARSE)} [ms]", engines(results, crowds.COARSE)),
+        (f"Whole steps, {_scale(crowds.FINE)} [ms]", engines(results, crowds.FINE)),
+        ("Left out", left_out(results)),
+    )
+    return "\n".join(f"### {heading}\n\n{body}\n" for heading, body in parts if body)
+
+
+def targets(results: Results) -> str:
+    """What was to be reached."""
+    rows = []
+    low, high = results.at("low"), results.at("high")
+    for target in TARGETS:
+        value = target.value(results)
+        # The percentiles of a ratio are not ratios of percentiles.
+        spread = [] if target.unit == "x" else sorted((target.value(low), target.value(high)))
+        verdict = "not measured" if math.isnan(value) else "reached" if target.reached(results) else "**missed**"
+        sign = ">=" if target.at_least else "<="
+        rows.append(
+            [
+                target.text,
+                target.reported,
+                f"{sign} {target.limit:g} {target.unit}",
+                number(value),
+                " - ".join(map(number, spread)),
+                verdict,
+            ]
+        )
+    return table(["figure", "report", "to reach", "median", "10 % - 90 %", ""], rows)
+
+
+def larger_maps(results: Results) -> str:
+    """Every way to keep a collider of the whole map."""
+    rows = [
+        [size(side), *(number(results.ms("simple", method, side=side)) for method in _SIMPLE)]
+        for side in (*report.SIMPLE_PHYSX, *report.LARGER)
+    ]
+    note = f"\n- = the engine does not take so large a map, or a frame would take longer than {LONGEST_FRAME:g} s."
+    return table(["main mesh", *_SIMPLE.values()], rows) + note
+
+
+def map_searches(results: Results) -> str:
+    """The searches on height maps."""
+    methods = [method for method in SEARCHES if method != "ray_cast"]
+    rows = [
+        [size(side), *(number(results.ms("search_map", method, side=side)) for method in methods)]
+        for side in (50, 100, 200, *report.LARGER)
+    ]
+    return table(["height map", *(SEARCHES[method] for method in methods)], rows)
+
+
+def general(results: Results) -> str:
+    """The general mesh."""
+    side = crowds.MESH_SIDE
+    rows = [
+        [f"update, {name}", *beside(known, results.ms("general", method, side=side))]
+        for method, name, known in (
+            ("brute_force cached", "brute force, cached topology", report.FINAL_GENERAL[side]),
+            ("brute_force union_bfs", "brute force, triangles found anew", math.nan),
+            ("best_first cached", "best-first, cached topology", math.nan),
+            ("best_first union_bfs", "best-first, triangles found anew", math.nan),
+        )
+    ]
+    rows.append(["taking in all vertices", *beside(6.0, results.ms("ingest", "mesh", side=side))])
+    return table(["", "report", "today", RATIO], rows)
+
+
+def batches(results: Results) -> str:
+    """What a body costs by how many there are."""
+    rows = []
+    for count in report.BATCHES:
+        best_first = results.us("search_batch", "best_first", side=200, bodies=count) / count
+        rows.append(
+            [
+                f"{count}",
+                *(number(search_per_body(results, side, count)) for side in searching.EQUAL_SIDES),
+                number(best_first),
+                number(collect_per_body(results, count)),
+                number(update_per_body(results, "unfiltered", 2, count)),
+            ]
+        )
+    searches = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
+    return table(
+        ["bodies", *searches, "best-first, general mesh 200x200", "collect 5x5", "update 5x5 on 1024x1024"], rows
+    )
+
+
+def engines(results: Results, scale: crowds.Scale) -> str:
+    """The package beside engines with a collider of the whole map."""
+    rows = []
+    for count in report.BATCHES:
+        times_ms = [results.ms("engines", name, side=scale.side, bodies=count) for name in scale.engines]
+        if not all(map(math.isnan, times_ms)):
+            rows.append([f"{count}", *map(number, times_ms)])
+    return table(["bodies", *scale.engines], rows)
+
+
+def colliders(results: Results) -> str:
+    """Updates in a batch, and how much of them is PyBullet's own replacement of the heightfields."""
+    rows = []
+    for rings in report.RINGS:
+        cells = [size(2 * rings + 1)]
+        for method in ("unfiltered", "filtered"):
+            alone = results.us("replace", method, side=crowds.SIDE, bodies=crowds.BATCH, rings=rings) / crowds.BATCH
+            cells += [number(update_per_body(results, method, rings)), number(alone)]
+        rows.append(cells)
+    own = "of it PyBullet's replacement"
+    return table(["collider", "update", own, "update, edge filter", own], rows)
+
+
+def _scale(scale: crowds.Scale) -> str:
+    return f"{size(scale.side)} samples of {scale.resolution:g} m, all new at each step, balls of {scale.radius:g} m"
+
+
+def left_out(results: Results) -> str:
+    """What was not measured, and why."""
+    return "\n".join(f"- {what}: {why}" for what, why in results.left_out.items())

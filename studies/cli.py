@@ -1,0 +1,39 @@
+"""``smartmesh-studies NAME [options]``: the studies of this project, by name."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+# What each is called, the module whose ``main`` runs it, and what it is.
+STUDIES = {
+    "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
+    "before-after": ("studies.before_after.study", "this code against that of another checkout"),
+    "bench": ("studies.bench", "running times against the report's tables"),
+    "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
+    "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
+    "load": ("studies.load.study", "the node under load over DDS"),
+    "view-cost": ("studies.view_cost.study", "what the view costs the node that it shows"),
+    "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
+}
+
+
+def usage() -> str:
+    """The studies there are."""
+    lines = [f"  {name:14}{about}" for name, (_, about) in STUDIES.items()]
+    return "\n".join(
+        ["usage: smartmesh-studies NAME [options]; `smartmesh-studies NAME --help` tells the options", "", *lines]
+    )
+
+
+def main() -> None:
+    """Runs the study that the command line names."""
+    name, options = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else ("", [])
+    if name in ("-h", "--help"):
+        print(usage())
+        return
+    if name not in STUDIES:
+        print(f"smartmesh-studies: no study {name!r}\n{usage()}", file=sys.stderr)
+        sys.exit(2)
+    sys.argv = [f"smartmesh-studies {name}", *options]
+    importlib.import_module(STUDIES[name][0]).main()

@@ -1,0 +1,156 @@
+"""MuJoCo with one height field of the whole map, whose data are written in place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from smartmesh_ros.terrain.grid import FloatArray
+
+# Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
+_ARENA = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class MujocoOptions:
+    """``time_constant`` [s]: of the contact (MuJoCo's solref; it takes no less than two of its steps), None = tuned,
+    two steps; MuJoCo's own default is 0.02. ``substeps``: MuJoCo's steps in one ``dt``. ``lowest``, ``highest`` [m]:
+    range of the ground, which is fixed when the model is built. ``surface_velocity``: ground that slides has MuJoCo's
+    ``surfacevel``, else contacts see where it is and not how it moves."""
+
+    time_constant: float | None = None
+    substeps: int = 1
+    surface_velocity: bool = False
+    lowest: float = -20.0
+    highest: float = 20.0
+
+
+class MujocoHfield(Engine):
+    """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; what leaves it is refused.
+
+    The ground has no velocity: a contact sees where it is and not how it moves. MuJoCo's ``surfacevel`` is one velocity
+    field for the whole map (a constant and a rotation), of which a contact takes what lies in its tangent plane: it
+    drags bodies along and cannot lift them, and has no place for waves, whose velocity is another at every sample.
+    """
+
+    name: ClassVar[str] = "mujoco"
+
+    def __init__(self, setup: Setup, options: MujocoOptions | None = None) -> None:
+        self._options = chosen = options or MujocoOptions()
+        rows, columns = setup.heights.shape
+        width, length = setup.size
+        spec = mujoco.MjSpec()
+        spec.option.timestep = setup.dt / chosen.substeps
+        spec.option.gravity = setup.gravity
+        spec.memory = _ARENA * (16 + len(setup.bodies))
+        spec.add_hfield(
+            name="ground",
+            nrow=rows,
+            ncol=columns,
+            size=[0.5 * width, 0.5 * length, chosen.highest - chosen.lowest, 1.0],
+            userdata=np.zeros(rows * columns, np.float32),
+        )
+        self._setup = setup
+        # Ground that slides hangs on a body that is placed anew with every map; other ground needs none.
+        holder = spec.worldbody.add_body(mocap=True) if setup.slides else spec.worldbody
+        # The model takes it only where it is not zero when compiled; `geom_surfacevel` may change from then on.
+        velocity = [*setup.slide, 0.0, 0.0, 0.0, 0.0] if chosen.surface_velocity else [0.0] * 6
+        holder.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname="ground",
+            pos=[0.5 * width, 0.5 * length, chosen.lowest],
+            condim=3,
+            surfacevel=velocity,
+        )
+        for body in setup.bodies:
+            self._add(spec, body)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self._heights = self.model.hfield_data.reshape(rows, columns)
+        for index, body in enumerate(setup.bodies):
+            self._place(index, body)
+        self.set_ground(setup.heights)
+
+    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
+        self.write(self.normalised(heights))
+
+    def normalised(self, heights: FloatArray) -> NDArray[np.float32]:
+        """Heights (R, C) [m] as MuJoCo keeps them: 0 to 1 of the range; raises `InputError` where they leave it."""
+        low, high = self._options.lowest, self._options.highest
+        if not (heights.min() >= low and heights.max() <= high):
+            raise InputError("height", f"heights leave {low} to {high} m; build the engine with a wider range")
+        return np.asarray((heights - low) / (high - low), np.float32)
+
+    def write(self, data: NDArray[np.float32]) -> None:
+        """Takes heights that are `normalised` already: all that MuJoCo itself needs, and the least it can cost."""
+        self._heights[...] = data
+        if self._setup.slides:
+            self.data.mocap_pos[0, :2] = self._setup.offset(self.data.time)
+
+    def step(self) -> None:
+        mujoco.mj_step(self.model, self.data, self._options.substeps)
+
+    def positions(self) -> FloatArray:
+        return np.array(self.data.qpos).reshape(-1, 7)[:, :3]
+
+    def orientations(self) -> FloatArray:
+        return np.array(self.data.qpos).reshape(-1, 7)[:, [4, 5, 6, 3]]
+
+    def velocities(self) -> FloatArray:
+        twists = np.array(self.data.qvel).reshape(-1, 6)
+        # MuJoCo's angular velocity is in the body's frame.
+        for twist, orientation in zip(twists, self.data.qpos.reshape(-1, 7)[:, 3:], strict=True):
+            angular = twist[3:].copy()
+            mujoco.mju_rotVecQuat(twist[3:], angular, orientation)
+        return twists
+
+    def close(self) -> None:
+        """Nothing is left open."""
+
+    def _add(self, spec: mujoco.MjSpec, body: EngineBody) -> None:
+        ball = isinstance(body.shape, Sphere)
+        size = [body.shape.radius, 0.0, 0.0] if isinstance(body.shape, Sphere) else _half(body)
+        # The tightest contact that MuJoCo takes, unless another is asked for.
+        step = spec.option.timestep
+        time_constant = self._options.time_constant or 2.0 * step
+        # Priority: the body's friction and contact hold, not a mixture with the ground's.
+        part = spec.worldbody.add_body(pos=body.state.position)
+        part.add_freejoint()
+        part.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX,
+            size=size,
+            mass=body.mass,
+            friction=[body.friction, 0.0, 0.0],
+            condim=3,
+            priority=1,
+            solref=[time_constant, _damping_ratio(body.restitution)],
+        )
+
+    def _place(self, index: int, body: EngineBody) -> None:
+        state = body.state
+        x, y, z, w = state.orientation
+        self.data.qpos[7 * index : 7 * index + 7] = [*state.position, w, x, y, z]
+        turned = np.empty(3)
+        mujoco.mju_rotVecQuat(turned, np.array(state.angular), np.array([w, -x, -y, -z]))
+        self.data.qvel[6 * index : 6 * index + 6] = [*state.linear, *turned]
+
+
+def _half(body: EngineBody) -> list[float]:
+    assert not isinstance(body.shape, Sphere)
+    return [0.5 * body.shape.x, 0.5 * body.shape.y, 0.5 * body.shape.z]
+
+
+def _damping_ratio(restitution: float) -> float:
+    """Damping ratio of a spring that throws back with that share of the closing speed; critical where with none."""
+    if restitution <= 0.0:
+        return 1.0
+    decay = -math.log(restitution)
+    return decay / math.hypot(math.pi, decay)

@@ -1,0 +1,54 @@
+"""Engines by name; one whose package is not installed is left out, and the reason is known."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.engines.engine import Engine, Setup
+
+
+class _Entry(NamedTuple):
+    """Where an engine is: module below this package, and class."""
+
+    module: str
+    engine: str
+
+
+_ENTRIES = {
+    "smartmesh": _Entry("smartmesh", "SmartMesh"),
+    "bullet_trimesh": _Entry("bullet", "BulletTrimesh"),
+    "bullet_heightfield": _Entry("bullet", "BulletHeightfield"),
+    "mujoco": _Entry("mujoco_hfield", "MujocoHfield"),
+    "physx": _Entry("physx", "PhysxTrimesh"),
+}
+ENGINES = tuple(_ENTRIES)
+
+
+@cache
+def missing(name: str) -> str:
+    """Why an engine cannot be used here, "" = it can; raises `InputError` if there is none of that name."""
+    if name not in _ENTRIES:
+        raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
+    try:
+        import_module(f"{__package__}.{_ENTRIES[name].module}")
+    except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def available() -> tuple[str, ...]:
+    """Names of the engines that can be used here."""
+    return tuple(name for name in ENGINES if not missing(name))
+
+
+def build(name: str, setup: Setup, options: Any = None) -> Engine:
+    """A scene in the engine of that name; raises `InputError` if it is unknown or not installed."""
+    reason = missing(name)
+    if reason:
+        raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
+    entry = _ENTRIES[name]
+    engine: type[Engine] = getattr(import_module(f"{__package__}.{entry.module}"), entry.engine)
+    return engine(setup, options)

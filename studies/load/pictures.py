@@ -1,0 +1,113 @@
+"""The pictures of the load study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from studies.load.summary import Summary
+from studies.load.tables import KINDS
+
+STAGES = {
+    "search": "#9ecae1", "collect": "#4292c6", "collider": "#084594", "bodies": "#807dba", "step": "#d95f0e",
+    "publish": "#74c476",
+}  # fmt: skip
+
+
+def draw(groups: dict[str, list[Summary]], machine: str, folder: Path) -> list[Path]:
+    """Draws every picture there are runs for."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    if groups["grid"]:
+        paths += [_bodies(groups["grid"], machine, folder / "bodies.png")]
+        paths += [_latency(groups["grid"], machine, folder / "latency.png")]
+    if groups["naive"]:
+        title = "The same node written naively"
+        paths += [_ways(groups["naive"], machine, folder / "naive.png", title, executors=False)]
+    if groups["executors"]:
+        title = "Ways to run the loop: 100 bodies, full 1024$^2$ maps at 30 Hz"
+        paths += [_ways(groups["executors"], machine, folder / "executors.png", title, executors=True)]
+    return paths
+
+
+def _bodies(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """Where a step's time goes, by the number of bodies."""
+    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+    for axis, rate in zip(axes, (240.0, 60.0), strict=True):
+        runs = sorted(
+            (s for s in summaries if s.case.physics_rate == rate and s.case.side == 1024 and s.case.mode == "regions"
+             and s.case.map_rate == 60.0), key=lambda s: s.case.bodies)  # fmt: skip
+        bottom = np.zeros(len(runs))
+        for stage, colour in STAGES.items():
+            times = np.nan_to_num([s.a_step(stage) for s in runs])
+            axis.bar(range(len(runs)), times, bottom=bottom, color=colour, label=stage, width=0.6)
+            bottom += times
+        axis.axhline(1e3 / rate, color="black", linestyle="--", linewidth=1, label="time there is")
+        axis.plot(range(len(runs)), [s.cpu_per_step for s in runs], "kx", label="processor time a step, all in")
+        axis.set_xticks(range(len(runs)), [str(s.case.bodies) for s in runs])
+        axis.set_xlabel("bodies")
+        axis.set_ylabel("time a step [ms]")
+        axis.set_title(f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz")
+    axes[0].legend(fontsize=8)
+    return _save(figure, machine, path)
+
+
+def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, executors: bool) -> Path:
+    """Lateness, latency and processor time of several ways to do the same."""
+    names = []
+    for s in summaries:
+        way = s.case.executor if executors and s.case.kind == "terrain_collider" else KINDS[s.case.kind]
+        names.append(
+            way if executors else f"{way}\n{s.case.bodies} bodies\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
+        )
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+    place = np.arange(len(summaries))
+    colours = ["#d95f0e" if s.case.kind == "naive" else "#084594" for s in summaries]
+    late = np.array([s.stage("lateness") for s in summaries]) + 1e-3
+    axes[0].bar(place, late[:, 1], color=colours)
+    axes[0].plot(place, late[:, 2], "k_", markersize=14, label="maximum")
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel("start of a step after its deadline, 99 % [ms]")
+    axes[0].legend(fontsize=8)
+    axes[1].bar(place, [s.real_time_factor for s in summaries], color=colours)
+    axes[1].axhline(1.0, color="black", linestyle="--", linewidth=1)
+    axes[1].set_ylabel("real-time factor")
+    axes[2].bar(place, [s.cpu_per_step for s in summaries], color=colours)
+    axes[2].set_ylabel("processor time a step, all in [ms]")
+    for axis in axes:
+        axis.set_xticks(place, names, fontsize=7, rotation=20 if executors else 0)
+    figure.suptitle(title)
+    return _save(figure, machine, path)
+
+
+def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
+    """From a region that is sent to the marker that shows it."""
+    figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
+    for s in summaries:
+        if s.case.side != 1024 or not s.result["latencies_ms"] or s.case.map_rate not in (30.0, 60.0):
+            continue
+        times = np.sort(s.result["latencies_ms"])
+        share = np.arange(1, len(times) + 1) / len(times)
+        style = "--" if s.case.mode == "full" else "-"
+        label = f"{s.case.bodies} bodies, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
+        axis.plot(times, share, style, linewidth=1.2, label=label)
+    axis.axvline(10.0, color="black", linestyle=":", label="to reach at 99 %: 10 ms")
+    axis.set_xscale("log")
+    axis.set_xlabel("from the map that is sent to the marker that shows it [ms]")
+    axis.set_ylabel("share of the maps")
+    axis.set_title("Latency through the node, 1024$^2$ map")
+    axis.legend(fontsize=6)
+    axis.grid(alpha=0.3)
+    return _save(figure, machine, path)
+
+
+def _save(figure: plt.Figure, machine: str, path: Path) -> Path:
+    figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return path

@@ -1,0 +1,294 @@
+"""``make soak``: the node for minutes or hours while everything around it changes; is it the same at the end?
+
+Maps are resized, bodies spawned and removed, patch kinds changed, sources killed and started again, and bad messages
+mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_prefix
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.utilities import try_shutdown
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
+from visualization_msgs.msg import MarkerArray
+
+from smartmesh_ros.startup.domains import isolated_unless_chosen
+from studies.load import soak_report
+from studies.load.processes import Watch, environment
+from studies.load.tables import PAGE, PICTURES
+
+# How often things happen [s].
+SOURCE_EVERY, SPAWN_EVERY, KIND_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
+MOST_BODIES = 40
+SIZES = (101, 201, 401, 1001)
+KINDS = ("auto", "heightfield")
+START_LIMIT = 60.0
+# A line is printed, and what there is is kept, so often [s].
+TELL_EVERY = 60.0
+OUT = Path("out/soak")
+
+
+@dataclass
+class Log:
+    """What was sampled, a list for each figure, and what was done how often."""
+
+    samples: dict[str, list[float]] = field(default_factory=dict)
+    done: Counter[str] = field(default_factory=Counter)
+
+    def add(self, **values: float) -> None:
+        """Adds a sample."""
+        for name, value in values.items():
+            self.samples.setdefault(name, []).append(float(value))
+
+
+def start_node(name: str, parameters: dict[str, Any], folder: Path) -> subprocess.Popen[bytes]:
+    """An installed executable of the package as a process."""
+    file = folder / f"{name}.yaml"
+    file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
+    with (folder / f"{name}.txt").open("ab") as log:
+        command = [str(path), "--ros-args", "--params-file", str(file)]
+        return subprocess.Popen(command, env=environment(), stdout=log, stderr=log)
+
+
+class Soak(Node):
+    """Does things to the node and keeps its answers."""
+
+    def __init__(self, log: Log, rng: np.random.Generator) -> None:
+        super().__init__("soak")
+        self._log, self._rng = log, rng
+        self._executor = EventsExecutor()
+        self._executor.add_node(self)
+        base = "terrain_collider"
+        self._spawner = self.create_client(SpawnBody, f"{base}/spawn_body")
+        self._remover = self.create_client(RemoveBody, f"{base}/remove_body")
+        self._setter = self.create_client(SetParameters, f"{base}/set_parameters")
+        self._maps = self.create_publisher(Heightmap, f"{base}/heightmap", QoSProfile(depth=10))
+        self._updates = self.create_publisher(HeightmapUpdate, f"{base}/heightmap_update", 10)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self.create_subscription(Timing, f"{base}/timing", self._on_timing, 10)
+        self.create_subscription(MarkerArray, f"{base}/patches", lambda _: None, 10, raw=True)
+        self.create_subscription(TrackedBodyArray, f"{base}/body_states", self._on_states, 10)
+        self.alive: list[str] = []
+        self.seen: set[str] = set()
+        self.health: dict[str, str] = {}
+        self.factor = 0.0
+        self._count = 0
+
+    def wait(self, seconds: float, condition: Any = lambda: False) -> bool:
+        """Handles messages for so long, or until the condition holds."""
+        end = monotonic() + seconds
+        while not condition() and (left := end - monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
+        return bool(condition())
+
+    def connected(self) -> bool:
+        """Whether the node hears what is sent: else the first bad messages would go nowhere."""
+        return bool(self._maps.get_subscription_count()) and bool(self._updates.get_subscription_count())
+
+    def call(self, client: Any, request: Any) -> Any:
+        """A service call; raises `RuntimeError` where there is no answer."""
+        future = client.call_async(request)
+        if not self.wait(START_LIMIT, future.done):
+            raise RuntimeError(f"no answer from {client.srv_name}")
+        return future.result()
+
+    def spawn(self) -> None:
+        """Spawns a body, and removes the oldest where there are many."""
+        self._count += 1
+        name = f"body_{self._count}"
+        request = SpawnBody.Request(id=name, mass=1.0)
+        kind = self._count % 3
+        if kind == 0:
+            request.shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+        elif kind == 1:
+            request.shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2])
+        else:
+            request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2])
+        position = request.pose.position
+        # Within the smallest map.
+        position.x, position.y = self._rng.uniform(-3.0, 3.0, 2).tolist()
+        position.z = 1.5
+        if self.call(self._spawner, request).success:
+            self.alive.append(name)
+            self._log.done["spawned"] += 1
+        if len(self.alive) > MOST_BODIES:
+            oldest = self.alive.pop(0)
+            self._log.done["removed"] += self.call(self._remover, RemoveBody.Request(id=oldest)).success
+
+    def change_kind(self) -> None:
+        """Changes the patches' kind while bodies stand on them, and measures how long the answer takes."""
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(self._rng.choice(KINDS)))
+        request = SetParameters.Request(parameters=[Parameter(name="patch.kind", value=value)])
+        if self.call(self._setter, request).results[0].successful:
+            self._log.done["kinds changed"] += 1
+
+    def ping(self) -> float:
+        """How long a refused call takes to come back [ms]."""
+        start = monotonic()
+        self.call(self._remover, RemoveBody.Request(id="nobody"))
+        self._log.done["bad calls"] += 1
+        return 1e3 * (monotonic() - start)
+
+    def send_bad(self) -> None:
+        """A message that must be refused."""
+        if self._rng.random() < 0.5:
+            message = Heightmap()
+            message.info.width = message.info.height = 7
+            self._maps.publish(message)
+        else:
+            self._updates.publish(HeightmapUpdate(x=2**31, width=1, height=1, heights=[0.0]))
+        self._log.done["bad messages"] += 1
+
+    def refused(self) -> int:
+        """What the node says it has refused."""
+        return sum(int(value) for key, value in self.health.items() if key.startswith("refused, "))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.health = {pair.key: pair.value for status in message.status for pair in status.values}
+
+    def _on_timing(self, message: Timing) -> None:
+        self.factor = message.real_time_factor
+
+    def _on_states(self, message: TrackedBodyArray) -> None:
+        self.seen = {body.id for body in message.bodies}
+
+
+def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
+    """Terrain of another size than before, whole or in regions."""
+    size = int(rng.choice(SIZES))
+    return {
+        "scene": str(rng.choice(["waves", "heave", "rut"])), "rows": size, "columns": size, "resolution": 0.1,
+        "rate": 20.0, "mode": str(rng.choice(["full", "regions"])), "wave.amplitude": 0.1,
+    }  # fmt: skip
+
+
+def run(minutes: float, folder: Path, file: Path) -> None:
+    """Soaks a node for so long, and keeps in ``file`` what was sampled, done and counted."""
+    rng = np.random.default_rng(1)
+    log = Log()
+    rclpy.init()
+    node = Soak(log, rng)
+    collider = start_node("terrain_collider", {"publish.patches": 10.0, "publish.body_states": 10.0}, folder)
+    source = start_node("terrain_source", source_parameters(rng), folder)
+    try:
+        if not node.wait(START_LIMIT, lambda: node.connected() and int(node.health.get("samples", 0)) > 0):
+            raise RuntimeError("the node took no map")
+        watch = Watch(collider.pid)
+        start = monotonic()
+        due = dict.fromkeys(("source", "spawn", "kind", "bad", "sample", "tell"), start)
+        due["source"] += SOURCE_EVERY
+        due["tell"] += TELL_EVERY
+        while (now := monotonic()) < start + 60.0 * minutes and collider.poll() is None:
+            if now >= due["source"]:
+                due["source"] = now + SOURCE_EVERY
+                source.kill()
+                source.wait()
+                source = start_node("terrain_source", source_parameters(rng), folder)
+                log.done["sources killed"] += 1
+            if now >= due["spawn"]:
+                due["spawn"] = now + SPAWN_EVERY
+                node.spawn()
+            if now >= due["kind"]:
+                due["kind"] = now + KIND_EVERY
+                node.change_kind()
+            if now >= due["bad"]:
+                due["bad"] = now + BAD_EVERY
+                node.send_bad()
+            if now >= due["sample"]:
+                due["sample"] = now + SAMPLE_EVERY
+                _sample(node, watch, log, now - start)
+            if now >= due["tell"]:
+                due["tell"] = now + TELL_EVERY
+                _keep(node, log, file)
+                _tell(node, log, minutes)
+            node.wait(min(due.values()) - monotonic())
+        if collider.poll() is not None:
+            raise RuntimeError(f"the node ended: {(folder / 'terrain_collider.txt').read_text()[-2000:]}")
+        node.wait(3.0)
+        _keep(node, log, file)
+    finally:
+        for process in (source, collider):
+            process.terminate()
+            process.wait(20)
+        node.destroy_node()
+        try_shutdown()
+
+
+def _keep(node: Soak, log: Log, file: Path) -> None:
+    """Writes what there is so far."""
+    data = {
+        "minutes": round(log.samples["time"][-1] / 60.0, 1),
+        "samples": log.samples,
+        "done": dict(log.done),
+        "refused": node.refused(),
+        "alive": sorted(node.alive),
+        "seen": sorted(node.seen),
+        "below_ground": int(node.health.get("below ground", 0)),
+    }
+    file.write_text(json.dumps(data))
+
+
+def _tell(node: Soak, log: Log, minutes: float) -> None:
+    """Prints how it stands."""
+    last = {name: values[-1] for name, values in log.samples.items()}
+    print(
+        f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
+        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {node.refused()} refused",
+        flush=True,
+    )
+
+
+def _sample(node: Soak, watch: Watch, log: Log, time: float) -> None:
+    memory = watch.memory()
+    log.add(
+        time=time,
+        memory=memory["resident"] - memory["shared"],
+        descriptors=watch.descriptors(),
+        threads=sum(process.num_threads() for process in watch.processes()),
+        topics=len(node.get_topic_names_and_types()),
+        factor=node.factor,
+        latency=node.ping(),
+        below=float(node.health.get("below ground", 0)),
+    )
+
+
+def main(args: list[str] | None = None) -> None:
+    """Runs the soak."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of JSON and picture (default {OUT})")
+    parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {PICTURES}")
+    parser.add_argument("--report", action="store_true", help="only draw and write what was measured before")
+    options = parser.parse_args(args)
+    out = PICTURES if options.document else options.out
+    file = out / "soak.json"
+    if not options.report:
+        out.mkdir(parents=True, exist_ok=True)
+        with isolated_unless_chosen(), tempfile.TemporaryDirectory() as folder:
+            run(options.minutes, Path(folder), file)
+    soak_report.report(json.loads(file.read_text()), out, PAGE if options.document else None)
+
+
+if __name__ == "__main__":
+    main()

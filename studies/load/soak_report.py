@@ -1,0 +1,102 @@
+"""What a soak says: is anything growing?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.load.tables import table, write
+
+# The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
+WARM_UP = 0.2
+# Samples in a row are alike; the slope's error is that of the means of so many blocks.
+BLOCKS = 12
+FIGURES = {
+    "memory": ("resident memory, without DDS's segments", "MiB"),
+    "descriptors": ("file descriptors", ""),
+    "threads": ("threads", ""),
+    "topics": ("topics", ""),
+    "latency": ("latency of a service call", "ms"),
+    "factor": ("real-time factor", ""),
+}
+
+
+class Slope(NamedTuple):
+    """Change per hour, its standard error, and the median."""
+
+    per_hour: float
+    error: float
+    median: float
+
+    @property
+    def flat(self) -> bool:
+        """Whether it may be zero: within two standard errors, or less than a hundredth of the median an hour."""
+        return abs(self.per_hour) <= max(2.0 * self.error, 0.01 * abs(self.median))
+
+
+def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
+    """The line through the means of blocks, by least squares; ``times`` in seconds."""
+    if not np.ptp(values):
+        return Slope(0.0, 0.0, float(values[0]))  # and not what rounding leaves
+    blocks = [(t.mean() / 3600.0, v.mean()) for t, v in zip(
+        np.array_split(times, BLOCKS), np.array_split(values, BLOCKS), strict=True)]  # fmt: skip
+    t, v = np.array(blocks).T
+    arm = t - t.mean()
+    per_hour = float(arm @ v / (arm @ arm))
+    rest = v - v.mean() - per_hour * arm
+    error = float(np.sqrt(rest @ rest / (len(t) - 2) / (arm @ arm)))
+    return Slope(per_hour, error, float(np.median(values)))
+
+
+def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
+    """The picture, and the table of the page."""
+    samples = {name: np.array(values) for name, values in data["samples"].items()}
+    kept = samples["time"] >= WARM_UP * samples["time"].max()
+    slopes = {name: slope_of(samples["time"][kept], samples[name][kept]) for name in FIGURES}
+    _draw(samples, slopes, data["minutes"], out / "soak.png")
+    rows = []
+    for name, (what, unit) in FIGURES.items():
+        s = slopes[name]
+        rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
+                     "flat" if s.flat else "**changes**"])  # fmt: skip
+    done, lost = data["done"], sorted(set(data["alive"]) - set(data["seen"]))
+    sent = done.get("bad messages", 0) + done.get("bad calls", 0)
+    words = (
+        f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of "
+        f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, patch kinds "
+        f"changed {done.get('kinds changed', 0)} times. Bad messages and calls: {sent} sent, "
+        f"{data['refused']} refused by the "
+        f"node's count. Bodies lost: {len(lost)} of {len(data['alive'])}; below the ground at the end: "
+        f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
+    )
+    text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
+    print(text)
+    if page is not None:
+        write(page, {"soak": text})
+
+
+def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:
+    figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained", sharex=True)
+    time = samples["time"] / 60.0
+    for axis, name in zip(axes.flat, ("memory", "descriptors", "latency", "factor"), strict=True):
+        what, unit = FIGURES[name]
+        axis.plot(time, samples[name], linewidth=0.8, color="#084594")
+        axis.axvspan(0.0, WARM_UP * time.max(), color="grey", alpha=0.15, label="not in the slope")
+        s = slopes[name]
+        axis.set_title(f"{what}: {s.per_hour:+.3g} ± {s.error:.2g} {unit} per hour", fontsize=10)
+        axis.set_ylabel(f"{what}{f' [{unit}]' if unit else ''}", fontsize=8)
+        axis.set_ylim(bottom=0.0)
+        axis.grid(alpha=0.3)
+    axes[0, 0].legend(fontsize=8)
+    for axis in axes[1]:
+        axis.set_xlabel("time [min]")
+    figure.suptitle(f"The node while everything around it changes, {minutes:g} minutes")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

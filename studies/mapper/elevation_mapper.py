@@ -1,0 +1,163 @@
+"""A small elevation mapper: a grid around the rover whose cells are Kalman filters of one state, the height.
+
+It knows nothing of the truth: it takes scans and estimated poses. Its cells lie on a lattice that stays where it is in
+the map's frame - the middle of cell (row, column) is at (column, row) x resolution - and the grid scrolls over it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from studies.mapper.poses import Pose
+from studies.mapper.sensors import Scan
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, overlap
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapperConfig:
+    """The map and its filter.
+
+    ``cells``: on a side; ``resolution`` [m]; by default 8 m around a rover with 30 cm wheels. ``unevenness`` [m]:
+    standard deviation of the ground within a cell about the height at its middle, since points hit it anywhere.
+    ``growth`` [m^2/s]: variance that a second adds, for the pose drifts while the cell is not seen.
+    ``least_deviation`` [m]: no height is known better than that, or the filter would stop listening.
+    """
+
+    cells: int = 80
+    resolution: float = 0.1
+    unevenness: float = 0.01
+    growth: float = 1e-5
+    least_deviation: float = 0.003
+
+
+class ElevationMapper:
+    """Heights and variances (cells, cells) around the rover, rows along +y; NaN where nothing was seen."""
+
+    def __init__(self, config: MapperConfig) -> None:
+        self.config = config
+        self.heights: FloatArray = np.full((config.cells, config.cells), np.nan)
+        self.variances: FloatArray = self.heights.copy()
+        self.first = (0, 0)  # row and column, on the lattice, of cell (0, 0)
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Where the middles of the cells lie."""
+        cells, resolution = self.config.cells, self.config.resolution
+        origin = (self.first[1] * resolution, self.first[0] * resolution, 0.0)
+        return GridGeometry(rows=cells, columns=cells, resolution=resolution, origin=origin)
+
+    def follow(self, estimate: Pose) -> None:
+        """Scrolls by whole cells until the rover is in the middle one; what comes in is not known yet."""
+        first = self._around(estimate)
+        moved = (first[0] - self.first[0], first[1] - self.first[1])
+        self.heights, self.variances = _scrolled(self.heights, moved), _scrolled(self.variances, moved)
+        self.first = first
+
+    def wait(self, seconds: float) -> None:
+        """Has every height be known less well."""
+        self.variances += self.config.growth * seconds
+
+    def add(self, scan: Scan, estimate: Pose) -> None:
+        """Fuses the points of a scan, one after the other."""
+        points = scan.points_b @ estimate.rotation.T + estimate.position
+        downwards = scan.directions_b @ estimate.rotation[2]
+        variances = (scan.deviations * downwards) ** 2 + self.config.unevenness**2
+        places = points[:, 1::-1] / self.config.resolution - self.first
+        _fuse(self.heights, self.variances, places, points[:, 2], variances, self.config.least_deviation**2)
+
+    def correct(self, before: Pose, after: Pose) -> None:
+        """Moves the whole map with the rover from one estimate of its pose to a better one, a closed loop's.
+
+        Heights are shifted and, on the lattice, interpolated between those known; a cell whose nearest one is not known
+        is not known afterwards.
+        """
+        first = self._around(after)
+        turn, step = after.yaw - before.yaw, self.config.resolution
+        cos, sin = math.cos(turn), math.sin(turn)
+        cells = np.arange(self.config.cells)
+        y = ((first[0] + cells) * step - after.y)[:, None]
+        x = (first[1] + cells) * step - after.x
+        rows = (before.y - sin * x + cos * y) / step - self.first[0]
+        columns = (before.x + cos * x + sin * y) / step - self.first[1]
+        self.heights, self.variances = (
+            _resampled(self.heights, rows, columns),
+            _resampled(self.variances, rows, columns),
+        )
+        self.heights += after.z - before.z
+        self.first = first
+
+    def _around(self, estimate: Pose) -> tuple[int, int]:
+        """The first cell of a grid around the rover."""
+        step, half = self.config.resolution, self.config.cells // 2
+        return round(estimate.y / step) - half, round(estimate.x / step) - half
+
+
+def _scrolled(cells: FloatArray, moved: tuple[int, int]) -> FloatArray:
+    """A grid that has moved by (rows, columns) over its cells; NaN where it had none."""
+    result = np.full_like(cells, np.nan)
+    new, old = zip(*(overlap(by, size) for by, size in zip(moved, cells.shape, strict=True)), strict=True)
+    result[new] = cells[old]
+    return result
+
+
+@compiled
+def _fuse(
+    heights: FloatArray,
+    variances: FloatArray,
+    places: FloatArray,
+    measured: FloatArray,
+    noises: FloatArray,
+    least: float,
+) -> None:
+    """Fuses heights (N,) with variances ``noises`` (N,), measured at fractional (row, column) ``places`` (N, 2)."""
+    rows, columns = heights.shape
+    for k in range(len(places)):
+        row, column = math.floor(places[k, 0] + 0.5), math.floor(places[k, 1] + 0.5)
+        if not (0 <= row < rows and 0 <= column < columns):
+            continue
+        height, variance, noise = heights[row, column], variances[row, column], max(noises[k], least)
+        if math.isnan(height):
+            heights[row, column], variances[row, column] = measured[k], noise
+            continue
+        spread = variance + noise
+        gain = variance / spread if spread > 0.0 else 1.0
+        heights[row, column] = height + gain * (measured[k] - height)
+        variances[row, column] = max(gain * noise, least)
+
+
+@compiled
+def _resampled(values: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """Values at fractional places, (n, n) each; NaN where the nearest cell is not known."""
+    result = np.empty_like(rows)
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            result[i, j] = _among_known(values, rows[i, j], columns[i, j])
+    return result
+
+
+@compiled
+def _among_known(values: FloatArray, row: float, column: float) -> float:
+    """The bilinear mean of the four cells around a place, as far as they are known; NaN if the nearest is not."""
+    if math.isnan(_value(values, math.floor(row + 0.5), math.floor(column + 0.5))):
+        return math.nan
+    r, c = math.floor(row), math.floor(column)
+    total, weights = 0.0, 0.0
+    for i in range(2):
+        for j in range(2):
+            value = _value(values, r + i, c + j)
+            if not math.isnan(value):
+                weight = (1.0 - abs(row - r - i)) * (1.0 - abs(column - c - j))
+                total += weight * value
+                weights += weight
+    return total / weights
+
+
+@compiled
+def _value(values: FloatArray, row: int, column: int) -> float:
+    """A cell's value; NaN outside."""
+    rows, columns = values.shape
+    return values[row, column] if 0 <= row < rows and 0 <= column < columns else math.nan

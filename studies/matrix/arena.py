@@ -1,0 +1,148 @@
+"""A world on moving ground with what the rows of the matrix measure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.evaluation.clearance import clearances
+from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.evaluation.grounds import Rigid, make_ground
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+
+def square(size: int, resolution: float) -> GridGeometry:
+    """A square map around the origin."""
+    half = 0.5 * (size - 1) * resolution
+    return GridGeometry(rows=size, columns=size, resolution=resolution, origin=(-half, -half, 0.0))
+
+
+class Arena:
+    """Bodies on one height map that follows a ground function. Use it as a context manager.
+
+    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: how often the map is told; 0 = once.
+    """
+
+    def __init__(
+        self,
+        method: PatchConfig,
+        ground: dict[str, Any] | None = None,
+        *,
+        size: int = 61,
+        resolution: float = 0.25,
+        map_rate: float = 0.0,
+        physics: PhysicsConfig | None = None,
+    ) -> None:
+        self.geometry = square(size, resolution)
+        self.ground = make_ground(self.geometry, **(ground or {"kind": "flat"}))
+        self.truth = make_ground(self.geometry, **(ground or {"kind": "flat"}))
+        self.heightmap = HeightMap(self.ground.heights(0.0), geometry=self.geometry)
+        self.world = World(self.heightmap, WorldConfig(physics=physics or PhysicsConfig(), patch=method))
+        self.shapes: dict[str, Shape] = {}
+        self._map_rate = map_rate
+        self._map = 0
+        self._steps = 0
+
+    def __enter__(self) -> Arena:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.world.close()
+
+    def spawn(self, name: str, shape: Shape, position: tuple[float, float, float], **state: Any) -> None:
+        """Adds a body of 1 kg."""
+        self.world.spawn(name, shape, 1.0, BodyState(position, **state))
+        self.shapes[name] = shape
+
+    def form(self, height: Callable[[FloatArray, FloatArray], Any]) -> None:
+        """Gives rigid ground the surface height(x, y) [m], a function of positions (1, C) and (R, 1) [m], for good."""
+        truth = self.truth
+        assert isinstance(truth, Rigid)
+        truth.surface[...] = height(np.asarray(truth.x, np.float64)[None], np.asarray(truth.y, np.float64))
+        self.heightmap.replace(truth.surface, time=0.0)
+
+    def scatter(self, count: int, shape: Shape, spread: float, drop: float, seed: int = 5, **state: Any) -> None:
+        """Adds bodies at random places within ``spread`` [m] of the middle, ``drop`` [m] above the ground there."""
+        places = np.random.default_rng(seed).uniform(-spread, spread, (count, 2))
+        heights = self.heightmap.at(places, 0.0).heights
+        for index, ((x, y), z) in enumerate(zip(places.tolist(), heights.tolist(), strict=True)):
+            self.spawn(f"body_{index}", shape, (x, y, z + drop), **state)
+
+    def run(self, seconds: float) -> Iterator[float]:
+        """Steps through so many seconds; yields the time after every step [s]."""
+        for _ in range(round(seconds * self.world.config.physics.rate)):
+            number = math.floor(self.world.time * self._map_rate + 1e-6)
+            if number != self._map:
+                self.heightmap.replace(self.ground.heights(self.world.time), time=self.world.time)
+                self._map = number
+            self.world.step()
+            yield self.world.time
+
+    def settle(self, seconds: float) -> None:
+        """Steps through so many seconds."""
+        for _ in self.run(seconds):
+            pass
+
+    def positions(self) -> FloatArray:
+        """Centres of the bodies (N, 3) [m]."""
+        client, bodies = self.world.client, self.world.bodies
+        return np.array([client.getBasePositionAndOrientation(bodies[name].uid)[0] for name in self.shapes])
+
+    def velocities(self) -> FloatArray:
+        """Their velocities (N, 3) [m/s]."""
+        client, bodies = self.world.client, self.world.bodies
+        return np.array([client.getBaseVelocity(bodies[name].uid)[0] for name in self.shapes])
+
+    def surface(self) -> Surface:
+        """The main mesh as it truly is now."""
+        return Surface(self.geometry, np.asarray(self.truth.heights(self.world.time), np.float64))
+
+    def clearances(self) -> FloatArray:
+        """Distance of the bodies' surfaces from the ground (N,) [m]; all bodies must be of one shape."""
+        client, bodies = self.world.client, self.world.bodies
+        poses = [client.getBasePositionAndOrientation(bodies[name].uid) for name in self.shapes]
+        positions, orientations = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
+        return clearances(self.surface(), next(iter(self.shapes.values())), positions, orientations)
+
+    def lost(self) -> int:
+        """Bodies whose centre is below the ground."""
+        positions = self.positions()
+        return int((positions[:, 2] < self.surface().below(positions)).sum())
+
+    def frictionless(self) -> None:
+        """Takes the friction of all bodies away."""
+        for name in self.shapes:
+            self.world.client.changeDynamics(self.world.bodies[name].uid, -1, lateralFriction=0.0)
+
+
+def deepest(arena: Arena, seconds: float, settle: float, every: int = 4, share: float = 99.0) -> float:
+    """Penetration [mm], so many per cent, over a run; infinite where a body is lost."""
+    depths = []
+    for step, time in enumerate(arena.run(seconds)):
+        if time > settle and step % every == 0:
+            if arena.lost():
+                return math.inf
+            depths.append(-arena.clearances())
+    return max(1e3 * float(np.nanpercentile(depths, share)), 0.0)
+
+
+def lost_in(arena: Arena, seconds: float) -> float:
+    """How many bodies have their centre below the ground at any eighth step of a run."""
+    gone: set[int] = set()
+    for step, _ in enumerate(arena.run(seconds)):
+        if step % 8 == 7:
+            positions = arena.positions()
+            gone.update(np.flatnonzero(positions[:, 2] < arena.surface().below(positions)).tolist())
+    return float(len(gone))

@@ -1,0 +1,170 @@
+"""Rows in which something changes at once: holes, maps, kinds, positions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig, PatchKind
+from smartmesh_ros.physics.shapes import Box, Sphere
+from studies.matrix.arena import Arena, square
+from studies.matrix.row import Row
+from studies.matrix.rules import HILLS
+from smartmesh_ros.evaluation.measures import GRAVITY
+from smartmesh_ros.terrain.heightmap import HeightMap
+
+
+def _buried(centre: float) -> Any:
+    def figure(method: PatchConfig) -> float:
+        """Fastest way up [m/s] of a ball that starts in the ground; infinite where it does not come out in 2 s."""
+        with Arena(method, size=21) as arena:
+            arena.spawn("ball", Sphere(0.2), (0.013, 0.017, centre))
+            fastest = 0.0
+            for _ in arena.run(2.0):
+                fastest = max(fastest, float(arena.velocities()[0, 2]))
+            return fastest if abs(arena.positions()[0, 2] - 0.2) < 5e-3 else math.inf
+
+    return figure
+
+
+def wakes(method: PatchConfig) -> float:
+    """Steps until a box that has rested for 5 s falls when the ground is dug away from under it."""
+    with Arena(method) as arena:
+        arena.spawn("box", Box(0.3, 0.3, 0.3), (0.013, 0.017, 0.15))
+        arena.settle(5.0)
+        arena.heightmap.update_region(20, 20, np.full((21, 21), -1.0), time=arena.world.time)
+        return _steps_until_falling(arena)
+
+
+def hole_opens(method: PatchConfig) -> float:
+    """Steps until a ball falls when a hole opens under it."""
+    with Arena(method) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
+        arena.settle(1.0)
+        arena.heightmap.update_region(20, 20, np.full((21, 21), np.nan), time=arena.world.time)
+        return _steps_until_falling(arena)
+
+
+def _steps_until_falling(arena: Arena) -> float:
+    for step, _ in enumerate(arena.run(1.0)):
+        if arena.velocities()[0, 2] < -0.5 * GRAVITY / 240.0:
+            return float(step + 1)
+    return math.inf
+
+
+def rim(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a ball beside a hole."""
+    with Arena(method) as arena:
+        heights = np.zeros((61, 61))
+        heights[20:41, 20:41] = np.nan
+        arena.heightmap.replace(heights, time=0.0)
+        arena.spawn("ball", Sphere(0.1), (-2.85, 0.017, 0.1))
+        arena.settle(1.0)
+        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.1)
+
+
+def map_edge(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a ball at the corner of the map."""
+    with Arena(method) as arena:
+        arena.spawn("ball", Sphere(0.3), (-7.4, -7.4, 0.3))
+        arena.settle(1.0)
+        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.3)
+
+
+def teleports(method: PatchConfig) -> float:
+    """Deepest penetration [mm] of a ball that is put down somewhere else on hills every 12 steps."""
+    rng = np.random.default_rng(4)
+    with Arena(method, HILLS) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 1.0))
+        uid = arena.world.bodies["ball"].uid
+        worst = 0.0
+        for _ in range(40):
+            x, y = rng.uniform(-6.0, 6.0, 2).tolist()
+            ground = float(arena.heightmap.at([[x, y]], 0.0).heights[0])
+            arena.world.client.resetBasePositionAndOrientation(uid, (x, y, ground + 0.23), (0, 0, 0, 1))
+            arena.world.client.resetBaseVelocity(uid, (0, 0, -1.0), (0, 0, 0))
+            for _ in arena.run(12 / 240.0):
+                worst = max(worst, -float(arena.clearances()[0]))
+        return 1e3 * worst
+
+
+def _disturbed(method: PatchConfig, changes: Iterable[Callable[[Arena], None]], steps: int) -> float:
+    """Largest rise or fall [mm] of a box at rest while changes are made, so many ``steps`` after each other."""
+    with Arena(method) as arena:
+        arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
+        arena.settle(1.0)
+        before, worst = arena.positions()[0, 2], 0.0
+        for change in changes:
+            change(arena)
+            for _ in arena.run(steps / 240.0):
+                worst = max(worst, abs(arena.positions()[0, 2] - before))
+        return 1e3 * worst
+
+
+def maps_change(method: PatchConfig) -> float:
+    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
+
+    def put(arena: Arena, size: int, resolution: float) -> None:
+        level = HeightMap(np.zeros((size, size)), geometry=square(size, resolution), time=arena.world.time)
+        arena.world.terrain.put("", level)
+
+    maps = ((101, 0.1), (41, 0.3), (151, 0.05), (31, 0.5))
+    return _disturbed(method, [partial(put, size=size, resolution=resolution) for size, resolution in maps], 30)
+
+
+def kinds_change(method: PatchConfig) -> float:
+    """Largest rise or fall [mm] of a box at rest while its collider changes to others and back."""
+
+    def configure(arena: Arena, patch: PatchConfig) -> None:
+        arena.world.configure(replace(arena.world.config, patch=patch))
+
+    kinds: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "auto")
+    patches = [patch for kind in kinds for patch in (replace(method, kind=kind), method)]
+    return _disturbed(method, [partial(configure, patch=patch) for patch in patches], 20)
+
+
+def sinks_beside(method: PatchConfig) -> float:
+    """How far [mm] a box is above 10 cm under its place, a second after all but the nearest sample sank by 1 m."""
+    with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
+        arena.spawn("box", Box(0.3, 0.3, 0.2), (0.1, 0.05, 0.15))
+        arena.settle(1.0)
+        before = arena.positions()[0]
+        nearest = np.rint(arena.geometry.to_grid(before[:2])).astype(int)
+        sunk = arena.heightmap.heights - 1.0
+        sunk[nearest[0], nearest[1]] += 1.0
+        arena.heightmap.replace(sunk, time=arena.world.time)
+        arena.settle(1.0)
+        return 1e3 * max(float(arena.positions()[0, 2]) - (float(before[2]) - 0.1), 0.0)
+
+
+ROWS = (
+    Row(name="T7 buried by half", figure=_buried(0.05), limit=4.0, unit="m/s", source="comes out, at a capped speed"),
+    Row(
+        name="T7 centre below the ground",
+        figure=_buried(-0.1),
+        limit=4.0,
+        unit="m/s",
+        source="comes out, at a capped speed",
+        quick=True,
+    ),
+    Row(name="T9 dug away", figure=wakes, limit=3.0, unit="steps", source="a few steps", quick=True),
+    Row(name="hole opens", figure=hole_opens, limit=3.0, unit="steps", source="a few steps"),
+    Row(name="rim of a hole", figure=rim, limit=1.0, unit="mm", source="rest height", skip=("whole trimesh",)),
+    Row(name="corner of the map", figure=map_edge, limit=1.0, unit="mm", source="rest height"),
+    Row(name="teleporting ball", figure=teleports, limit=10.0, unit="mm", source="half of 0.5 m/s in a step and slop"),
+    Row(name="maps change at rest", figure=maps_change, limit=1.0, unit="mm", source="nothing moves", quick=True),
+    Row(name="kinds change at rest", figure=kinds_change, limit=1.0, unit="mm", source="nothing moves", quick=True),
+    Row(
+        name="ground sinks beside a sample",
+        figure=sinks_beside,
+        limit=0.0,
+        unit="mm",
+        source="it falls off",
+        quick=True,
+    ),
+)

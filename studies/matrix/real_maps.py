@@ -1,0 +1,208 @@
+"""Rows on maps as sensors and mappers make them: corrections, noise, uneven stamps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pybullet_data
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.joints import JointCommand
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World, WorldConfig
+from studies.matrix.arena import square
+from studies.matrix.row import METHODS, Row
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
+
+CELLS, RESOLUTION = 61, 0.1
+STEP = 1.0 / 240.0
+SHAPES: dict[str, Shape] = {"box": Box(0.4, 0.4, 0.3), "ball": Sphere(0.15), "cylinder": Cylinder(0.2, 0.3)}
+HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
+LAIKAGO = str(Path(pybullet_data.getDataPath()) / "laikago" / "laikago_toes_zup.urdf")
+ROBOTS = {"wheeled robot": (HUSKY, 0.0), "robot on legs": (LAIKAGO, 0.46)}  # and how high they start [m]
+SIZES = (0.01, 0.03, 0.1, 0.3, -0.01, -0.03, -0.1, -0.3)
+ISSUE = "a correction gives no speed"
+# The methods that bodies are taken along for by default; the others are there for their colliders' sake.
+OTHERS = tuple(name for name in METHODS if name != "defaults")
+
+
+class Thrown(NamedTuple):
+    """What a correction did to a body: how high above its new rest it went [mm], how fast [m/s], how far it turned from
+    where the ground did [deg] and slid [mm]."""
+
+    above: float
+    speed: float
+    turned: float
+    slid: float
+
+
+class Site:
+    """One body at rest on ground of a slope [rad] along x. ``motion``: what is made of its maps, by default that it is
+    corrected. Use it as a context manager."""
+
+    def __init__(
+        self,
+        method: PatchConfig,
+        kind: str,
+        slope: float = 0.0,
+        noise: float = 0.0,
+        motion: MotionConfig | None = None,
+        physics: PhysicsConfig | None = None,
+    ) -> None:
+        self.level = inclined(slope)
+        motion = motion or MotionConfig(changes="correction", noise=noise)
+        self.heightmap = HeightMap(self.level, geometry=square(CELLS, RESOLUTION), motion=motion)
+        self.world = World(self.heightmap, WorldConfig(patch=method, physics=physics or PhysicsConfig()))
+        away = ROBOTS[kind][1] if kind in ROBOTS else 0.15
+        state = BodyState(
+            (-math.sin(slope) * away, 0.017, math.cos(slope) * away),
+            (0.0, -math.sin(0.5 * slope), 0.0, math.cos(0.5 * slope)),
+        )
+        if kind in ROBOTS:
+            self.world.spawn_robot("body", ROBOTS[kind][0], state)
+            for joint in self.world.bodies["body"].joints:
+                hold = JointCommand(position=0.0) if kind == "robot on legs" else JointCommand(velocity=0.0)
+                self.world.command("body", joint, hold)
+        else:
+            self.world.spawn("body", SHAPES[kind], 20.0, state)
+
+    def __enter__(self) -> Site:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.world.close()
+
+    @property
+    def state(self) -> BodyState:
+        """How the body is."""
+        return self.world.state("body")
+
+    def run(self, seconds: float) -> Iterator[BodyState]:
+        """Steps through so many seconds; yields the body's state after every step."""
+        for _ in range(round(seconds / STEP)):
+            self.world.step()
+            yield self.state
+
+    def tell(self, heights: FloatArray) -> None:
+        """A map comes."""
+        self.heightmap.replace(heights, time=self.world.time)
+
+
+def inclined(slope: float) -> FloatArray:
+    """Ground that rises along x."""
+    axis = (np.arange(CELLS) - CELLS // 2) * RESOLUTION
+    return np.tile(math.tan(slope) * axis, (CELLS, 1))
+
+
+def up(state: BodyState) -> FloatArray:
+    """Where a body's own z axis points."""
+    x, y, z, w = state.orientation
+    return np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+
+
+def correction(
+    method: PatchConfig, kind: str, by: float, after: float, slope: float = 0.0, turn: float = 0.0
+) -> Thrown:
+    """A body at rest whose ground is corrected by a height [m] and a turn [rad], a time after the last map [s]."""
+    with Site(method, kind, slope) as site:
+        for _ in site.run(2.0):
+            pass
+        site.tell(site.level)
+        for _ in site.run(after):
+            pass
+        before = site.state
+        site.tell(inclined(slope + turn) + by)
+        states = list(site.run(2.0))
+        end = states[-1]
+        rest = max(before.position[2], end.position[2])
+        turned = math.acos(min(float(up(before) @ up(end)), 1.0)) - abs(turn)
+        slid = math.dist(before.position[:2], end.position[:2])
+        return Thrown(
+            1e3 * (max(state.position[2] for state in states) - rest),
+            max(math.hypot(*state.linear) for state in states),
+            math.degrees(abs(turned)),
+            1e3 * slid,
+        )
+
+
+def worst_correction(measure: str, kind: str, slope: float, turn: float, method: PatchConfig) -> float:
+    """The worst figure of a body over all corrections; infinite where it does not keep its tilt to a degree."""
+    cases = [(by, after) for by in SIZES for after in (0.1, 1.0)] if not slope and not turn else [(0.1, 0.1)]
+    found = [correction(method, kind, by, after, slope, turn) for by, after in cases]
+    if max(thrown.turned for thrown in found) > 1.0:
+        return math.inf
+    return max(float(getattr(thrown, measure)) for thrown in found)
+
+
+def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig) -> float:
+    """A body on level ground told with white noise at 20 Hz, for 10 s after the first: its fastest motion [m/s], its
+    largest error of height in standard deviations, or how far it drifts [mm]."""
+    rng = np.random.default_rng(2)
+    with Site(method, kind, noise=sigma) as site:
+        rest = site.state.position[2]
+        speeds, errors, places = [], [], []
+        for number in range(220):
+            site.tell(rng.normal(0.0, sigma, (CELLS, CELLS)))
+            for state in site.run(0.05):
+                if number >= 20:
+                    speeds.append(math.hypot(*state.linear))
+                    errors.append(abs(state.position[2] - rest) / sigma)
+                    places.append(state.position[:2])
+        drift = 1e3 * max(math.dist(places[0], place) for place in places)
+        return {"speed": max(speeds), "height": max(errors), "drift": drift}[measure]
+
+
+def _row(
+    name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str, *, quick: bool = False
+) -> Row:
+    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, quick=quick, skip=OTHERS)
+
+
+KINDS = (*SHAPES, *ROBOTS)
+ROWS = (
+    *(
+        _row(
+            f"corrected by 1 to 30 cm, {kind}: {measure}", partial(worst_correction, measure, kind, 0.0, 0.0), limit,
+            unit, ISSUE, quick=kind == "box",
+        )
+        for kind in KINDS
+        for measure, limit, unit in (("above", 5.0, "mm"), ("speed", 0.2, "m/s"))
+    ),
+    *(
+        _row(
+            f"corrected by 10 cm on 15 deg, {kind}: slid", partial(worst_correction, "slid", kind, math.radians(15.0),
+            0.0), 5.0, "mm", "friction holds",
+        )
+        for kind in ("box", "cylinder", "wheeled robot")
+    ),
+    *(
+        _row(
+            f"map tilted by 2 deg, {kind}: speed", partial(worst_correction, "speed", kind, 0.0, math.radians(2.0)),
+            0.2, "m/s", ISSUE,
+        )
+        for kind in ("box", "cylinder", "wheeled robot")
+    ),
+    *(
+        _row(
+            f"noise of {1e3 * sigma:g} mm, {kind}: {measure}", partial(at_rest_in_noise, measure, kind, sigma), limit,
+            unit, "stands still",
+        )
+        for kind in ("box", "wheeled robot")
+        for sigma in (0.005, 0.01)
+        for measure, limit, unit in (("speed", 0.05, "m/s"), ("height", 2.0, "sigma"), ("drift", 20.0, "mm"))
+    ),
+    *(
+        _row(f"noise of {1e3 * sigma:g} mm, ball: height", partial(at_rest_in_noise, "height", "ball", sigma), 2.0,
+             "sigma", "stays on the ground")
+        for sigma in (0.005, 0.01)
+    ),
+)  # fmt: skip

@@ -1,0 +1,56 @@
+"""Rows and columns of the stability matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from smartmesh_ros.patches.config import PatchConfig
+from studies.configurations import BARE
+
+Figure = Callable[[PatchConfig], float]
+
+METHODS: dict[str, PatchConfig] = {
+    "defaults": PatchConfig(),
+    "no velocity": PatchConfig(kind="heightfield", carry_velocity=False),
+    "no edge filter": PatchConfig(kind="heightfield", edge_filter=False),
+    "rebuilt trimesh": PatchConfig(kind="trimesh", **BARE),
+    "convex hull": PatchConfig(kind="hull", **BARE),
+    "prisms": PatchConfig(kind="prisms", **BARE),
+    "whole trimesh": PatchConfig(kind="whole_trimesh", **BARE),
+    "whole heightfield": PatchConfig(kind="whole_heightfield", **BARE),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One test: ``figure`` of a method must not exceed ``limit`` [``unit``].
+
+    ``source``: where the limit comes from. ``quick``: part of the quick run, and of the tests for the defaults.
+    ``skip``: methods it makes no sense for, or that take too long.
+    """
+
+    name: str
+    figure: Figure
+    limit: float
+    unit: str
+    source: str
+    quick: bool = False
+    skip: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """A cell: ``figure`` [``unit``], None = not run; infinite = lost or not reached."""
+
+    row: str
+    method: str
+    figure: float | None
+    limit: float
+    unit: str
+    source: str
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the figure is within the limit; None where there is none."""
+        return None if self.figure is None else bool(self.figure <= self.limit)

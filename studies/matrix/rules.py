@@ -1,0 +1,193 @@
+"""Rows of what must never change: replays, edits, memory, rest."""
+
+from __future__ import annotations
+
+import math
+import resource
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.shapes import Box, Sphere
+from smartmesh_ros.physics.state import BodyState
+from studies.matrix.arena import Arena
+from studies.matrix.row import Row
+from smartmesh_ros.evaluation.measures import deviation
+
+HILLS = {"kind": "sinusoid", "amplitude": 0.3, "wavelength": 4.0}
+
+
+def edits_as_rebuilt(method: PatchConfig) -> float:
+    """Largest difference [mm] of how bodies come down on a map after 30 random edits and on the same map made anew."""
+    rng = np.random.default_rng(8)
+    with Arena(method, HILLS) as arena:
+        arena.scatter(9, Sphere(0.2), 5.0, 0.3)
+        heights = arena.heightmap.heights.copy()
+        for _ in range(30):
+            row, column = rng.integers(0, 50, 2).tolist()
+            h, w = rng.integers(1, 11, 2).tolist()
+            region = (slice(row, row + h), slice(column, column + w))
+            heights[region] += rng.uniform(-0.03, 0.03)
+            arena.heightmap.update_region(row, column, heights[region], time=arena.world.time)
+            arena.settle(2.0 / 240.0)
+        arena.settle(1.0)
+        arena.world.reset()
+        arena.world.time = 10.0  # long after: no motion is left
+        arena.settle(0.25)
+        found = arena.positions()
+    with Arena(method, HILLS) as fresh:
+        fresh.scatter(9, Sphere(0.2), 5.0, 0.3)
+        fresh.heightmap.replace(heights, time=0.0)
+        fresh.world.time = 10.0
+        fresh.settle(0.25)
+        return 1e3 * float(deviation(found, fresh.positions()).max())
+
+
+def raised_above_all(method: PatchConfig) -> float:
+    """Error [mm] of the rest height on ground 5 m above all that was seen before."""
+    with Arena(method, size=21) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
+        arena.settle(0.25)
+        heights = np.full((21, 21), 5.0)
+        heights[10, 10] = 4.0  # the nearest sample: all others are above it, and above what was there at first
+        arena.heightmap.replace(heights, time=20.0)
+        arena.world.time = 21.0
+        arena.world.client.resetBasePositionAndOrientation(
+            arena.world.bodies["ball"].uid, (0.62, 0.63, 5.25), (0, 0, 0, 1)
+        )
+        arena.settle(0.5)
+        return 1e3 * abs(float(arena.positions()[0, 2]) - 5.2)
+
+
+def tunnels(method: PatchConfig) -> float:
+    """Bodies lost of 40 balls of 20 mm that strike ripples at 2 to 40 m/s."""
+    with Arena(method, {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}, size=81, resolution=0.1) as arena:
+        places = np.random.default_rng(2).uniform(-3.0, 3.0, (40, 2)).tolist()
+        for index, (x, y) in enumerate(places):
+            speed = 2.0 + 38.0 * index / 39.0
+            arena.spawn(f"ball_{index}", Sphere(0.02), (x, y, 0.5), linear=(0.0, 0.0, -speed))
+        arena.settle(1.0)
+        return float(arena.lost())
+
+
+def doubled_patch(method: PatchConfig) -> float:
+    """Change [%] of the mean force on a box at rest on ripples when its patch is twice as wide."""
+    forces = []
+    for rings in (2, 4):
+        with Arena(replace(method, rings=rings), {"kind": "sinusoid", "amplitude": 0.02, "wavelength": 2.0}) as arena:
+            arena.spawn("box", Box(0.4, 0.3, 0.2), (0.25, 0.25, 0.15))
+            arena.settle(1.0)
+            each = []
+            for _ in arena.run(0.5):
+                points = arena.world.client.getContactPoints()
+                each.append(sum(point[9] * abs(point[7][2]) for point in points))
+            forces.append(float(np.mean(each)))
+    return 100.0 * abs(forces[1] / forces[0] - 1.0)
+
+
+def bad_input(method: PatchConfig) -> float:
+    """How far [mm] a ball moves while maps of wrong size, with infinities and beyond the rim come; infinite where one
+    is taken."""
+    with Arena(method) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
+        arena.settle(1.0)
+        before = arena.positions()[0]
+        for heights, row in ((np.zeros((60, 61)), None), (np.full((61, 61), np.inf), None), (np.ones((9, 9)), 55)):
+            try:
+                if row is None:
+                    arena.heightmap.replace(heights, time=arena.world.time)
+                else:
+                    arena.heightmap.update_region(row, 0, heights, time=arena.world.time)
+            except InputError:
+                arena.settle(0.1)
+            else:
+                return math.inf
+        return 1e3 * math.dist(before, arena.positions()[0])
+
+
+def leaks(method: PatchConfig) -> float:
+    """Memory that stays for every collider changed [bytes], over 4,000 changes once all colliders are made."""
+    with Arena(method, {"kind": "waves"}, size=21, map_rate=240.0) as arena:
+        arena.scatter(16, Sphere(0.2), 1.5, 0.3)
+        arena.settle(300 / 240.0)
+        before = _resident()
+        arena.settle(250 / 240.0)
+        return (_resident() - before) / 4000.0
+
+
+def _resident() -> float:
+    """Memory of this process [bytes]."""
+    return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def replays(method: PatchConfig) -> float:
+    """Largest difference [mm] between two runs of a second with the same inputs."""
+    found = []
+    for _ in range(2):
+        with Arena(method, {"kind": "waves"}, size=41, map_rate=60.0) as arena:
+            arena.scatter(12, Box(0.3, 0.25, 0.2), 2.5, 0.4)
+            arena.settle(1.0)
+            found.append(arena.positions())
+    return 1e3 * float(deviation(*found).max())
+
+
+def neighbours(method: PatchConfig) -> float:
+    """How far [mm] a box at rest beside another is from where it rests alone."""
+    found = []
+    for others in (0, 1):
+        with Arena(method, HILLS, size=61, resolution=0.1) as arena:
+            arena.spawn("box", Box(0.4, 0.4, 0.2), (0.0, 1.0, 0.4))
+            if others:
+                arena.spawn("other", Box(0.4, 0.4, 0.2), (0.5, 1.0, 0.4))
+            arena.settle(1.0)
+            found.append(arena.positions()[0])
+    return 1e3 * math.dist(*found)
+
+
+def stack(method: PatchConfig) -> float:
+    """How far [mm] the top of a stack of five boxes is from its place after 3 s."""
+    with Arena(method) as arena:
+        for index in range(5):
+            arena.spawn(f"box_{index}", Box(0.3, 0.3, 0.3), (0.013, 0.017, 0.15 + 0.3 * index))
+        arena.settle(3.0)
+        return 1e3 * math.dist(arena.positions()[-1], (0.013, 0.017, 1.35))
+
+
+def rests(method: PatchConfig) -> float:
+    """How far [mm] a box at rest on a bump drifts in 5 s."""
+    with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
+        arena.world.spawn("box", Box(0.6, 0.5, 0.3), 1.0, BodyState((0.013, 0.017, 0.2)))
+        arena.shapes["box"] = Box(0.6, 0.5, 0.3)
+        arena.settle(2.0)
+        before = arena.positions()[0]
+        arena.settle(5.0)
+        return 1e3 * math.dist(before, arena.positions()[0])
+
+
+_WHOLE = ("whole trimesh", "whole heightfield")
+ROWS = (
+    Row(
+        name="T3 edits as rebuilt", figure=edits_as_rebuilt, limit=2.0, unit="mm", source="equal within patch.tolerance"
+    ),
+    Row(
+        name="T4 raised above all before",
+        figure=raised_above_all,
+        limit=1.0,
+        unit="mm",
+        source="rest height",
+        quick=True,
+    ),
+    Row(name="T6 20 mm balls at 2-40 m/s", figure=tunnels, limit=0.0, unit="lost", source="none lost", quick=True),
+    Row(
+        name="T10 patch twice as wide", figure=doubled_patch, limit=1.0, unit="%", source="the same force", skip=_WHOLE
+    ),
+    Row(name="T11 bad input", figure=bad_input, limit=0.1, unit="mm", source="refused, nothing moves", quick=True),
+    Row(name="T12 memory", figure=leaks, limit=100.0, unit="B/change", source="flat"),
+    Row(name="T13 replay", figure=replays, limit=0.0, unit="mm", source="equal"),
+    Row(name="overlapping patches", figure=neighbours, limit=0.5, unit="mm", source="as alone"),
+    Row(name="stack of five boxes", figure=stack, limit=5.0, unit="mm", source="stands for 3 s", quick=True),
+    Row(name="drift at rest", figure=rests, limit=1.0, unit="mm", source="nothing moves, 5 s"),
+)

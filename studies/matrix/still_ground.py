@@ -1,0 +1,323 @@
+"""Rows on ground that stays as it is: ghosts, theory of rigid bodies, sizes and shapes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.evaluation.distance import Surface, nearest
+from smartmesh_ros.evaluation.engines.bullet import BulletTrimeshOptions
+from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
+from studies.engines.registry import build
+from studies.matrix.arena import Arena, deepest
+from studies.matrix.row import Row
+from smartmesh_ros.evaluation.measures import GRAVITY, angles_between, energies
+from smartmesh_ros.evaluation.scene import lowest
+from smartmesh_ros.terrain.grid import FloatArray
+
+SPEED = 3.0
+
+
+def _slid(method: PatchConfig, shape: Shape, height: float) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity of a frictionless body after a second at 3 m/s, not in line with the rows of the map."""
+    with Arena(method, size=101, resolution=0.1, physics=PhysicsConfig(friction=0.0)) as arena:
+        arena.spawn("body", shape, (-2.0, 0.013, height), linear=(SPEED, 0.0, 0.0))
+        arena.settle(1.0)
+        return arena.positions()[0], arena.velocities()[0]
+
+
+def _slide_error(shape: Shape, height: float) -> Any:
+    def figure(method: PatchConfig) -> float:
+        position, _ = _slid(method, shape, height)
+        return 1e3 * math.dist(position, (1.0, 0.013, height))
+
+    return figure
+
+
+def slide_speed(method: PatchConfig) -> float:
+    """Largest error of speed [mm/s] of a sliding box, sphere and cylinder."""
+    worst = 0.0
+    for shape, height in ((Box(0.4, 0.4, 0.4), 0.2), (Sphere(0.2), 0.2), (Cylinder(0.2, 0.4), 0.2)):
+        _, velocity = _slid(method, shape, height)
+        worst = max(worst, abs(float(np.linalg.norm(velocity)) - SPEED))
+    return 1e3 * worst
+
+
+def _rolled(method: PatchConfig) -> tuple[float, float]:
+    """A ball that rolls at 3 m/s for a second: how far it is from where it should be [mm], and loss of energy [%]."""
+    with Arena(method, size=101, resolution=0.1) as arena:
+        arena.spawn("ball", Sphere(0.2), (-2.0, 0.013, 0.2), linear=(SPEED, 0.0, 0.0), angular=(0.0, SPEED / 0.2, 0.0))
+        inertia = np.full(3, 0.4 * 0.2**2)
+
+        def energy() -> float:
+            state = arena.world.state("ball")
+            arrays = (np.array(value) for value in (state.position, state.linear, state.angular))
+            return float(energies(1.0, inertia, *arrays))
+
+        before = energy()
+        arena.settle(1.0)
+        moving = 0.7 * SPEED**2
+        return 1e3 * math.dist(arena.positions()[0], (1.0, 0.013, 0.2)), 100.0 * abs(energy() - before) / moving
+
+
+def ripples_against_whole(method: PatchConfig) -> float:
+    """Error [mm] after a second of eight balls rolling over 5 cm ripples, beyond that of a filtered collider of the
+    whole map at the same steps; the truth is that collider at steps 8 times finer."""
+    ground = {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}
+    with Arena(method, ground, size=101, resolution=0.1) as arena:
+        # Side by side, so that none rolls into another.
+        starts = np.stack([np.random.default_rng(3).uniform(-2.0, 2.0, 8), np.linspace(-2.13, 2.07, 8)], axis=1)
+        surface = arena.surface()
+        bodies = []
+        for index, (x, y) in enumerate(starts.tolist()):
+            z = float(lowest(surface, Sphere(0.2), np.array([[x, y]]))[0])
+            arena.spawn(f"ball_{index}", Sphere(0.2), (x, y, z), linear=(1.0, 0.0, 0.0), angular=(0.0, 5.0, 0.0))
+            state = arena.world.state(f"ball_{index}")
+            shifted = (state.position[0] + 5.0, state.position[1] + 5.0, state.position[2])
+            bodies.append(
+                EngineBody(shape=Sphere(0.2), state=type(state)(shifted, linear=state.linear, angular=state.angular))
+            )
+        ends = []
+        for rate in (240, 8 * 240):
+            setup = Setup(heights=surface.heights, resolution=0.1, bodies=bodies, dt=1.0 / rate)
+            with build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True)) as whole:
+                for _ in range(rate):
+                    whole.step()
+                ends.append(whole.positions() - (5.0, 5.0, 0.0))
+        arena.settle(1.0)
+        whole_off, off = (np.linalg.norm(end - ends[1], axis=1).max() for end in (ends[0], arena.positions()))
+        return 1e3 * max(float(off - whole_off), 0.0)
+
+
+def slope_slides(method: PatchConfig) -> float:
+    """Error [%] of the acceleration of a box sliding down 35 degrees with friction 0.5."""
+    angle = math.radians(35.0)
+    with Arena(method, {"kind": "slope", "angle": 35.0}) as arena:
+        half = 0.5 * angle
+        foot = np.array([2.0, 0.013, 2.0 * math.tan(angle)]) + 0.1 * np.array([-math.sin(angle), 0.0, math.cos(angle)])
+        arena.spawn(
+            "box", Box(0.4, 0.4, 0.2), tuple(foot.tolist()), orientation=(0.0, -math.sin(half), 0.0, math.cos(half))
+        )
+        arena.settle(0.25)
+        first = np.linalg.norm(arena.velocities()[0])
+        arena.settle(0.5)
+        found = (np.linalg.norm(arena.velocities()[0]) - first) / 0.5
+        expected = GRAVITY * (math.sin(angle) - 0.5 * math.cos(angle))
+        return 100.0 * abs(float(found) / expected - 1.0)
+
+
+def slope_holds(method: PatchConfig) -> float:
+    """How far [mm] a box creeps in a second on 25 degrees, where friction of 0.5 holds it (up to 26.6 degrees)."""
+    angle = math.radians(25.0)
+    with Arena(method, {"kind": "slope", "angle": 25.0}) as arena:
+        half = 0.5 * angle
+        foot = np.array([0.0, 0.013, 0.0]) + 0.1 * np.array([-math.sin(angle), 0.0, math.cos(angle)])
+        arena.spawn(
+            "box", Box(0.4, 0.4, 0.2), tuple(foot.tolist()), orientation=(0.0, -math.sin(half), 0.0, math.cos(half))
+        )
+        arena.settle(0.5)
+        before = arena.positions()[0]
+        arena.settle(1.0)
+        return 1e3 * math.dist(before, arena.positions()[0])
+
+
+def slope_rolls(method: PatchConfig) -> float:
+    """Error [%] of the acceleration of a ball rolling down 15 degrees: 5/7 g sin(angle)."""
+    angle = math.radians(15.0)
+    with Arena(method, {"kind": "slope", "angle": 15.0}, size=101) as arena:
+        foot = np.array([5.0, 0.013, 5.0 * math.tan(angle)]) + 0.2 * np.array([-math.sin(angle), 0.0, math.cos(angle)])
+        arena.spawn("ball", Sphere(0.2), tuple(foot.tolist()))
+        arena.settle(0.25)
+        first = np.linalg.norm(arena.velocities()[0])
+        arena.settle(1.0)
+        found = np.linalg.norm(arena.velocities()[0]) - first
+        return 100.0 * abs(float(found) / (5.0 / 7.0 * GRAVITY * math.sin(angle)) - 1.0)
+
+
+def bounces(method: PatchConfig) -> float:
+    """Error [%] of the height that a ball of restitution 0.5, dropped from a metre, comes back to: a quarter."""
+    with Arena(method, physics=PhysicsConfig(restitution=0.5)) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 1.2))
+        highest = 0.0
+        for time in arena.run(1.0):
+            if time > 0.5:
+                highest = max(highest, arena.positions()[0, 2] - 0.2)
+        return 100.0 * abs(highest / 0.25 - 1.0)
+
+
+def hovers_in_trough(method: PatchConfig) -> float:
+    """How far [mm] a ball in a V-shaped trough rests from its radius times the secant of the slope above the bottom."""
+    with Arena(method) as arena:
+        heights = np.broadcast_to(0.6 * np.abs(arena.truth.x), (61, 61))
+        arena.heightmap.replace(heights, time=0.0)
+        arena.spawn("ball", Sphere(0.3), (0.0, 0.013, 0.3 * math.hypot(1.0, 0.6) + 0.02))
+        arena.settle(1.0)
+        return 1e3 * abs(float(arena.positions()[0, 2]) - 0.3 * math.hypot(1.0, 0.6))
+
+
+def normals(method: PatchConfig) -> float:
+    """Angle [deg], 99 %, between contact normals of balls rolling over ripples and those of the main mesh."""
+    ground = {"kind": "sinusoid", "amplitude": 0.1, "wavelength": 2.0}
+    with Arena(method, ground, size=81, resolution=0.1) as arena:
+        arena.scatter(8, Sphere(0.2), 2.0, 0.22, linear=(1.0, 0.0, 0.0))
+        angles: list[float] = []
+        surface, before = arena.surface(), arena.positions()
+        for time in arena.run(1.5):
+            if time > 0.5:
+                angles += _normal_errors(arena, surface, before)
+            before = arena.positions()
+        return float(np.percentile(angles, 99)) if angles else math.inf
+
+
+def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> list[float]:
+    """Errors [deg] of the contacts with the ground, which were found with the bodies at ``positions`` (N, 3) [m]."""
+    names = {arena.world.bodies[name].uid: index for index, name in enumerate(arena.shapes)}
+    contacts = [
+        (names[point[1]], np.array(point[7])) if point[1] in names else (names[point[2]], -np.array(point[7]))
+        for point in arena.world.client.getContactPoints()
+        if point[9] > 0.0 and (point[1] in names) != (point[2] in names)
+    ]
+    if not contacts:
+        return []
+    owner = [body for body, _ in contacts]
+    true = nearest(surface, positions[owner], 0.4).normal
+    errors = angles_between(np.array([normal for _, normal in contacts]), true)
+    return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
+
+
+def wide_box(method: PatchConfig) -> float:
+    """Largest distance [mm] of a corner of a box a metre wide from where it should rest, on cells of 0.5 to 0.05 m."""
+    worst = 0.0
+    for resolution in (0.5, 0.25, 0.1, 0.05):
+        with Arena(method, size=41, resolution=resolution) as arena:
+            arena.spawn("box", Box(1.0, 0.9, 0.2), (0.013, 0.017, 0.1))
+            arena.settle(1.0)
+            tilt = float(arena.clearances()[0])
+            worst = max(worst, abs(arena.positions()[0, 2] - 0.1), abs(tilt))
+    return 1e3 * worst
+
+
+_PLACES = 5
+
+
+def sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float) -> Any:
+    def figure(method: PatchConfig) -> float:
+        """Penetration [mm], 99 %, where it is deepest of several places; one body at a time, so that none is pushed."""
+        found = []
+        for place in range(_PLACES):
+            with Arena(method, ground, size=size, resolution=resolution) as arena:
+                arena.scatter(1, shape, spread, drop, seed=place)
+                found.append(deepest(arena, 1.5, 0.75))
+        return max(found)
+
+    return figure
+
+
+_RIPPLES = {"kind": "sinusoid", "amplitude": 0.04, "wavelength": 1.0}
+ROWS = (
+    Row(
+        name="T1 sliding box",
+        figure=_slide_error(Box(0.4, 0.4, 0.4), 0.2),
+        limit=1.0,
+        unit="mm",
+        source="a plane, 1 s at 3 m/s",
+        quick=True,
+    ),
+    Row(
+        name="T1 sliding sphere",
+        figure=_slide_error(Sphere(0.2), 0.2),
+        limit=1.0,
+        unit="mm",
+        source="a plane, 1 s at 3 m/s",
+    ),
+    Row(
+        name="T1 sliding cylinder",
+        figure=_slide_error(Cylinder(0.2, 0.4), 0.2),
+        limit=1.0,
+        unit="mm",
+        source="a plane, 1 s at 3 m/s",
+    ),
+    Row(name="T1 their speed", figure=slide_speed, limit=2.0, unit="mm/s", source="a plane, 1 s at 3 m/s"),
+    Row(
+        name="rolling ball",
+        figure=lambda method: _rolled(method)[0],
+        limit=1.0,
+        unit="mm",
+        source="a plane, 1 s at 3 m/s",
+        quick=True,
+    ),
+    Row(name="its energy", figure=lambda method: _rolled(method)[1], limit=0.15, unit="%", source="a plane; 2 mm/s"),
+    Row(
+        name="T2 ripples of 5 cm",
+        figure=ripples_against_whole,
+        limit=2.0,
+        unit="mm",
+        source="beyond the whole trimesh's, 1 s",
+    ),
+    Row(name="contact normals", figure=normals, limit=2.8, unit="deg", source="the next facet, 99 %"),
+    Row(name="sliding down 35 deg", figure=slope_slides, limit=2.0, unit="%", source="theory: g (sin - 0.5 cos)"),
+    Row(name="held on 25 deg", figure=slope_holds, limit=1.0, unit="mm", source="theory: holds below 26.6 deg, 1 s"),
+    Row(name="rolling down 15 deg", figure=slope_rolls, limit=2.0, unit="%", source="theory: 5/7 g sin"),
+    Row(name="bouncing, e = 0.5", figure=bounces, limit=20.0, unit="%", source="theory: e^2; PyBullet's bounce"),
+    Row(
+        name="ball in a trough",
+        figure=hovers_in_trough,
+        limit=1.0,
+        unit="mm",
+        source="theory: r sec(slope)",
+        quick=True,
+    ),
+    Row(
+        name="T8 box on 5-50 cm cells",
+        figure=wide_box,
+        limit=1.0,
+        unit="mm",
+        source="a plane",
+        quick=True,
+        skip=("prisms",),
+    ),
+    Row(
+        name="ball of a fifth of a cell",
+        figure=sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0),
+        limit=1.0,
+        unit="mm",
+        source="main mesh, 99 %",
+    ),
+    Row(
+        name="ball of 50 cells",
+        figure=sinks(Sphere(1.25), _RIPPLES, 161, 0.05, 1.3, 1.5),
+        limit=4.0,
+        unit="mm",
+        source="main mesh, 99 %; twice the tolerance",
+        skip=("prisms",),
+    ),
+    Row(
+        name="box of 40 cells on ripples",
+        figure=sinks(Box(2.0, 1.6, 0.3), _RIPPLES, 121, 0.05, 0.2, 1.5),
+        limit=4.0,
+        unit="mm",
+        source="main mesh, 99 %; twice the tolerance",
+        skip=("prisms",),
+    ),
+    Row(
+        name="long thin box",
+        figure=sinks(
+            Box(2.0, 0.1, 0.05), {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}, 61, 0.1, 0.1, 1.5
+        ),
+        limit=4.0,
+        unit="mm",
+        source="main mesh, 99 %; twice the tolerance",
+    ),
+    Row(
+        name="boxes on noise",
+        figure=sinks(Box(0.4, 0.3, 0.2), {"kind": "noise", "deviation": 0.02}, 61, 0.1, 0.2, 2.0),
+        limit=4.0,
+        unit="mm",
+        source="main mesh, 99 %",
+    ),
+)

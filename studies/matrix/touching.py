@@ -1,0 +1,201 @@
+"""Rows about what a body can touch beside the ground right below it: seams, creases, walls, edges."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.shapes import Box, Sphere
+from smartmesh_ros.physics.state import BodyState
+from studies.matrix.arena import Arena, deepest
+from studies.matrix.row import Row
+from studies.matrix.still_ground import sinks
+from smartmesh_ros.terrain.grid import FloatArray
+
+SLOPE = 0.3  # [-], less than the friction of 0.5
+
+
+def _pit(x: FloatArray, y: FloatArray) -> Any:
+    """Four planes that meet in the sample at the origin, each a cell's."""
+    return SLOPE * (np.abs(x) + np.abs(y))
+
+
+def ball_in_corner(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a ball on the corner of four cells, all of which it touches."""
+    with Arena(method, size=21) as arena:
+        arena.form(_pit)
+        expected = 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2)
+        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, expected + 0.01))
+        arena.settle(1.0)
+        return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, expected))
+
+
+def box_in_corner(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a small box over the corner of four cells, which stands on its own corners."""
+    with Arena(method, size=21) as arena:
+        arena.form(_pit)
+        expected = SLOPE * (0.06 + 0.05) + 0.04
+        arena.spawn("box", Box(0.12, 0.1, 0.08), (0.0, 0.0, expected + 0.005))
+        arena.settle(1.0)
+        return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, expected))
+
+
+def rolls_along_seam(method: PatchConfig) -> float:
+    """Error [mm] of where a ball gets that rolls for 2 s at 0.2 m/s along a seam, which is the bottom of a groove."""
+    secant = math.hypot(1.0, SLOPE)
+    with Arena(method, size=21) as arena:
+        arena.form(lambda x, y: SLOPE * np.abs(y))
+        # It rolls on two circles, nearer to its axis than its own radius.
+        spin = 0.2 / (0.2 / secant)
+        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 0.2 * secant), linear=(0.2, 0.0, 0.0), angular=(0.0, spin, 0.0))
+        arena.settle(2.0)
+        return 1e3 * math.dist(arena.positions()[0], (0.4, 0.0, 0.2 * secant))
+
+
+def rolls_over_corners(method: PatchConfig) -> float:
+    """Deepest penetration [mm] of a ball that rolls along a row of samples which are 1 cm up and down in turns."""
+    with Arena(method, size=21) as arena:
+        arena.form(lambda x, y: 0.01 * np.cos(np.pi * np.rint(x / 0.25)) * np.cos(np.pi * np.rint(y / 0.25)))
+        arena.spawn("ball", Sphere(0.2), (0.25, 0.0, 0.2), linear=(0.5, 0.0, 0.0), angular=(0.0, 2.5, 0.0))
+        return deepest(arena, 2.0, 0.0, every=1, share=100.0)
+
+
+_CREASE_CELLS = (1.0, 0.1)  # a cell larger and cells smaller than the box [m]
+
+
+def box_in_valley(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a box across a valley, which stands on two of its edges; the worst of cells."""
+    worst = 0.0
+    for resolution in _CREASE_CELLS:
+        with Arena(method, size=21, resolution=resolution) as arena:
+            arena.form(lambda x, y: SLOPE * np.abs(x))
+            expected = SLOPE * 0.2 + 0.1
+            arena.spawn("box", Box(0.4, 0.3, 0.2), (0.0, 0.013, expected + 0.005))
+            arena.settle(1.0)
+            worst = max(worst, math.dist(arena.positions()[0], (0.0, 0.013, expected)))
+    return 1e3 * worst
+
+
+def box_on_ridge(method: PatchConfig) -> float:
+    """Deepest penetration [mm] of a box that lies across a ridge and tips to its heavier side; the worst of cells.
+    Infinite where it does not come to lie on that slope."""
+    worst = 0.0
+    for resolution in _CREASE_CELLS:
+        with Arena(method, size=21, resolution=resolution) as arena:
+            arena.form(lambda x, y: -SLOPE * np.abs(x))
+            arena.spawn("box", Box(0.4, 0.3, 0.2), (0.05, 0.013, 0.101))
+            worst = max(worst, deepest(arena, 2.0, 0.0, every=1, share=100.0))
+            _, y, _, w = arena.world.state("box").orientation
+            tilt = 2.0 * math.atan2(y, w)
+            if abs(tilt - math.atan(SLOPE)) > math.radians(1.0) or abs(float(arena.clearances()[0])) > 2e-3:
+                return math.inf
+    return worst
+
+
+_SPINNER = """
+<robot name="spinner">
+  <link name="base">
+    <inertial><mass value="50"/><inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision>
+  </link>
+  <link name="bar">
+    <inertial><mass value="1"/><inertia ixx="0.001" iyy="0.0836" izz="0.0836" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="1.0 0.05 0.05"/></geometry></collision>
+  </link>
+  <joint name="spin" type="continuous">
+    <parent link="base"/><child link="bar"/><origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>
+    <limit effort="5" velocity="50"/>
+  </joint>
+</robot>
+"""
+
+
+def spins_into_wall(method: PatchConfig) -> float:
+    """How far [deg] from where its end meets a wall that stands beside it a turning bar gets."""
+    with Arena(method, size=61, resolution=0.05) as arena:
+        arena.form(lambda x, y: np.where(y > 0.225, 0.5, 0.0))  # samples from 0.25 m on stand on top
+        arena.world.spawn_robot("spinner", _SPINNER, BodyState((0.0, 0.0, 0.05)))
+        arena.world.drive("spinner", "spin", 20.0, 5.0)
+        body = arena.world.bodies["spinner"]
+        furthest = 0.0
+        for _ in arena.run(1.0):
+            angle = arena.world.client.getJointState(body.uid, 0)[0]
+            heading = arena.world.client.getEulerFromQuaternion(arena.world.state("spinner").orientation)[2]
+            furthest = max(furthest, angle + heading)
+        # The end's corner that leads, against the wall's face at the height of the bar's upper edge.
+        across = 0.2 + 0.05 * (0.1 + 0.05 + 0.025) / 0.5
+        meets = math.asin(across / math.hypot(0.5, 0.025)) - math.atan2(0.025, 0.5)
+        return math.degrees(abs(furthest - meets))
+
+
+def _trench(x: FloatArray, y: FloatArray) -> Any:
+    """Level ground with a trench whose lips are 0.3 m apart, too narrow for a ball of 0.2 m."""
+    return np.where(np.abs(x) < 0.125, -0.5, 0.0)
+
+
+def ball_on_trench(method: PatchConfig) -> float:
+    """Error [mm] of the rest height of a ball that two lips of a trench hold."""
+    with Arena(method, size=61, resolution=0.05) as arena:
+        return _error_on_trench(arena)
+
+
+def _error_on_trench(arena: Arena) -> float:
+    """Lays the ball down; error [mm] of where it lies then."""
+    arena.form(_trench)
+    arena.spawn("ball", Sphere(0.2), (0.0, 0.013, 0.15))
+    arena.settle(1.0)
+    return 1e3 * math.dist(arena.positions()[0], (0.0, 0.013, math.sqrt(0.2**2 - 0.15**2)))
+
+
+def trench_opens(method: PatchConfig) -> float:
+    """How far [mm] a ball that two lips held is above 0.3 m below the ground, a second after one of them sank; infinite
+    where they did not hold it."""
+    with Arena(method, size=61, resolution=0.05) as arena:
+        if _error_on_trench(arena) > 10.0:
+            return math.inf
+        sunk = np.array(arena.heightmap.heights[:, :29]) - 1.0  # all of x <= -0.1 m
+        arena.heightmap.update_region(0, 0, sunk, time=arena.world.time)
+        arena.settle(1.0)
+        return 1e3 * max(float(arena.positions()[0, 2]) + 0.3, 0.0)
+
+
+ROWS = (
+    Row(
+        name="ball on the corner of four cells", figure=ball_in_corner, limit=1.0, unit="mm",
+        source="geometry: r sqrt(1 + 2 s^2)", quick=True,
+    ),
+    Row(
+        name="small box on the corner of four cells", figure=box_in_corner, limit=0.5, unit="mm",
+        source="geometry: stands on its corners",
+    ),
+    Row(
+        name="rolling along a seam", figure=rolls_along_seam, limit=5.0, unit="mm",
+        source="theory: v t, r sec(slope); PyBullet gains 2 % of speed",
+    ),
+    Row(name="rolling over corners of cells", figure=rolls_over_corners, limit=1.0, unit="mm", source="main mesh"),
+    Row(
+        name="box across a valley, cells of 1 and 0.1 m", figure=box_in_valley, limit=1.0, unit="mm",
+        source="geometry: stands on its edges", quick=True,
+    ),
+    Row(
+        name="box across a ridge, cells of 1 and 0.1 m", figure=box_on_ridge, limit=4.0, unit="mm",
+        source="main mesh, a step at 1 m/s; the slope's tilt",
+    ),
+    Row(
+        name="a bar that spins into a wall", figure=spins_into_wall, limit=4.0, unit="deg",
+        source="geometry; two steps at 8 rad/s", quick=True,
+    ),
+    Row(
+        name="ball on the lips of a trench", figure=ball_on_trench, limit=1.0, unit="mm",
+        source="geometry: sqrt(r^2 - (width / 2)^2)", quick=True,
+    ),
+    Row(name="one of them sinks away", figure=trench_opens, limit=0.0, unit="mm", source="it falls in", quick=True),
+    Row(
+        name="long thin box on fine noise",
+        figure=sinks(Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8),
+        limit=4.0, unit="mm", source="main mesh, 99 %; a step at 1 m/s", skip=("prisms",),
+    ),
+)  # fmt: skip

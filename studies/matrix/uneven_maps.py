@@ -1,0 +1,143 @@
+"""Rows on ground that moves under maps as sensors make them: noise in the heights, and uneven stamps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from studies.matrix.arena import Arena
+from studies.matrix.moving_ground import WAVES
+from studies.matrix.row import METHODS, Row
+from smartmesh_ros.terrain.motion import MotionConfig
+
+OTHERS = tuple(name for name in METHODS if name != "defaults")
+BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}
+STEP = 1.0 / 240.0
+# What is not measured at first, and how long a run takes [s].
+SETTLE, DURATION = 1.0, 5.0
+
+
+class Ride(NamedTuple):
+    """What bodies on waves do: how deep they are in the ground, 99 % [mm], and how far the middle of any rises from
+    where the waves are lowest, as a share of what the waves do from trough to crest [%]."""
+
+    depth: float
+    rise: float
+
+
+@cache
+def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: PatchConfig) -> Ride:
+    """Sixteen bodies on waves that are told at so many ``stamps`` [s] with white ``noise`` [m]."""
+    rng, due, depths, highest = np.random.default_rng(seed), list(stamps), [], 0.0
+    shape, waves = BODIES[kind], WAVES[frequency]
+    with Arena(method, waves) as arena:
+        arena.heightmap.motion = MotionConfig(noise=noise)
+        arena.scatter(16, shape, 4.0, shape.bounding_radius + 0.05)
+        rest = shape.radius if isinstance(shape, Sphere) else 0.15
+        for _ in range(round(DURATION / STEP)):
+            while due and due[0] <= arena.world.time + 1e-9:
+                stamp = due.pop(0)
+                heights = np.asarray(arena.ground.heights(stamp), np.float64)
+                arena.heightmap.replace(heights + rng.normal(0.0, noise, heights.shape), time=stamp)
+            arena.world.step()
+            if arena.world.time > SETTLE:
+                depths.append(-arena.clearances())
+                highest = max(highest, float(arena.positions()[:, 2].max()) - rest)
+    most = waves["amplitude"]
+    return Ride(max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0), 100.0 * (highest + most) / (2.0 * most))
+
+
+def even(rate: float) -> tuple[float, ...]:
+    """Stamps at a rate [Hz]."""
+    return tuple(number / rate for number in range(math.ceil(DURATION * rate)))
+
+
+def jittered(rate: float) -> tuple[float, ...]:
+    """Each up to an interval late."""
+    late = np.random.default_rng(4).uniform(0.0, 1.0, math.ceil(DURATION * rate))
+    return tuple((number + by) / rate for number, by in enumerate(late.tolist()))
+
+
+def in_bursts(rate: float) -> tuple[float, ...]:
+    """Five in one interval, then none for four."""
+    return tuple((number // 5 * 5 + 0.2 * (number % 5)) / rate for number in range(math.ceil(DURATION * rate)))
+
+
+def with_drops(rate: float) -> tuple[float, ...]:
+    """Every third is missing."""
+    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 3 != 2)
+
+
+def with_swaps(rate: float) -> tuple[float, ...]:
+    """Of every ten two come in the wrong order: the older one was overtaken, and is left out."""
+    return tuple(stamp for number, stamp in enumerate(even(rate)) if number % 10 != 8)
+
+
+def even_ride(frequency: int, kind: str, rate: float, method: PatchConfig) -> Ride:
+    """The same without noise and with even stamps."""
+    return ride(frequency, kind, even(rate), 0.0, 0, method)
+
+
+def deeper_in_noise(frequency: int, kind: str, rate: float, noise: float, method: PatchConfig) -> float:
+    """How much deeper bodies are in the ground than on exact maps, 99 % [standard deviations of the noise]."""
+    noisy = ride(frequency, kind, even(rate), noise, 3, method)
+    return (noisy.depth - even_ride(frequency, kind, rate, method).depth) / (1e3 * noise)
+
+
+def thrown_in_noise(frequency: int, kind: str, rate: float, noise: float, method: PatchConfig) -> float:
+    """How far the highest body rises, of what the waves do [%]."""
+    return ride(frequency, kind, even(rate), noise, 3, method).rise
+
+
+def against_even(measure: str, name: str, frequency: int, rate: float, even_rate: float, method: PatchConfig) -> float:
+    """Penetration of balls, or how far the highest rises, of that with even stamps at a rate [%]."""
+    uneven = ride(frequency, "balls", STAMPS[name](rate), 0.0, 0, method)
+    as_even = even_ride(frequency, "balls", even_rate, method)
+    return 100.0 * float(getattr(uneven, measure)) / float(getattr(as_even, measure))
+
+
+def _row(name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str) -> Row:
+    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, skip=OTHERS)
+
+
+STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
+    "jitter of an interval": jittered,
+    "bursts of five": in_bursts,
+    "every third dropped": with_drops,
+    "two swapped": with_swaps,
+}
+# Stamps, rate of the maps [Hz], and how much more seldom the even ones are that they are compared with: nobody knows
+# how ground goes on that is not told for several intervals.
+RUNS = (
+    *((name, 60.0, 5.0 if stamps is in_bursts else 1.0) for name, stamps in STAMPS.items()),
+    *((name, 20.0, 2.0) for name, stamps in STAMPS.items() if stamps is not in_bursts),
+)
+ROWS = (
+    *(
+        _row(
+            f"noise of {1e3 * noise:g} mm on waves w = {frequency} at {rate:g} Hz, {kind}: {measure}",
+            partial(figure, frequency, kind, rate, noise), limit, unit, source,
+        )
+        for frequency in (1, 4)
+        for noise in (0.002, 0.005)
+        for rate in (20.0, 60.0)
+        for kind in BODIES
+        for measure, figure, limit, unit, source in (
+            ("deeper", deeper_in_noise, 2.0, "sigma", "as without noise"),
+            ("rise", thrown_in_noise, 120.0, "%", "what the waves do, and a fifth"),
+        )
+    ),
+    *(
+        _row(f"{name}, waves w = 4 at {rate:g} Hz: {measure}",
+             partial(against_even, measure, name, 4, rate, rate / slower), 120.0, "%",
+             "as with even stamps" if slower == 1.0 else "as with even stamps as seldom as the longest gaps")
+        for name, rate, slower in RUNS
+        for measure in ("depth", "rise")
+    ),
+)  # fmt: skip
