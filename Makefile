@@ -2,7 +2,7 @@
 PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
-STUDIES := install/smartmesh_ros/lib/smartmesh_ros/smartmesh-studies
+STUDIES := python -m studies
 
 .PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after start-study load soak tune tuning fuzz clean
 
@@ -57,7 +57,7 @@ tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag
 tuning:  ## the table of docs/tuning.md: eight scenes and a bag of the demo, about half an hour
 	@rm -rf out/demo_bag
 	@$(RUN) tune -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) tune -- python -m smartmesh_ros.tune.document --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) tune -- python -m studies.tuning --bag out/demo_bag --params-file out/demo_bag.yaml
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

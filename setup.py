@@ -18,9 +18,9 @@ from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
 IN_WORKSPACES = [
-    f"fleet_front = {NAME}.starting:fleet_front",
+    f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"tune = {NAME}.tune.cli:start",
-    f"view = {NAME}.starting:view",
+    f"view = {NAME}.startup.executables:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
 # Builds without machine code: a wheel for all machines, whose nodes compile when they are first started.
@@ -98,7 +98,7 @@ setup(
     distclass=WithMachineCode,
     cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "studies/scenes/*.yaml"]},
+    package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -110,7 +110,6 @@ setup(
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
-        "studies": ["coal", "matplotlib", "mujoco", "psutil", "sapien"],
         "test": ["hypothesis", "pytest"],
         "tune": ["matplotlib", "optuna", "rosbags"],
         "view": ["viser[urdf]"],
@@ -124,14 +123,13 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            f"terrain_collider = {NAME}.starting:terrain_collider",
-            f"smartmesh-fleet = {NAME}.starting:fleet",
-            f"terrain_source = {NAME}.starting:terrain_source",
+            f"terrain_collider = {NAME}.startup.executables:terrain_collider",
+            f"smartmesh-fleet = {NAME}.startup.executables:fleet",
+            f"terrain_source = {NAME}.startup.executables:terrain_source",
             f"smartmesh-compile = {NAME}.compiling:main",
-            f"smartmesh-demo = {NAME}.starting:demo",
-            f"smartmesh-studies = {NAME}.studies.cli:main",
+            f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-tune = {NAME}.tune.cli:start",
-            f"smartmesh-view = {NAME}.starting:view",
+            f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),
         ],
     },

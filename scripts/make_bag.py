@@ -12,8 +12,8 @@ from typing import Any, get_args
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.testing import bags, heightmap_message, pose_message
 
 MAP_RATE, POSE_RATE = 20, 60

@@ -15,9 +15,9 @@ import yaml
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
-from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.node.demo.terrain_source import SPECS, make_scene
+from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.testing import bags, heightmap_message
 
 START = 1_700_000_000.0  # a day in the past, as bags are from

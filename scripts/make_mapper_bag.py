@@ -18,9 +18,9 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
+from smartmesh_ros.testing import bags, floats, pose_message
 from studies.mapper import DriftConfig, MapFrame, MapperConfig, MappingConfig, mapped_terrain
 from studies.mapper.grid_map import grid_map_arrays
-from smartmesh_ros.testing import bags, floats, pose_message
 
 START = 1_700_000_000.0  # a day in the past, as bags are from
 CELLS, RATE = 40, 5.0  # a small map and a slow one [Hz], to keep the bag small

@@ -14,9 +14,9 @@ import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
 
-from smartmesh_ros.startup.domains import isolated_unless_chosen
-from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.node.demo.demo import ROBOT, Demo
+from smartmesh_ros.startup.dds import use_large_message_profile
+from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.view.browser import FLAGS, find_browser
 from smartmesh_ros.view.camera import Camera
 from smartmesh_ros.view.main import demo_running

@@ -12,6 +12,8 @@ from time import perf_counter
 from typing import Any
 
 from smartmesh_ros.evaluation.machine import describe
+from smartmesh_ros.evaluation.scene import read_scenes
+from smartmesh_ros.warm_up import warm_up
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
 from studies.contest import PIECES, Result, run_scene
@@ -19,9 +21,7 @@ from studies.matrix.picture import draw_matrix, matrix_table
 from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
-from smartmesh_ros.evaluation.scene import read_scenes
 from studies.tables import fill, scene_table, summary_table
-from smartmesh_ros.warm_up import warm_up
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from smartmesh_ros.evaluation.scene import Scene
 from studies.configurations import Configuration, Family
 from studies.contest import Result
 from studies.front import error_of, pareto_front
-from smartmesh_ros.evaluation.scene import Scene
 
 COLOURS: dict[Family, str] = {
     "ours": "#0b6e4f",

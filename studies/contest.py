@@ -12,13 +12,13 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.clearance import clearances
-from studies.configurations import Configuration
 from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from studies.engines.registry import build
 from smartmesh_ros.evaluation.measures import BoolArray, deviation, held_up, penetration
 from smartmesh_ros.evaluation.reference import HORIZON, reference_positions
 from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.configurations import Configuration
+from studies.engines.registry import build
 
 # The run is timed in so many pieces, all engines taking turns; cost is their median.
 PIECES = 12

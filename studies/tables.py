@@ -7,10 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from smartmesh_ros.evaluation.scene import Scene
 from studies.configurations import Configuration
 from studies.contest import Result
 from studies.front import beyond_all, cheapest_as_accurate, error_of, pareto_front
-from smartmesh_ros.evaluation.scene import Scene
 
 OURS = ("ours", "ours, less")
 

@@ -6,13 +6,12 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from smartmesh_ros.evaluation.engines.bullet import BulletTrimesh, BulletTrimeshOptions
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from smartmesh_ros.evaluation.engines.smartmesh import SmartMesh, SmartMeshOptions
+from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.evaluation.engines.bullet import BulletTrimeshOptions
-from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from studies.engines.registry import build
-from smartmesh_ros.evaluation.engines.smartmesh import SmartMeshOptions
-from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 
@@ -36,12 +35,12 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     heights: Any = ground.heights(0.0)
     setup = Setup(heights=heights, resolution=scene.grid[1], bodies=bodies, dt=1.0 / FINE_RATE)
     if scene.reference == "whole":
-        engine = build("bullet_trimesh", setup, BulletTrimeshOptions(edge_filter=True))
+        engine: Engine = BulletTrimesh(setup, BulletTrimeshOptions(edge_filter=True))
     else:
         finest = PatchConfig(kind="heightfield", tolerance=1e-4, rate=0.0)
         # Maps that come with every step are none of them a part of another.
         motion = MotionConfig(min_interval=0.0)
-        engine = build("smartmesh", setup, SmartMeshOptions(patch=finest, motion=motion))
+        engine = SmartMesh(setup, SmartMeshOptions(patch=finest, motion=motion))
     with engine:
         for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
             if scene.moves and scene.reference == "finest":

@@ -11,12 +11,12 @@ import numpy as np
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.evaluation.grounds import make_ground
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.scenes.moving import Scene as MovingGround
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
 FOLDER = Path(__file__).parent / "scenes"
 SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}

@@ -11,16 +11,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.bounds import require_name
-from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
-from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.endpoint_names import EndpointNames
+from smartmesh_ros.node.inputs.bounds import require_name
+from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
-from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
-from smartmesh_ros.node.refusals import Refusals, shortened
-from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.node.inputs.tracking import Tracking
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
+from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
+from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.world import World
 
 # Calls that may wait, and answers that are kept until they are delivered: by default ROS loses all but ten.

@@ -17,24 +17,24 @@ from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.inputs.body_inputs import BodyInputs
+from smartmesh_ros.node.inputs.robot_description import RobotDescription
+from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
+from smartmesh_ros.node.outputs.announcing import announce, announce_changes
+from smartmesh_ros.node.outputs.namesakes import Namesakes
+from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
-from smartmesh_ros.node.outputs.announcing import announce, announce_changes
-from smartmesh_ros.node.inputs.body_inputs import BodyInputs
-from smartmesh_ros.node.services.body_services import BodyServices
-from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.services.initial_bodies import InitialBodies
-from smartmesh_ros.node.outputs.namesakes import Namesakes
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
-from smartmesh_ros.node.outputs.publishing import Publishing
-from smartmesh_ros.node.inputs.robot_description import RobotDescription
-from smartmesh_ros.node.running import run
-from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.running import run
+from smartmesh_ros.node.services.body_services import BodyServices
+from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
-from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
+from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.usable import require_usable
+from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.warm_up import warm_up
 
 NAME = "terrain_collider"

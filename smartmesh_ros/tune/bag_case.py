@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.node.parameters.settings import RobotConfig, Settings
-from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
 from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.tune.events import Event, Start
 
 # What arrives within so much of a step still belongs to it [s]: a sum of steps is not quite what it stands for.

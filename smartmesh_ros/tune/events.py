@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.physics.world import World
-from smartmesh_ros.io.rasters import Raster
 
 FloatGrid = NDArray[np.float32]
 # Puts a body into the world; False while there is no ground for it yet.

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.clearance import clearances
+from smartmesh_ros.evaluation.measures import HELD_UP, penetration
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.physics.quaternions import product
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.state import Vector
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.evaluation.measures import HELD_UP, penetration
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tune.case import Case, Ground
 from smartmesh_ros.tune.figures import Figures

@@ -14,18 +14,18 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.decoding import message_from
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
-from smartmesh_ros.node.timing.pacing import StampClock
-from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.inputs.transform_input import transforms_from
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.limits import require_possible
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.testing.bags import Record
 from smartmesh_ros.tune.bag import Bag
 from smartmesh_ros.tune.events import BodiesCame, Event, JointsCame, MapCame, RegionCame

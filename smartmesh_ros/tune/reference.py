@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.evaluation.reference import FINE_RATE
+from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.replay import Replay
 from smartmesh_ros.tune.start import settings_of

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.map_taking import take_map
+from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.physics.limits import SIZES, require_between
-from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tune.events import BodiesCame, Event, JointsCame, MapCame, RegionCame, Start

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.physics.state import BodyState, Vector
-from smartmesh_ros.physics.world import World
 from smartmesh_ros.evaluation.reference import FINE_RATE, HORIZON, reference_positions
 from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.io.rasters import Raster
+from smartmesh_ros.physics.state import BodyState, Vector
+from smartmesh_ros.physics.world import World
 from smartmesh_ros.tune.case import SLACK, Case, Ground, Span
 from smartmesh_ros.tune.events import Event, MapCame, Start
 from smartmesh_ros.tune.reference import finest_positions

@@ -10,8 +10,8 @@ from typing import Any
 import optuna
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.evaluation.presets import NAMES as PRESETS
+from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits

@@ -10,10 +10,10 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
-from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
-from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.evaluation.presets import folder
+from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
 
 NODE = "/terrain_collider"
 DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}

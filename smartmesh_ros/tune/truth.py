@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.io.rasters import FloatGrid, Raster
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.io.rasters import FloatGrid, Raster
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tune.case import Ground
 from smartmesh_ros.tune.events import MapCame, RegionCame

@@ -16,9 +16,9 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args, try_shutdown
 
-from smartmesh_ros.startup.domains import isolated_unless_chosen
-from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.node.demo.demo import COLLIDER, SOURCE, Demo, node_process
+from smartmesh_ros.startup.dds import use_large_message_profile
+from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.view.remote import Remote
 
 # Updates of the page a second: smooth to the eye, and cheap.

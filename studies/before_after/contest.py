@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.before_after.case import PHYSICS_RATE, Case
 from studies.before_after.inputs import measure, write_inputs
 from studies.before_after.side import Piece, Side
-from smartmesh_ros.terrain.grid import FloatArray
 
 SIDES = ("before", "now")
 # Columns of what a piece took.

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.before_after.case import PHYSICS_RATE, Case
 from smartmesh_ros.evaluation.clearance import clearances
 from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.evaluation.grounds import make_ground
-from studies.matrix.arena import square
 from smartmesh_ros.evaluation.measures import Penetration, penetration
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.before_after.case import PHYSICS_RATE, Case
+from studies.matrix.arena import square
 
 # Bodies start within this share of the map [-].
 SPREAD = 0.85

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from studies.before_after import worker
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.before_after import worker
 
 
 class Piece(NamedTuple):

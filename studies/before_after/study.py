@@ -15,11 +15,11 @@ from typing import Any
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.machine import describe
 from studies.before_after.case import cases
 from studies.before_after.contest import Compared, compare
 from studies.before_after.picture import draw
 from studies.before_after.tables import calls_table, kinds_table, missed, speed_table
-from smartmesh_ros.evaluation.machine import describe
 
 PIECES, QUICK_PIECES = 9, 3
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
+from smartmesh_ros.evaluation import machine
+from smartmesh_ros.warm_up import warm_up
 from studies.bench import (
     collecting,
     crowds,
     document,
-    machine,
     searching,
     simple_mesh,
     smart_mesh,
@@ -22,7 +23,6 @@ from studies.bench import (
 from studies.bench.measure import FULL, QUICK, Bench, Results
 from studies.bench.report import BATCHES
 from studies.bench.targets import TARGETS
-from smartmesh_ros.warm_up import warm_up
 
 _BAR = 24
 

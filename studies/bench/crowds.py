@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.colliders.field import replace_field
 from smartmesh_ros.physics.shapes import Sphere
@@ -29,7 +30,6 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import RINGS
-from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from studies.engines.registry import build, missing
 
 SIDE = 1024

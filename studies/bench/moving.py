@@ -13,9 +13,9 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Box, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 

@@ -11,10 +11,10 @@ from smartmesh_ros.search.best_first import best_first_cells, best_first_vertex,
 from smartmesh_ros.search.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.search.grid import Cells, nearest_vertices
 from smartmesh_ros.search.ray_cast import ray_cast
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh
 from studies.bench.report import BATCHES, LARGER, SEARCH
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
 # Sizes over which a search of a uniform grid is to cost the same.
 EQUAL_SIDES = (50, 100, 200, 512, 1024, 2048, 4096)

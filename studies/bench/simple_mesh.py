@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.engines.engine import Setup
+from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.handing import handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import FRAME, RESOLUTION, Waves, doubles, grid_vertices
 from studies.bench.report import LARGER, SIMPLE_PHYSX
-from smartmesh_ros.evaluation.engines.engine import Setup
 from studies.engines.registry import build, missing
-from smartmesh_ros.terrain.trimesh import grid_triangles
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from smartmesh_ros.evaluation.engines.engine import Setup
 from smartmesh_ros.patches.config import PatchConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
@@ -20,7 +21,6 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import LARGER, RINGS
-from smartmesh_ros.evaluation.engines.engine import Setup
 from studies.engines.registry import build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].

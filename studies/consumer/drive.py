@@ -14,13 +14,13 @@ from time import monotonic, perf_counter, process_time
 
 import numpy as np
 
-from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.evaluation.clearance import clearances
+from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.consumer.cases import Case, TrueGround
 from studies.consumer.map_ground import MapGround
 from studies.consumer.rover import RADIUS, STEP, Rover
 from studies.consumer.served_ground import ServedGround
-from smartmesh_ros.terrain.grid import FloatArray
 
 # How long the first ground may take [s].
 PATIENCE = 120.0

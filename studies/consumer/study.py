@@ -1,4 +1,4 @@
-"""``smartmesh-studies consumer``: MuJoCo on served patches beside MuJoCo with a height field of the whole map."""
+"""``python -m studies consumer``: MuJoCo on served patches beside MuJoCo with a height field of the whole map."""
 
 from __future__ import annotations
 

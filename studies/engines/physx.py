@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 

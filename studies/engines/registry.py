@@ -11,18 +11,18 @@ from smartmesh_ros.evaluation.engines.engine import Engine, Setup
 
 
 class _Entry(NamedTuple):
-    """Where an engine is: module below this package, and class."""
+    """Where an engine is: module and class."""
 
     module: str
     engine: str
 
 
 _ENTRIES = {
-    "smartmesh": _Entry("smartmesh", "SmartMesh"),
-    "bullet_trimesh": _Entry("bullet", "BulletTrimesh"),
-    "bullet_heightfield": _Entry("bullet", "BulletHeightfield"),
-    "mujoco": _Entry("mujoco_hfield", "MujocoHfield"),
-    "physx": _Entry("physx", "PhysxTrimesh"),
+    "smartmesh": _Entry("smartmesh_ros.evaluation.engines.smartmesh", "SmartMesh"),
+    "bullet_trimesh": _Entry("smartmesh_ros.evaluation.engines.bullet", "BulletTrimesh"),
+    "bullet_heightfield": _Entry("smartmesh_ros.evaluation.engines.bullet", "BulletHeightfield"),
+    "mujoco": _Entry("studies.engines.mujoco_hfield", "MujocoHfield"),
+    "physx": _Entry("studies.engines.physx", "PhysxTrimesh"),
 }
 ENGINES = tuple(_ENTRIES)
 
@@ -33,7 +33,7 @@ def missing(name: str) -> str:
     if name not in _ENTRIES:
         raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
     try:
-        import_module(f"{__package__}.{_ENTRIES[name].module}")
+        import_module(_ENTRIES[name].module)
     except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
         return f"{type(error).__name__}: {error}"
     return ""
@@ -50,5 +50,5 @@ def build(name: str, setup: Setup, options: Any = None) -> Engine:
     if reason:
         raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
     entry = _ENTRIES[name]
-    engine: type[Engine] = getattr(import_module(f"{__package__}.{entry.module}"), entry.engine)
+    engine: type[Engine] = getattr(import_module(entry.module), entry.engine)
     return engine(setup, options)

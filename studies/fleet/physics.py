@@ -14,8 +14,8 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.states import simulated_states
-from studies.fleet.worlds import RATE, Start, flat_world, peers
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.fleet.worlds import RATE, Start, flat_world, peers
 
 BALL = Sphere(0.2)
 # Balls bounce, and roll as they like; boxes stop.

@@ -26,9 +26,9 @@ from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.stopwatch import Stopwatch
-from studies.load.cases import MAX_VELOCITY, RESOLUTION
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from studies.load.cases import MAX_VELOCITY, RESOLUTION
 
 # The newest map's number, at the start of the shared memory; map k lies in buffer k % 2.
 HEAD = 64

@@ -24,10 +24,10 @@ from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.stopwatch import STAGES, Stopwatch
-from studies.load.cases import MAX_VELOCITY
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.warm_up import warm_up
+from studies.load.cases import MAX_VELOCITY
 
 
 class Naive(Node):

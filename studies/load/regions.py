@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from studies.load import tables
 from smartmesh_ros.terrain.heightmap import HeightMap
+from studies.load import tables
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from studies.mapper.poses import Pose
 from smartmesh_ros.terrain.grid import FloatArray
+from studies.mapper.poses import Pose
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, overlap
 from studies.mapper.poses import Pose
 from studies.mapper.sensors import Scan
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, overlap
 
 
 @dataclass(frozen=True, kw_only=True)

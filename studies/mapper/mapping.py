@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.terrain.grid import GridGeometry
 from studies.mapper.drift import DriftConfig, Estimator
 from studies.mapper.elevation_mapper import ElevationMapper, MapperConfig
 from studies.mapper.poses import LoopPath, Pose, on_ground
 from studies.mapper.sensors import DepthCamera, Lidar, RangeSensor, scan
 from studies.mapper.truth import TruthConfig, true_ground
-from smartmesh_ros.terrain.grid import GridGeometry
 
 FloatGrid = NDArray[np.float32]
 # How often real elevation mappers publish [Hz].

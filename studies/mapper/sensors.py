@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.mapper.poses import Pose
 from studies.mapper.rays import cast_rays
-from smartmesh_ros.terrain.grid import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

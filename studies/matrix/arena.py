@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.evaluation.clearance import clearances
+from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.evaluation.distance import Surface
-from smartmesh_ros.evaluation.grounds import Rigid, make_ground
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 

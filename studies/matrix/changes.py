@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.evaluation.measures import GRAVITY
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.shapes import Box, Sphere
+from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.matrix.arena import Arena, square
 from studies.matrix.row import Row
 from studies.matrix.rules import HILLS
-from smartmesh_ros.evaluation.measures import GRAVITY
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 
 def _buried(centre: float) -> Any:

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from smartmesh_ros.evaluation.measures import GRAVITY
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Box, Shape, Sphere
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
-from smartmesh_ros.evaluation.measures import GRAVITY
 
 RATE = 240.0  # [Hz]
 _HIT = 6.0  # [m/s]

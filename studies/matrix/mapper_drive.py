@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 import pybullet_data
 
+from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
-from smartmesh_ros.evaluation.distance import Surface
-from studies.mapper.mapping import MapFrame, MappingConfig, mapped_terrain
-from studies.mapper.truth import true_ground
-from studies.matrix.row import METHODS, Row
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.terrain import Terrain
+from studies.mapper.mapping import MapFrame, MappingConfig, mapped_terrain
+from studies.mapper.truth import true_ground
+from studies.matrix.row import METHODS, Row
 
 HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 WHEELS = {f"{end}_{side}_wheel": side for end in ("front", "rear") for side in ("left", "right")}

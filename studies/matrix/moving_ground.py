@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.evaluation.measures import GRAVITY
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.matrix.arena import Arena, deepest, lost_in, square
 from studies.matrix.row import Row
-from smartmesh_ros.evaluation.measures import GRAVITY
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 BALL = Sphere(0.2)
 

@@ -17,11 +17,11 @@ from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
-from studies.matrix.arena import square
-from studies.matrix.row import METHODS, Row
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from studies.matrix.arena import square
+from studies.matrix.row import METHODS, Row
 
 CELLS, RESOLUTION = 61, 0.1
 STEP = 1.0 / 240.0

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
-from studies.configurations import BARE
-from studies.matrix.real_maps import CELLS, STEP, Site
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
+from studies.configurations import BARE
+from studies.matrix.real_maps import CELLS, STEP, Site
 
 
 class Way(NamedTuple):

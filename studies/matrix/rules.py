@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.measures import deviation
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.physics.state import BodyState
 from studies.matrix.arena import Arena
 from studies.matrix.row import Row
-from smartmesh_ros.evaluation.measures import deviation
 
 HILLS = {"kind": "sinusoid", "amplitude": 0.3, "wavelength": 4.0}
 

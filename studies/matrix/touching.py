@@ -10,10 +10,10 @@ import numpy as np
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
 from studies.matrix.still_ground import sinks
-from smartmesh_ros.terrain.grid import FloatArray
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.arena import Arena
 from studies.matrix.moving_ground import WAVES
 from studies.matrix.row import METHODS, Row
-from smartmesh_ros.terrain.motion import MotionConfig
 
 OTHERS = tuple(name for name in METHODS if name != "defaults")
 BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}

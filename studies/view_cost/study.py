@@ -1,4 +1,4 @@
-"""``smartmesh-studies view-cost``: the node with the view open and closed, by turns in one run.
+"""``python -m studies view-cost``: the node with the view open and closed, by turns in one run.
 
 Bodies on a map of which a region moves; a process takes what a page would get, so that no browser takes part in what is
 measured.

@@ -18,10 +18,10 @@ from tests.newcomer.conftest import (
     copy_of_this,
 )
 
-OWN = ("compile", "demo", "fleet", "studies", "tune", "view")
+OWN = ("compile", "demo", "fleet", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
 COMMANDS = {"terrain_collider", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
-WITHOUT_ROS = {"smartmesh-compile", "smartmesh-studies", "smartmesh-tune"}
+WITHOUT_ROS = {"smartmesh-compile", "smartmesh-tune"}
 
 
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
@@ -68,7 +68,7 @@ def test_only_names_that_say_where_they_are_from_land_on_the_path(environment: P
         assert without_ros.returncode == 1
         assert f"{command} needs ROS 2" in without_ros.stderr
         assert "Traceback" not in without_ros.stderr
-    assert "bench" in run(environment / "bin" / "smartmesh-studies", "--help").stdout
+    assert "--budget" in run(environment / "bin" / "smartmesh-tune", "--help").stdout
 
 
 def test_machine_code_is_in_the_wheel_and_used(environment: Path) -> None:

@@ -15,8 +15,8 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
 
 ROWS, COLUMNS, MOST = 5, 4, 1000
 UINT32 = [0, 1, 3, 4, 5, 7, 16, 20, 64, 2**16, 2**31, 2**32 - 1]

@@ -6,8 +6,8 @@ from typing import Any
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.node.endpoint_names import NAMELESS, PATIENCE, UNKNOWN, EndpointNames
-from smartmesh_ros.node.outputs.connections import incompatible_peers
 from smartmesh_ros.node.inputs.rivals import publisher_names
+from smartmesh_ros.node.outputs.connections import incompatible_peers
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -15,8 +15,8 @@ from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.node.fleet.peer_bodies import NEWEST
 from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message

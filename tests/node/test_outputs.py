@@ -22,8 +22,7 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node.outputs import body_outputs
-from smartmesh_ros.node.outputs import patch_outputs
+from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.selector import Selector

@@ -15,8 +15,8 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 
 from smartmesh_ros import BodyState, Box, Capsule, HeightMap, InputError, PhysicsConfig, Sphere, World
-from smartmesh_ros.node.outputs.body_outputs import BodyStates
 from smartmesh_ros.node.fleet.peer_states import PeerReader
+from smartmesh_ros.node.outputs.body_outputs import BodyStates
 from smartmesh_ros.physics.state_table import require_sound
 from smartmesh_ros.physics.states import simulated_states
 

@@ -96,7 +96,6 @@ def test_a_printed_parameter_file_says_all_the_defaults(probe: Probe, tmp_path: 
         ("terrain_collider", [spec.name for spec in SPECS]),
         ("terrain_source", [spec.name for spec in terrain_source.SPECS]),
         ("smartmesh-demo", ["--seconds", "--out"]),
-        ("smartmesh-studies", ["accuracy", "bench", "load", "soak"]),
     ],
 )
 def test_each_executable_explains_itself(domain: int, name: str, words: list[str]) -> None:

@@ -17,14 +17,14 @@ from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import Trigger
 
-from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.inputs.map_checks import MapChecks
-from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.inputs.rivals import Rivals
+from smartmesh_ros.node.parameters import specifications as parameters
+from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
+from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message, pose_message
 from smartmesh_ros.testing.probe import DIAGNOSTICS
 

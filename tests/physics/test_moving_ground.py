@@ -9,8 +9,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import SELECTION, PatchKind
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
+from smartmesh_ros.terrain.grid import GridGeometry
 
 GRAVITY = 9.81
 

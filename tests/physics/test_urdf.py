@@ -7,8 +7,8 @@ import pybullet_data
 import pytest
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
+from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.heightmap import HeightMap
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smartmesh_ros.evaluation.scene import Bodies, Scene
 from studies import accuracy
 from studies.configurations import configurations
 from studies.contest import Result, run_scene
 from studies.front import beyond_all, cheapest_as_accurate, pareto_front
 from studies.matrix.row import Outcome
 from studies.matrix.run import ROWS, run_cell
-from smartmesh_ros.evaluation.scene import Bodies, Scene
 from studies.tables import fill
 
 

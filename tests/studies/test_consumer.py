@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from studies.consumer.cases import Case, TrueGround
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.testing import domain
+from studies.consumer.cases import Case, TrueGround
 
 __all__ = ["domain"]
 

@@ -12,6 +12,7 @@ from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.node.parameters.specifications import NAMES
+from smartmesh_ros.testing import domain
 from studies.load import cases
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
 from studies.load.processes import run_case
@@ -19,7 +20,6 @@ from studies.load.soak_report import slope_of
 from studies.load.summary import Summary
 from studies.load.tables import runs
 from studies.load.terrain_messages import TerrainMessages
-from smartmesh_ros.testing import domain
 
 __all__ = ["domain"]
 

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from smartmesh_ros import GridGeometry, InputError
-from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
 from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map
+from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
+from smartmesh_ros.testing import bags
 from studies.mapper import (
     NO_DRIFT,
     DepthCamera,
@@ -39,8 +41,6 @@ from studies.mapper.poses import on_ground
 from studies.mapper.rays import cast_rays
 from studies.mapper.sensors import RangeSensor, Scan, scan
 from studies.mapper.truth import TruthConfig
-from smartmesh_ros.io.rasters import RasterConfig, from_grid_map
-from smartmesh_ros.testing import bags
 
 TESTS = Path(__file__).parents[1]
 BAG = TESTS / "data" / "mapper"

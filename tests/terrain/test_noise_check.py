@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from smartmesh_ros.evaluation.grounds import make_ground
-from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
-from studies.matrix.arena import square
-from studies.matrix.moving_ground import WAVES
-from studies.matrix.uneven_maps import STAMPS
 from smartmesh_ros.evaluation.scene import Scene, read_scenes
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NOTHING, Lattice, NoiseCheck, NoiseCheckConfig, compare
+from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
+from studies.matrix.arena import square
+from studies.matrix.moving_ground import WAVES
+from studies.matrix.uneven_maps import STAMPS
 
 Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
 GRID = square(61, 0.1)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.io.rasters import (
     Raster,
     RasterConfig,
@@ -18,6 +17,7 @@ from smartmesh_ros.io.rasters import (
     from_points,
     occupancy_heights,
 )
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 NAN = float("nan")
 PLAIN = RasterConfig()

@@ -11,9 +11,9 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.physics.whole_mesh import MOST_INDICES, MOST_VERTICES
-from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
+from smartmesh_ros.evaluation.engines.bullet import body_arrays
+from smartmesh_ros.evaluation.engines.engine import Engine, Setup
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.world import World, WorldConfig
-from smartmesh_ros.evaluation.engines.bullet import body_arrays
-from smartmesh_ros.evaluation.engines.engine import Engine, Setup
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig

@@ -40,11 +40,11 @@ from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros import machine_code
-from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.node.demo import demo_pictures
+from smartmesh_ros.node.demo.demo_pictures import Snapshot
 from smartmesh_ros.node.inputs.conversions import map_from
 from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.node.demo.demo_pictures import Snapshot
+from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 SOURCE = {

@@ -14,15 +14,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.timing.clock import NodeClock
 from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import ExecutorKind, run
+from smartmesh_ros.node.timing.clock import NodeClock
+from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.scenes.elevation import jacksboro_fault
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.scenes.moving import Crater, Heave, InwardWaves, Region, Rut, Scene, Wave, WaveOnRelief
+from smartmesh_ros.terrain.grid import GridGeometry
 
 NAME = "terrain_source"
 SCENES = ("waves", "rut", "crater", "heave", "elevation")

@@ -18,11 +18,11 @@ import rclpy
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros import machine_code
-from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.node.fleet.commands import FleetPlan
 from smartmesh_ros.node.fleet.layout import WAVES, front_of
 from smartmesh_ros.node.fleet.watcher import FleetWatcher
 from smartmesh_ros.startup.dds import use_large_message_profile
+from smartmesh_ros.startup.domains import isolated_unless_chosen
 
 # Bodies start in rows so far apart, so high [m].
 APART, HIGH = 0.9, 0.8

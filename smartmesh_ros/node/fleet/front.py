@@ -24,15 +24,15 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
-from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.fleet import timing
 from smartmesh_ros.node.fleet.calls import Calls
+from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.fleet.polling import Polled
 from smartmesh_ros.node.fleet.requests import place_of, specification_of
+from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.session import SERVICES
 
 _D = LedgerConfig()

@@ -12,11 +12,11 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.conversions import stamp_seconds
-from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.node.fleet.peer_names import AUTO, TOPIC, topic_of
 from smartmesh_ros.node.fleet.peer_states import PeerReader, PeerStates
+from smartmesh_ros.node.inputs.conversions import stamp_seconds
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.pacing import StampClock
 
 # Only the newest states count.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

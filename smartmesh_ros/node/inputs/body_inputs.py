@@ -16,9 +16,9 @@ from smartmesh_ros.node.inputs.bounds import require_name, require_room
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.frame_bodies import FrameBodies
 from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
-from smartmesh_ros.node.timing.pacing import StampClock
-from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.limits import SIZES, require_between, require_possible
 
 # Takes reliable and best-effort publishers alike.

@@ -9,8 +9,8 @@ from pathlib import Path
 import pybullet_data
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.io.urdf import UrdfRules
+from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.terrain.terrain import Terrain
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.timing.pacing import StampClock
-from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.state import BodyState
 
 SOURCE = "bodies.frames"

@@ -12,6 +12,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io import files
+from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_grid
 from smartmesh_ros.node.inputs.bounds import require_name, require_tile_fits
@@ -19,15 +21,13 @@ from smartmesh_ros.node.inputs.conversions import FloatGrid
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
-from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.node.inputs.rivals import Rivals, publisher_names
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
-from smartmesh_ros.io import files
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 

@@ -13,8 +13,8 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.services.robot_files import urdf_text
+from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 

@@ -22,13 +22,10 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.outputs import body_outputs
-from smartmesh_ros.node.outputs import diagnostics
-from smartmesh_ros.node.outputs import patch_outputs
-from smartmesh_ros.node.outputs import robot_outputs
+from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
-from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import SimulatedStates

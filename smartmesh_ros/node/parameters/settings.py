@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.body_sources import BodySource
-from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.io.urdf import UrdfRules
+from smartmesh_ros.node.inputs.body_sources import BodySource
+from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.io.rasters import RasterConfig
 
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]

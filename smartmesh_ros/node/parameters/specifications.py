@@ -15,13 +15,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters import declaring
-from smartmesh_ros.node.inputs.body_sources import body_sources
-from smartmesh_ros.node.timing.clock import require_one_clock
-from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.timing.pacing import DeadlinePolicy
+from smartmesh_ros.io.rasters import FirstRow, RasterConfig
 from smartmesh_ros.node.fleet.peer_names import peer_names
-from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.node.inputs.body_sources import body_sources
+from smartmesh_ros.node.parameters import declaring
+from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.settings import (
     Durability,
     PublishRates,
@@ -31,6 +29,9 @@ from smartmesh_ros.node.parameters.settings import (
     TerrainChanges,
     TerrainInput,
 )
+from smartmesh_ros.node.running import ExecutorKind
+from smartmesh_ros.node.timing.clock import require_one_clock
+from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.report.collect import CollectMethod
 from smartmesh_ros.physics.config import PhysicsConfig
@@ -38,7 +39,6 @@ from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
-from smartmesh_ros.io.rasters import FirstRow, RasterConfig
 
 _D = Settings()
 _PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster

@@ -10,12 +10,11 @@ from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs import bounds
-from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.refusals import shortened
-from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.io.urdf import checked_urdf
+from smartmesh_ros.node.inputs import bounds, conversions
+from smartmesh_ros.node.refusals import shortened
+from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.node.session import Session
 
 # Failures whose reasons the message of a response quotes; the response lists all of them.
 QUOTED = 3

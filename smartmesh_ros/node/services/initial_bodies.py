@@ -4,8 +4,8 @@ of everything."""
 from __future__ import annotations
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
+from smartmesh_ros.node.session import Session
 
 
 class InitialBodies:

@@ -11,15 +11,14 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs import bounds
-from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.services.entity_filters import select
+from smartmesh_ros.io.urdf import checked_urdf
+from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.services.entity_filters import select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
+from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.base_frames import centre_state
-from smartmesh_ros.io.urdf import checked_urdf
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (

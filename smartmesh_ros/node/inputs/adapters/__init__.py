@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from smartmesh_ros.node.inputs.adapters import grid_map, image, occupancy_grid, point_cloud
 from smartmesh_ros.io.rasters import Raster, RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map, image, occupancy_grid, point_cloud
 
 
 class Adapter(NamedTuple):

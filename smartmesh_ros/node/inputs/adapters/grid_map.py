@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_grid_map
+from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
 
 # How many cells a map's length may be from a whole number of them.
 OFF_GRID = 0.01

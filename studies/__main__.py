@@ -1,4 +1,4 @@
-"""``smartmesh-studies NAME [options]``: the studies of this project, by name."""
+"""``python -m studies NAME [options]``: the studies of this project, by name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def usage() -> str:
     """The studies there are."""
     lines = [f"  {name:14}{about}" for name, (_, about) in STUDIES.items()]
     return "\n".join(
-        ["usage: smartmesh-studies NAME [options]; `smartmesh-studies NAME --help` tells the options", "", *lines]
+        ["usage: python -m studies NAME [options]; `python -m studies NAME --help` tells the options", "", *lines]
     )
 
 
@@ -33,7 +33,11 @@ def main() -> None:
         print(usage())
         return
     if name not in STUDIES:
-        print(f"smartmesh-studies: no study {name!r}\n{usage()}", file=sys.stderr)
+        print(f"python -m studies: no study {name!r}\n{usage()}", file=sys.stderr)
         sys.exit(2)
-    sys.argv = [f"smartmesh-studies {name}", *options]
+    sys.argv = [f"python -m studies {name}", *options]
     importlib.import_module(STUDIES[name][0]).main()
+
+
+if __name__ == "__main__":
+    main()
