@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.moving_grid import INSTANT
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import grid_triangles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,9 +151,3 @@ def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArr
     for axis, name in enumerate(("turn_x", "turn_y", "turn_z")):
         angular[:, axis] = supports[name]
     return linear, angular
-
-
-def general_mesh(terrain: Terrain, name: str) -> TriangleMesh | None:
-    """The tile of that name if it is a general mesh."""
-    mesh = terrain.tiles[name]
-    return mesh if isinstance(mesh, TriangleMesh) else None

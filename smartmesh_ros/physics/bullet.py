@@ -31,16 +31,6 @@ class BulletCalls:
         numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
 
-    def velocity(self, body: int) -> tuple[float, float, float]:
-        """Linear velocity of a body [m/s]."""
-        linear: tuple[float, float, float] = pb.getBaseVelocity(body, self._client)[0]
-        return linear
-
-    def orientation(self, body: int) -> tuple[float, float, float, float]:
-        """Orientation (x, y, z, w) of a body."""
-        turn: tuple[float, float, float, float] = pb.getBasePositionAndOrientation(body, self._client)[1]
-        return turn
-
     def add_velocities(self, bodies: list[int], changes: list[list[float]]) -> list[list[float]]:
         """Changes the linear velocities of bodies by so much; returns what they are then, three numbers each [m/s]."""
         get, reset, client = pb.getBaseVelocity, pb.resetBaseVelocity, self._client

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -127,16 +126,12 @@ class Ground:
         radius: float | None = None,
         solid: bool = True,
         shape: Shape | None = None,
-        ball: bool | None = None,
     ) -> Follower:
         """Puts a patch under ``body`` (or its ``link``).
 
         Its shape is read from PyBullet, unless it is given: as a ``shape`` about its centre of mass, or as the
-        ``radius`` [m] of a sphere that holds it. ``solid=False`` computes the patch without a collider. ``ball`` has no
-        effect any more.
+        ``radius`` [m] of a sphere that holds it. ``solid=False`` computes the patch without a collider.
         """
-        if ball is not None:
-            warnings.warn("Ground.attach takes the shape itself: give `shape`, not `ball`", DeprecationWarning, 2)
         attached = self.followers if self._together is None else self._together
         if any(follower.body == body and follower.link == link for follower in attached):
             raise InputError("duplicate_id", f"body {body}, link {link} is attached already; detach it first")

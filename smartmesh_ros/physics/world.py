@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -81,17 +80,6 @@ class World:
         self._index = index_followers([], [])
         self.guests = Guests(self, self.config.guests)
         self._indexes = True  # not within `together`, which indexes its followers at its end
-
-    @property
-    def hurried(self) -> bool:
-        """The name of ``behind`` before."""
-        warnings.warn("World.hurried is World.behind", DeprecationWarning, 2)
-        return self.behind
-
-    @hurried.setter
-    def hurried(self, behind: bool) -> None:
-        warnings.warn("World.hurried is World.behind", DeprecationWarning, 2)
-        self.behind = behind
 
     def __enter__(self) -> World:
         return self

@@ -99,10 +99,6 @@ class GridGeometry:
         y = self.origin[1] + np.multiply(columns, sin) + np.multiply(rows, cos)
         return np.stack([x, y], axis=-1)
 
-    def flat_index(self, rows: IntArray, columns: IntArray) -> IntArray:
-        """Index of samples in the row-major height array (the report's ``i = x + C y``, Chapter 3)."""
-        return rows * self.columns + columns
-
 
 def overlap(moved: int, size: int) -> tuple[slice, slice]:
     """The samples that an axis of ``size`` shares with the one before it, by which it was ``moved`` by so many: in the

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,8 +15,6 @@ class PatchTemplate:
 
     ``rows``, ``columns``: offsets of the samples from the centre (K,), row by row, in units of the stride.
     ``triangles``: corners of its triangles (T, 3), counter-clockwise from above.
-    ``fit``: (K, 3) so that ``samples @ fit`` is the plane through samples: its value at the centre and its slopes per
-    row and per column of the patch, by least squares weighted towards the centre, where the body is.
     """
 
     rings: int
@@ -24,7 +22,6 @@ class PatchTemplate:
     rows: IntArray
     columns: IntArray
     triangles: NDArray[np.int32]
-    fit: FloatArray
     _indices: dict[int, IntArray] = field(default_factory=dict, repr=False)
 
     def indices(self, columns: int) -> IntArray:
@@ -50,10 +47,7 @@ def patch_template(rings: int) -> PatchTemplate:
     lower = np.stack([corner, corner + 1, corner + size + 1], axis=1)
     upper = np.stack([corner, corner + size + 1, corner + size], axis=1)
     triangles = np.stack([lower, upper], axis=1).reshape(-1, 3).astype(np.int32)
-    weights = np.exp(-2.0 * (rows**2 + columns**2) / rings**2)
-    basis = np.stack([np.ones_like(rows), rows, columns], axis=1).astype(np.float64)
-    fit = np.linalg.solve(basis.T @ (basis * weights[:, None]), (basis * weights[:, None]).T).T
-    template = PatchTemplate(rings, size, rows, columns, triangles, np.ascontiguousarray(fit))
-    for array in (template.rows, template.columns, template.triangles, template.fit):
+    template = PatchTemplate(rings, size, rows, columns, triangles)
+    for array in (template.rows, template.columns, template.triangles):
         array.setflags(write=False)
     return template
