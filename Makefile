@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures test lint prepare fleet fleet-study bench studies before-after start-study load soak tune tuning fuzz clean
+.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after start-study load soak tune tuning fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -20,6 +20,9 @@ pictures:  ## the README's pictures of the view and the demo, by a browser witho
 
 test:  ## lint, types, colcon build, and every test
 	@$(RUN) dev view studies -- scripts/check
+
+docs-check:  ## the tables of docs/ whose figures are older than the code
+	@$(RUN) -- python -m studies.pages
 
 lint:  ## ruff, the import rules and the type checker
 	@$(RUN) dev view -- scripts/check lint

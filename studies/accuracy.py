@@ -21,7 +21,8 @@ from studies.matrix.picture import draw_matrix, matrix_table
 from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
-from studies.tables import fill, scene_table, summary_table
+from studies.pages import fill
+from studies.tables import scene_table, summary_table
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,7 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(file=sys.stderr)
     path = out / "accuracy.json"
     _save(path, data)
-    fill(out / "accuracy.md", blocks)
+    if (page := out / "accuracy.md").exists():
+        fill(page, blocks)
     print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
     return 0
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from smartmesh_ros.evaluation.scene import Scene
 from studies.configurations import Configuration
@@ -76,17 +74,6 @@ def summary_table(
         "faster and more accurate than all of ours", "the same, but further from where bodies go",
     ]  # fmt: skip
     return table(header, rows)
-
-
-def fill(path: Path, blocks: Mapping[str, str]) -> None:
-    """Replaces what stands between ``<!-- generated: NAME -->`` and ``<!-- end -->`` in a document, where it does."""
-    if not path.exists():
-        return
-    text = path.read_text()
-    for name, content in blocks.items():
-        pattern = re.compile(rf"(<!-- generated: {re.escape(name)} -->\n).*?(<!-- end -->)", re.S)
-        text = pattern.sub(lambda match, body=content: f"{match[1]}{body}\n{match[2]}", text)  # type: ignore[misc]
-    path.write_text(text)
 
 
 def _mm(metres: float) -> str:

@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     silence_pybullet()
     from smartmesh_ros.evaluation.machine import describe
-    from studies.tables import fill
+    from studies.pages import fill
 
     results = options.out / "results.json"
     options.out.mkdir(parents=True, exist_ok=True)

@@ -8,12 +8,12 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any, NamedTuple
 
-from smartmesh_ros.errors import InputError
 from studies.bench.figures import draw_all
 from studies.bench.measure import Results
 from studies.bench.tables import all_tables
+from studies.pages import fill
 
-START, END = "<!-- written by the bench: start -->", "<!-- written by the bench: end -->"
+BLOCK = "tables"
 RESULTS = "bench.json"
 TABLES = "tables.md"
 PICTURES = Path("images/bench")
@@ -66,13 +66,9 @@ def summary(run: Run) -> str:
 
 
 def update(document: Path, text: str, pictures: Iterable[Path] = ()) -> None:
-    """Puts ``text`` between the marks of a document, and the pictures into ``images/bench`` beside it; raises
-    `InputError` if it has no marks."""
-    whole = document.read_text()
-    if START not in whole or END not in whole:
-        raise InputError("document", f"{document} has no lines {START!r} and {END!r} to write between")
-    before, _, rest = whole.partition(START)
-    document.write_text(f"{before}{START}\n\n{text}\n{END}{rest.partition(END)[2]}")
+    """Puts ``text`` into the block of a document, and the pictures into ``images/bench`` beside it; raises `InputError`
+    if it has no such block."""
+    fill(document, {BLOCK: text})
     folder = document.parent / PICTURES
     for picture in pictures:
         folder.mkdir(parents=True, exist_ok=True)

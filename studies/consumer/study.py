@@ -17,7 +17,7 @@ from studies.consumer.cases import Case
 from studies.consumer.drive import Drive
 from studies.consumer.run import run_case
 from studies.load.study import machine
-from studies.load.tables import write
+from studies.pages import fill
 
 PAGE = Path("docs/other_simulators.md")
 CASES = (
@@ -98,7 +98,7 @@ def main(args: list[str] | None = None) -> None:
     }
     print("\n\n".join(blocks.values()))
     if not options.quick:
-        write(PAGE, blocks)
+        fill(PAGE, blocks)
         print(f"wrote {PAGE}")
 
 

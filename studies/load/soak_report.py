@@ -12,7 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.load.tables import table, write
+from studies.load.tables import table
+from studies.pages import fill
 
 # The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
 WARM_UP = 0.2
@@ -79,7 +80,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
     print(text)
     if page is not None:
-        write(page, {"soak": text})
+        fill(page, {"soak": text})
 
 
 def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:

@@ -15,6 +15,7 @@ from studies.load.cases import Case
 from studies.load.processes import run_case
 from studies.load.summary import Summary
 from studies.load.tables import PAGE, PICTURES
+from studies.pages import fill
 
 
 def machine() -> str:
@@ -66,7 +67,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     }
     print(blocks["targets"])
     if page is not None:
-        tables.write(page, blocks)
+        fill(page, blocks)
         print(f"wrote {page}")
 
 

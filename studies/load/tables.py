@@ -99,18 +99,6 @@ def targets(groups: dict[str, list[Summary]]) -> str:
     return table(["figure", "at most", "measured", ""], lines)
 
 
-def write(path: Path, blocks: dict[str, str]) -> None:
-    """Puts each block between its marks ``<!-- name -->`` and ``<!-- end -->``; the words around them stay."""
-    text = path.read_text()
-    for name, block in blocks.items():
-        start, found, rest = text.partition(f"<!-- {name} -->\n")
-        if not found:
-            raise ValueError(f"{path} has no mark <!-- {name} -->")
-        _, end, rest = rest.partition("<!-- end -->")
-        text = f"{start}{found}{block}\n{end}{rest}"
-    path.write_text(text)
-
-
 def _ros_side(s: Summary) -> float:
     """Processor time a step without patches and physics [ms]; NaN where waiting for a processor hides it in them."""
     rest = s.cpu_per_step - s.update_and_step

@@ -13,7 +13,6 @@ from studies.contest import Result, run_scene
 from studies.front import beyond_all, cheapest_as_accurate, pareto_front
 from studies.matrix.row import Outcome
 from studies.matrix.run import ROWS, run_cell
-from studies.tables import fill
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.quick], ids=lambda row: row.name)
@@ -69,13 +68,6 @@ def test_figures_within_their_limit_pass() -> None:
     assert Outcome(figure=1.0, **cell).passed is True  # type: ignore[arg-type]
     assert Outcome(figure=np.inf, **cell).passed is False  # type: ignore[arg-type]
     assert Outcome(figure=None, **cell).passed is None  # type: ignore[arg-type]
-
-
-def test_only_marked_blocks_of_a_document_are_replaced(tmp_path: Path) -> None:
-    path = tmp_path / "a.md"
-    path.write_text("words\n<!-- generated: one -->\nold\n<!-- end -->\nmore\n")
-    fill(path, {"one": "| new |", "two": "nowhere"})
-    assert path.read_text() == "words\n<!-- generated: one -->\n| new |\n<!-- end -->\nmore\n"
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,117 @@
+"""Blocks of the pages that studies write, each marked with a digest of the code it was measured with.
+
+A block stands between ``<!-- generated: NAME of SUBJECT, code DIGEST -->`` and ``<!-- end -->``. The subject says which
+rooms the figures depend on. The digest covers the code of these rooms without comments and docstrings, so that better
+words do not make figures stale.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import smartmesh_ros
+from smartmesh_ros.errors import InputError
+
+ROOT = Path(__file__).parents[1]
+_CORE = ("terrain", "search", "patches", "physics")
+# The rooms that the figures of a block depend on, by its subject.
+SUBJECTS = {
+    "core": _CORE,
+    "node": (*_CORE, "node"),
+    "tuner": (*_CORE, "evaluation", "tune"),
+    "client": (*_CORE, "node", "client"),
+}
+_MARK = re.compile(r"<!-- generated: (?P<name>[\w -]+?) of (?P<subject>\w+), code (?P<digest>\w+) -->\n")
+_END = "<!-- end -->"
+
+
+class Block(NamedTuple):
+    """A block of a page: its name, its subject, and the digest of the code it was measured with."""
+
+    name: str
+    subject: str
+    digest: str
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """The blocks of a page; raises `InputError` for a subject that does not exist."""
+    found = [Block(*match.groups()) for match in _MARK.finditer(page.read_text())]
+    for block in found:
+        if block.subject not in SUBJECTS:
+            raise InputError("document", f"{page.name}: {block.subject!r} is no subject; choose {', '.join(SUBJECTS)}")
+    return found
+
+
+def fill(page: Path, blocks: Mapping[str, str]) -> None:
+    """Replaces blocks of a page by their names and notes the code of today; raises `InputError` and writes nothing if
+    the page lacks one of them."""
+    text = page.read_text()
+    for name, content in blocks.items():
+        found = next((match for match in _MARK.finditer(text) if match["name"] == name), None)
+        end = text.find(_END, found.end()) if found else -1
+        if found is None or end < 0:
+            raise InputError("document", f"{page} has no block <!-- generated: {name} of SUBJECT, code DIGEST -->")
+        mark = f"<!-- generated: {name} of {found['subject']}, code {digest_of(found['subject'])} -->"
+        text = f"{text[: found.start()]}{mark}\n{content}\n{text[end:]}"
+    page.write_text(text)
+
+
+@cache
+def digest_of(subject: str) -> str:
+    """Digest of the code that figures of a subject depend on."""
+    package = Path(smartmesh_ros.__file__).parent
+    files = [file for room in SUBJECTS[subject] for file in sorted((package / room).rglob("*.py"))]
+    return digest({str(file.relative_to(package)): file.read_text() for file in files})
+
+
+def digest(sources: Mapping[str, str]) -> str:
+    """Digest of sources by file name, without their comments and docstrings."""
+    total = hashlib.sha256()
+    for name, source in sources.items():
+        tree = ast.parse(source)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                node.body = _without_docstring(node.body)
+        total.update(f"{name}\0{ast.dump(tree)}\0".encode())
+    return total.hexdigest()[:12]
+
+
+def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
+    """The statements of a body but its docstring."""
+    match body:
+        case [ast.Expr(value=ast.Constant(value=str())), *rest]:
+            return rest
+    return body
+
+
+def stale_blocks(folder: Path) -> list[str]:
+    """Blocks of the pages in a folder that were measured with other code than today's, a sentence each."""
+    return [
+        f"{page.name}: {block.name} (of {block.subject}, code {block.digest}; today's is {digest_of(block.subject)})"
+        for page in sorted(folder.glob("*.md"))
+        for block in blocks_of(page)
+        if block.digest != digest_of(block.subject)
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """``make docs-check``: lists the blocks whose figures are older than the code."""
+    parser = argparse.ArgumentParser(prog="docs-check", description=main.__doc__)
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the pages")
+    pages = parser.parse_args(arguments).docs
+    total = sum(len(blocks_of(page)) for page in pages.glob("*.md"))
+    stale = stale_blocks(pages)
+    print("\n".join([*stale, f"{len(stale)} of {total} generated blocks are older than the code they measure"]))
+    return 1 if stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

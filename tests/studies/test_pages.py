@@ -1,0 +1,55 @@
+"""Blocks of pages: only they are replaced, and they say which code they were measured with."""
+
+from pathlib import Path
+
+import pytest
+
+from smartmesh_ros.errors import InputError
+from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, stale_blocks
+
+ROOT = Path(__file__).parents[2]
+PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"
+
+
+def test_only_marked_blocks_are_replaced_and_note_the_code(tmp_path: Path) -> None:
+    page = tmp_path / "a.md"
+    page.write_text(PAGE)
+    fill(page, {"one": "| new |"})
+    assert page.read_text() == (
+        f"words\n<!-- generated: one of core, code {digest_of('core')} -->\n| new |\n<!-- end -->\nmore\n"
+    )
+
+
+def test_a_block_that_is_missing_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    page = tmp_path / "a.md"
+    page.write_text(PAGE)
+    with pytest.raises(InputError, match="no block <!-- generated: two"):
+        fill(page, {"one": "new", "two": "nowhere"})
+    assert page.read_text() == PAGE
+
+
+def test_a_block_is_stale_until_it_is_measured_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "a.md"
+    page.write_text(PAGE)
+    assert [line.split(" (")[0] for line in stale_blocks(tmp_path)] == ["a.md: one"]
+    assert main(["--docs", str(tmp_path)]) == 1
+    assert "1 of 1 generated blocks" in capsys.readouterr().out
+    fill(page, {"one": "new"})
+    assert stale_blocks(tmp_path) == []
+    assert main(["--docs", str(tmp_path)]) == 0
+
+
+def test_code_counts_and_words_do_not() -> None:
+    code = 'def f(x):\n    """Twice."""\n    return 2 * x  # why\n'
+    same = 'def f(x):\n    """Return twice the value."""\n\n    return 2 * x\n'
+    assert digest({"f.py": code}) == digest({"f.py": same})
+    assert digest({"f.py": code}) != digest({"f.py": code.replace("2 *", "3 *")})
+    assert digest({"f.py": code}) != digest({"g.py": code})
+
+
+def test_the_subjects_differ_and_the_pages_name_them() -> None:
+    assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
+    marked = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_of(page)}
+    assert marked == {"accuracy.md", "benchmarks.md", "performance.md", "other_simulators.md", "tuning.md"}
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
