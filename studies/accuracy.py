@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -22,6 +21,7 @@ from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
 from studies.pages import fill
+from studies.results_file import read_results, save_results
 from studies.tables import scene_table, summary_table
 
 
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         data["stability"] = [asdict(outcome) for outcome in outcomes]
     print(file=sys.stderr)
     path = out / "accuracy.json"
-    _save(path, data)
+    save_results(path, data)
     if (page := out / "accuracy.md").exists():
         fill(page, blocks)
     print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
@@ -69,15 +69,9 @@ def folder_of(options: argparse.Namespace) -> Path:
     return folder
 
 
-def _save(path: Path, data: dict[str, Any]) -> None:
-    """Writes what a run found; what another run found of the rest stays."""
-    before = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**before, **data}, indent=1) + "\n")
-
-
 def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
     """The results of scenes that an earlier run wrote."""
-    scenes = json.loads(path.read_text()).get("scenes", {}) if path.exists() else {}
+    scenes = read_results(path).get("scenes", {})
     return {
         scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
         for scene, found in scenes.items()
@@ -86,7 +80,7 @@ def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
 
 def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
     """Cells of the matrix, and those of other methods that an earlier run wrote, row by row."""
-    written = json.loads(path.read_text()).get("stability", []) if path.exists() else []
+    written = read_results(path).get("stability", [])
     new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
     before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}
     cells = before | new
@@ -109,7 +103,7 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
         data["scenes"] = {
             name: {one: asdict(result) for one, result in found.items()} for name, found in results.items()
         }
-        _save(path, data)
+        save_results(path, data)
     scenes = [scene for scene in read_scenes() if scene.name in results]
     parts = [
         f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
