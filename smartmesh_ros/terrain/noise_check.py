@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scrolling import cells_moved
 
 FloatGrid = NDArray[np.float32]
 # Samples of a place of the lattice: its own and those on either side of it in its row.
