@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Gap, Solid, along, height_of, plane_normal, reach_along
+from smartmesh_ros.patches.facets import Gap, Point, Solid, height_of, plane_normal, reach_along
 from smartmesh_ros.patches.touchable import Touch, Window, nearest_planes, surface_at
 
 
@@ -34,8 +34,8 @@ def lifted_by(window: Window, solid: Solid, touch: Touch) -> Touch:
     over = below(window, solid, touch)
     plane, _ = nearest_planes(window, over)
     normal = plane_normal(plane)
-    depth = (height_of(plane, solid.centre.x, solid.centre.y) - solid.centre.z) * normal.z
-    foot = along(solid.centre, depth, normal)
+    foot = Point(solid.centre.x, solid.centre.y, height_of(plane, solid.centre.x, solid.centre.y))
+    depth = (foot.z - solid.centre.z) * normal.z
     gap = Gap(-depth - reach_along(solid, normal), normal, foot)
     return Touch(
         touch.facets, touch.top, touch.bottom, touch.left, touch.right, over.a, over.b, over.upper, gap, touch.margin

@@ -11,9 +11,10 @@ import numpy as np
 class Support(IntEnum):
     """What a body has under it.
 
-    NONE: nothing that it can touch until the next update. PLANE: the plane of the ground under it. FIELD: a rectangle
-    of samples. MESH: triangles of a general mesh, or a rectangle whose collider is a mesh. ACROSS: to be chosen by the
-    samples of several tiles.
+    NONE: nothing that it can touch until the next update. PLANE: the plane of the ground under it; where its middle is
+    below the ground, that of the facet over it, whose foot is straight over the middle and whose deviation is unknown.
+    FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle whose collider is a mesh. ACROSS: to
+    be chosen by the samples of several tiles.
     """
 
     NONE = 0
