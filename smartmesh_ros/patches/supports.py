@@ -13,8 +13,8 @@ class Support(IntEnum):
 
     NONE: nothing that it can touch until the next update. PLANE: the plane of the ground under it; where its middle is
     below the ground, that of the facet over it, whose foot is straight over the middle and whose deviation is unknown.
-    FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle whose collider is a mesh. ACROSS: to
-    be chosen by the samples of several tiles.
+    FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle whose collider is a mesh. ACROSS:
+    to be chosen by the samples of several tiles.
     """
 
     NONE = 0
