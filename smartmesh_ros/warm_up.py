@@ -130,4 +130,4 @@ def _check_maps() -> None:
     check = NoiseCheck()
     hills = _hills(0.0)
     for x, time in ((0.0, 0.0), (0.0, 0.1), (SPACING, 0.2)):
-        check.take(HeightMap(hills.heights, resolution=SPACING, origin=(x, 0.0), time=time))
+        check.take(HeightMap(hills.heights, resolution=SPACING, origin=(x, 0.0), time=time), time)

@@ -6,9 +6,6 @@ sample to sample. Two things that maps of sensors and mappers do are no motion:
 - *Noise*. Changes reverse from map to map, and those of neighbouring samples differ at random. Waves look so only where
   maps have fewer than ten instants a period and, at the same time, fewer than five samples a wavelength.
 - *Jumps*. Most of the ground is at rest, is somewhere else in the next map, and is at rest again: a closed loop.
-
-A lattice of some hundred samples is compared, which stays in its place of the world while a map travels over the ground
-by whole cells, and moves with a map that slides.
 """
 
 from __future__ import annotations
@@ -18,17 +15,11 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from smartmesh_ros.compiled import compiled
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.sample_lattice import NO_COUNTS, FloatGrid, compare, lattice_of, moved_as_one
 
-FloatGrid = NDArray[np.float32]
-# Samples of a place of the lattice: its own and those on either side of it in its row.
-STENCIL = 3
 # Mean absolute difference of the changes of two samples whose noise has a standard deviation of one.
 MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
 
@@ -54,11 +45,11 @@ class NoiseCheckConfig:
     ``hold`` [s]: how long what was seen is told after it was seen last.
     """
 
-    samples: int = 16
+    samples: int = 12
     least_change: float = 0.0005
     reversed: float = 0.2
     agreeing: float = 0.6
-    share: float = 0.02
+    share: float = 0.03
     changes: int = 50
     maps: int = 5
     lasting: float = 1.0
@@ -86,33 +77,6 @@ class Seen(NamedTuple):
 NOTHING = Seen(0.0, 0.0)
 
 
-class Lattice(NamedTuple):
-    """Samples that are compared, (n, m) places in a ring: place (i, j) holds row and column ``cells`` (n, m, 2) of the
-    world's lattice, the last ``heights`` there (n, m, STENCIL) [m], NaN = not known, and the last change of each place,
-    ``steps`` (n, m) [m], zero = none yet. ``stride``: samples of the map from place to place, along rows and
-    columns."""
-
-    cells: NDArray[np.int64]
-    heights: FloatArray
-    steps: FloatArray
-    stride: tuple[int, int]
-
-
-class Counts(NamedTuple):
-    """Sums over places: ``known`` now and in the map before; ``changed`` twice, ``reversed`` of these; ``tilted``
-    between the samples on both sides, ``agreeing`` ones of these, and the sum of how much to one side, ``tilt`` [m]."""
-
-    known: float
-    changed: float
-    reversed: float
-    tilted: float
-    agreeing: float
-    tilt: float
-
-
-NO_COUNTS = Counts(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 class Change(NamedTuple):
     """By how much most of the ground changed to the map at a ``time`` [s], the median ``step`` [m], and the time since
     the map before, ``interval`` [s]."""
@@ -130,38 +94,40 @@ class NoiseCheck:
         self.seen = NOTHING
         self._time = self._heard = -math.inf  # of the last map, and when it was seen that ground does not move so [s]
         self._geometry: GridGeometry | None = None
-        self._lattice, self._first = _lattice((0, 0), self.config.samples), (0, 0)
+        self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
         self._maps, self._counts = 0.0, NO_COUNTS  # how many maps count, and what was counted in them
         self._noisy_since = math.inf  # [s]
-        self._changes: deque[Change] = deque()
+        self._changes: deque[Change] = deque()  # of the last time of rest
+        self._jumped: Change | None = None  # what may be a jump
+        self._before = -math.inf  # the last map before these changes [s]
 
-    def take(self, heightmap: HeightMap) -> None:
-        """Takes note of a whole map that a height map has taken. Noise that it was told of counts for nothing."""
-        geometry, heights, time, motion = heightmap.geometry, heightmap.heights, heightmap.time, heightmap.motion
+    def take(self, heightmap: HeightMap, time: float) -> None:
+        """Takes note of a whole map of ``time`` [s] that a height map has taken. Noise that it was told of counts for
+        nothing."""
+        geometry, heights, motion = heightmap.geometry, heightmap.heights, heightmap.motion
         interval = time - self._time
         if 0.0 <= interval < motion.min_interval:
             return  # the same map in parts
         if not self._follow(geometry, heights) or not 0.0 < interval <= motion.max_interval:
             self._restart(time)
         self._time = time
-        sizes = np.empty(self._lattice.steps.size)
         height, least = float(geometry.origin[2]), self.config.least_change
-        counts = compare(self._lattice, heights, height, *self._first, least, sizes)
-        known = int(counts.known)
-        if not known:
-            return
         fading = math.exp(-interval / self.config.memory)
+        self._counts, step = compare(self._lattice, heights, height, *self._first, least, self._counts, fading)
+        if not self._counts.known:
+            return
         self._maps = fading * self._maps + 1.0
-        self._counts = Counts(*(fading * a + b for a, b in zip(self._counts, counts, strict=True)))
-        self._changes.append(Change(time, float(np.median(sizes[:known])), interval))
-        self._tell(self._noise(time) if heightmap.noise == 0.0 else 0.0, self._jump(), time)
+        noise = self._noise(time) if heightmap.noise == 0.0 else 0.0
+        self._tell(noise, self._jump(Change(time, step, interval)), time)
 
     def _follow(self, geometry: GridGeometry, heights: FloatGrid) -> bool:
         """Moves the lattice to where a map lies; False where it is another grid, whose lattice is new."""
         before, self._geometry = self._geometry, geometry
+        if geometry == before:
+            return True
         size = (geometry.rows, geometry.columns, geometry.resolution)
         if before is None or size != (before.rows, before.columns, before.resolution):
-            self._lattice, self._first = _lattice(heights.shape, self.config.samples), (0, 0)
+            self._lattice, self._first = lattice_of(heights.shape, self.config.samples), (0, 0)
             return False
         moved = cells_moved(before, geometry)
         if moved is None or moved == (0, 0):
@@ -176,6 +142,7 @@ class NoiseCheck:
         self._maps, self._counts = 0.0, NO_COUNTS
         self._noisy_since = math.inf
         self._changes.clear()
+        self._jumped, self._before = None, time
         self._heard = -math.inf if self.seen == NOTHING else time
         self._lattice.heights[...] = math.nan
         self._lattice.steps[...] = 0.0
@@ -192,23 +159,25 @@ class NoiseCheck:
         self._noisy_since = min(self._noisy_since, time)
         return counts.tilt / counts.tilted / MEAN_DIFFERENCE if time - self._noisy_since >= config.lasting else 0.0
 
-    def _jump(self) -> float:
-        """Height of a jump [m] with rest before and after; zero where there was none."""
-        changes, config = self._changes, self.config
-        now = changes[-1].time
-        while changes[0].time < now - 4.0 * config.rest:
-            changes.popleft()
-        largest = max(changes, key=lambda change: change.step)
-        step, interval = largest.step, largest.interval
-        if step < max(config.least_jump, 0.25 * config.acceleration * interval**2):
+    def _jump(self, change: Change) -> float:
+        """Height of a jump [m] that rest after it has shown up to the newest ``change``; zero where there was none."""
+        config, last = self.config, self._jumped
+        if last is not None and change.step > config.still * last.step:
+            self._jumped = last = None
+        if change.step >= max(config.least_jump, 0.25 * config.acceleration * change.interval**2):
+            self._jumped = last = change if self._rested_before(change) else None
+        self._changes.append(change)
+        while self._changes[0].time < change.time - config.rest:
+            self._before = self._changes.popleft().time
+        if last is None or change.time - last.time < config.rest:
             return 0.0
-        before, after = largest.time - changes[0].time, now - largest.time
-        rests = all(change.step <= config.still * step for change in changes if change is not largest)
-        if before < config.rest or after < config.rest or not rests:
-            return 0.0
-        while changes.popleft() is not largest:
-            pass  # told once
-        return step
+        self._jumped = None
+        return last.step
+
+    def _rested_before(self, change: Change) -> bool:
+        """Whether the ground was known and stood still before a ``change``."""
+        known = change.time - change.interval - self._before >= self.config.rest
+        return known and all(one.step <= self.config.still * change.step for one in reversed(self._changes))
 
     def _tell(self, noise: float, jump: float, time: float) -> None:
         """Notes what was seen, and forgets it once it was not seen for long."""
@@ -217,86 +186,3 @@ class NoiseCheck:
             self.seen = Seen(noise or self.seen.noise, max(jump, self.seen.jump))
         elif time - self._heard > self.config.hold:
             self.seen = NOTHING
-
-
-def _lattice(shape: tuple[int, ...], samples: int) -> Lattice:
-    """A lattice for maps of so many rows and columns, which knows nothing yet."""
-    rows, columns = (max(-(-size // samples), 1) for size in shape)
-    places = (-(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1)  # one more where the map lies between them
-    return Lattice(
-        np.zeros((*places, 2), np.int64), np.full((*places, STENCIL), math.nan), np.zeros(places), (rows, columns)
-    )
-
-
-@compiled
-def height_at(heights: FloatGrid, z: float, row: int, column: int) -> float:
-    """Height of a sample [m]; NaN beyond the edge."""
-    rows, columns = heights.shape
-    return z + float(heights[row, column]) if 0 <= row < rows and 0 <= column < columns else math.nan
-
-
-@compiled
-def moved_as_one(
-    lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float
-) -> bool:
-    """Whether all samples of a map rose by the same, within ``least`` [m], above those of the same indices in the map
-    before: the ground was carried with the map."""
-    known, rise = 0, 0.0
-    for i in range(lattice.cells.shape[0]):
-        for j in range(lattice.cells.shape[1]):
-            row = lattice.cells[i, j, 0] * lattice.stride[0] - first_row
-            column = lattice.cells[i, j, 1] * lattice.stride[1] - first_column
-            change = height_at(heights, z, row, column) - lattice.heights[i, j, 1]
-            if math.isnan(change):
-                continue
-            if known == 0:
-                rise = change
-            if abs(change - rise) > least:
-                return False
-            known += 1
-    return known > 0
-
-
-@compiled
-def compare(
-    lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float, sizes: FloatArray
-) -> Counts:
-    """`Counts` of a map against the one before, whose sample (0, 0) is (``first_row``, ``first_column``) of the world's
-    lattice; changes below ``least`` [m] are none. Writes by how much each known place changed, ``sizes`` (known,) [m].
-    """
-    rows, columns = heights.shape
-    down, along = lattice.stride
-    high, wide = lattice.steps.shape
-    known, changed, reverses, tilted, agreeing, tilt = 0, 0, 0, 0, 0, 0.0
-    for i in range(-(-first_row // down), (first_row + rows - 1) // down + 1):
-        for j in range(-(-first_column // along), (first_column + columns - 1) // along + 1):
-            row, column = i * down - first_row, j * along - first_column
-            cell, last = lattice.cells[i % high, j % wide], lattice.heights[i % high, j % wide]
-            if cell[0] != i or cell[1] != j:
-                cell[0], cell[1] = i, j
-                last[:] = math.nan
-                lattice.steps[i % high, j % wide] = 0.0
-            left = change_at(last, 0, height_at(heights, z, row, column - 1))
-            step = change_at(last, 1, height_at(heights, z, row, column))
-            right = change_at(last, 2, height_at(heights, z, row, column + 1))
-            if not math.isnan(step):
-                sizes[known] = abs(step)
-                known += 1
-            if abs(step) >= least:
-                before = lattice.steps[i % high, j % wide]
-                changed += before != 0.0
-                reverses += step * before < 0.0
-                lattice.steps[i % high, j % wide] = step
-            if abs(step - left) >= least and abs(right - step) >= least:
-                tilted += 1
-                agreeing += (step - left) * (right - step) > 0.0
-                tilt += abs(step - left)
-    return Counts(float(known), float(changed), float(reverses), float(tilted), float(agreeing), tilt)
-
-
-@compiled
-def change_at(last: FloatArray, index: int, height: float) -> float:
-    """By how much a height changed to the one that takes its place [m]."""
-    change: float = height - last[index]
-    last[index] = height
-    return change

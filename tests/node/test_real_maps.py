@@ -168,7 +168,7 @@ def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = Non
     checks = MapChecks(log := Log())
     for number in range(maps):
         heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number, motion=motion)
-        checks.take("", heightmap, given=given)
+        checks.take("", heightmap, 0.1 * number, given=given)
     return checks, log
 
 
@@ -178,7 +178,8 @@ def test_a_doubt_is_logged_once_and_goes_with_its_tile() -> None:
     checks.forget("")
     assert checks.doubt == ""
     for number in range(50):
-        checks.take("east", HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number), given=False)
+        heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number)
+        checks.take("east", heightmap, 0.1 * number, given=False)
     assert "tile 'east'" in checks.doubt
     assert len(log.lines) == 1
 

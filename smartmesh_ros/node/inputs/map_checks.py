@@ -27,13 +27,13 @@ class MapChecks:
             self._checks.pop(name, None)
         self._tell()
 
-    def take(self, tile: str, heightmap: HeightMap, *, given: bool) -> None:
-        """Takes note of a whole map of a tile. Velocities ``given`` with a map say that its ground moves, and where
+    def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
+        """Takes note of a whole map of a tile, of ``time`` [s]. Velocities ``given`` with a map say that its ground moves, and where
         changes are corrections nothing is to be said."""
         if given or heightmap.motion.corrects:
             self.forget(tile)
             return
-        self._checks.setdefault(tile, NoiseCheck()).take(heightmap)
+        self._checks.setdefault(tile, NoiseCheck()).take(heightmap, time)
         self._tell()
 
     def _tell(self) -> None:

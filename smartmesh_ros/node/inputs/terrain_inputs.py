@@ -108,7 +108,7 @@ class TerrainInputs:
         take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
-            self._map_checks.take(tile, taken, given=velocities is not None)
+            self._map_checks.take(tile, taken, time, given=velocities is not None)
             self._session.doubtful_maps = self._map_checks.doubt
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
