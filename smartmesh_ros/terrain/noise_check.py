@@ -62,8 +62,8 @@ class NoiseCheckConfig:
 
 
 class Seen(NamedTuple):
-    """What maps of ground at rest showed: the standard deviation of their ``noise`` [m], and the largest ``jump`` [m];
-    zero where there was none."""
+    """What maps of ground at rest showed: the standard deviation of their ``noise`` [m], to a tenth of it, and the
+    largest ``jump`` [m]; zero where there was none."""
 
     noise: float
     jump: float
@@ -183,6 +183,7 @@ class NoiseCheck:
         """Notes what was seen, and forgets it once it was not seen for long."""
         if noise > 0.0 or jump > 0.0:
             self._heard = time
-            self.seen = Seen(noise or self.seen.noise, max(jump, self.seen.jump))
+            worst = Seen(max(noise, self.seen.noise), max(jump, self.seen.jump))
+            self.seen = worst if worst.noise > 1.1 * self.seen.noise or jump > self.seen.jump else self.seen
         elif time - self._heard > self.config.hold:
             self.seen = NOTHING

@@ -28,18 +28,24 @@ class MapChecks:
         self._tell()
 
     def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
-        """Takes note of a whole map of a tile, of ``time`` [s]. Velocities ``given`` with a map say that its ground moves, and where
-        changes are corrections nothing is to be said."""
+        """Takes note of a whole map of a tile, of ``time`` [s]. Velocities ``given`` with a map say that its ground
+        moves, and where changes are corrections nothing is to be said."""
         if given or heightmap.motion.corrects:
-            self.forget(tile)
+            if tile in self._checks:
+                self.forget(tile)
             return
-        self._checks.setdefault(tile, NoiseCheck()).take(heightmap, time)
-        self._tell()
+        check = self._checks.setdefault(tile, NoiseCheck())
+        before = check.seen
+        check.take(heightmap, time)
+        if check.seen != before:
+            self._tell()
 
     def _tell(self) -> None:
         """Brings ``doubt`` up to date, and logs one that is new."""
         seen = {tile: str(check.seen) for tile, check in self._checks.items() if check.seen != NOTHING}
-        self.doubt = ""
+        now, before, self.doubt = monotonic(), self.doubt, ""
+        if before:
+            self._doubted = now
         if not seen:
             return
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
@@ -47,6 +53,6 @@ class MapChecks:
             f"maps look like those of a sensor or mapper ({what}) but are taken for ground that moves: set "
             "terrain.changes: correction, or terrain.noise if the ground does move"
         )
-        before, self._doubted = self._doubted, monotonic()
-        if self._doubted - before >= QUIET:
+        if not before and now - self._doubted >= QUIET:
             self._logger.warning(self.doubt)
+        self._doubted = now
