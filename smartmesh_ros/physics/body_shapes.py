@@ -68,6 +68,11 @@ def is_ball(shape: Any) -> bool:
     return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
 
 
+def is_round(shape: Any) -> bool:
+    """Return True if a shape is a cylinder or a capsule."""
+    return bool(shape["kind"] == ShapeKind.ROUND)
+
+
 def _box(edges: Iterable[float], offset: Vector, turn: Quaternion) -> Any:
     half = [0.5 * edge for edge in edges]
     return _record(ShapeKind.BOX, half, offset, turn, math.hypot(*half))

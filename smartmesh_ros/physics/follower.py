@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.physics.body_shapes import is_ball
+from smartmesh_ros.physics.body_shapes import is_ball, is_round
 from smartmesh_ros.terrain.grid import BoolArray
 
 
@@ -17,7 +17,8 @@ class Follower:
 
     ``shape``: a record of ``SHAPE``. ``solid``: it gets a collider; otherwise only the patch is computed. ``collider``:
     PyBullet's body of the collider it has now, if any. ``movable``: its body has a mass, so that physics moves it.
-    ``rigid``: its body has no joints.
+    ``rigid``: its body has no joints. ``ball``: it is a ball. ``round``: it is a cylinder or capsule that moves freely;
+    wheels are not, because their joints hold them.
     """
 
     body: int
@@ -30,6 +31,7 @@ class Follower:
 
     def __post_init__(self) -> None:
         self.ball = is_ball(self.shape)
+        self.round = self.link < 0 and is_round(self.shape)
 
     @property
     def radius(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from typing import Any, NamedTuple
 
@@ -200,14 +201,14 @@ class Colliders:
                     self._fit_field(index, support, grid.resolution, time)
 
     def _fit_box(self, index: int, need: float, time: float) -> None:
-        """Gives a follower a box with room for it."""
-        size = box_size(need)
+        """Gives a follower a box with room for it, or a half space."""
+        size = box_size(need, round_=self._followers[index].round)
         self._give_back(index, self._planes)
         if not self._free[(size,)]:
             if size not in self._boxes:
                 self._boxes[size] = make_box(self._client, size)
             record = self._new(self._boxes[size], -1, 0, 0, (size,))
-            record.extent, record.nz = size, 1.0
+            record.extent, record.depth, record.nz = size, 0.0 if size == math.inf else size, 1.0
         self._hand_out(index, self._free[(size,)].pop(), self._planes, time)
 
     def _fit_field(self, index: int, support: Any, resolution: float, time: float) -> None:

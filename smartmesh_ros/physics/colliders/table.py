@@ -10,8 +10,8 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 
-# ``extent``: half of a box's edges [m], or how far a field's
-# bounds reach above and below its base [m]. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
+# ``extent``: half of a box's edges [m], infinite for a half space. ``depth``: how far below its top a box's base is
+# [m], zero for a half space. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
 # heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
 # ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at
 # ``time`` [s]; ``yaw`` [rad]: of the grid it lies along; ``tilt_*`` [rad]: how much it leaned over
@@ -20,7 +20,10 @@ from smartmesh_ros.compiled import compiled
 COLLIDER = np.dtype(
     [
         *((name, np.int64) for name in ("rows", "columns", "first", "there", "turned")),
-        *((name, np.float64) for name in ("extent", "spacing", "x", "y", "z", "yaw", "tilt_x", "tilt_y", "time")),
+        *(
+            (name, np.float64)
+            for name in ("extent", "depth", "spacing", "x", "y", "z", "yaw", "tilt_x", "tilt_y", "time")
+        ),
         *((name, np.float64) for name in ("vx", "vy", "vz", "wx", "wy", "wz", "nx", "ny", "nz")),
     ]
 )
