@@ -73,21 +73,23 @@ def started(count: int, package: Path | None) -> list[Start]:
             for _ in running[index].stderr or ():
                 lines.setdefault(index, monotonic() - begin)
 
-        for index in range(count):
-            Thread(target=read, args=[index], daemon=True).start()
-        calls: dict[int, object] = {}
-        while len(answers) < count and monotonic() < begin + PATIENCE:
-            rclpy.spin_once(node, timeout_sec=0.02)
-            for index, client in enumerate(clients):
-                if index not in calls and client.service_is_ready():
-                    calls[index] = client.call_async(SetBool.Request(data=False))
-                if index not in answers and index in calls and calls[index].done():  # type: ignore[attr-defined]
-                    status = Path(f"/proc/{running[index].pid}/status").read_text()
-                    memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
-                    answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
-        for process in running:
-            process.terminate()
-            process.wait()
+        try:
+            for index in range(count):
+                Thread(target=read, args=[index], daemon=True).start()
+            calls: dict[int, object] = {}
+            while len(answers) < count and monotonic() < begin + PATIENCE:
+                rclpy.spin_once(node, timeout_sec=0.02)
+                for index, client in enumerate(clients):
+                    if index not in calls and client.service_is_ready():
+                        calls[index] = client.call_async(SetBool.Request(data=False))
+                    if index not in answers and index in calls and calls[index].done():  # type: ignore[attr-defined]
+                        status = Path(f"/proc/{running[index].pid}/status").read_text()
+                        memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
+                        answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
+        finally:
+            for process in running:
+                process.terminate()
+                process.wait()
     node.destroy_node()
     if len(answers) < count:
         raise TimeoutError(f"{count - len(answers)} nodes did not answer")
