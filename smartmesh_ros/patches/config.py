@@ -50,8 +50,8 @@ class PatchConfig:
     report's collider-size), for *auto* and *plane* a heightfield; 0 = what the body can touch. ``tolerance`` [m]: how
     far a patch may lie from the main mesh. ``rate`` [Hz]: patches are brought up to date so often, and as soon as maps
     come, up to twice as often unless the world is behind real time; 0 = in every step.
-    ``edge_filter``: no ghost collisions at the inner edges of patches; balls need none. ``carry_velocity``: patches
-    carry the ground's velocity into the contact.
+    ``edge_filter``: no ghost collisions at the inner edges of patches; for balls only where the ground is at rest.
+    ``carry_velocity``: patches carry the ground's velocity into the contact.
     """
 
     search: SearchMethod = "grid_traversal"

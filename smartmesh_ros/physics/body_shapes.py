@@ -64,7 +64,7 @@ def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: flo
 
 
 def is_ball(shape: Any) -> bool:
-    """Whether a shape is a ball about the body's centre: those roll over inner edges without a filter."""
+    """Return True if a shape is a ball about the body's centre: inner edges take little speed from those."""
     return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
 
 

@@ -9,6 +9,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import SELECTION, PatchKind
+from smartmesh_ros.patches.supports import no_supports
+from smartmesh_ros.physics.colliders.table import at_rest
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 
@@ -33,6 +35,32 @@ def slide(*, edge_filter: bool) -> float:
 
 def test_a_box_slides_without_ghost_collisions() -> None:
     assert slide(edge_filter=True) == pytest.approx(3.0, abs=0.002)
+
+
+def speed_along_a_gutter(*, edge_filter: bool) -> float:
+    """Speed [m/s] of a frictionless ball after 8 s in a straight V gutter that it enters at 4 m/s."""
+    heights = np.tile(0.05 * np.abs(np.arange(41) - 20)[:, None], (1, 361))
+    heightmap = HeightMap(heights, resolution=0.1, origin=(-1.0, -2.0))
+    config = WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(edge_filter=edge_filter))
+    with World(heightmap, config) as world:
+        state = BodyState((0.0, 0.0, 0.15 * math.hypot(1.0, 0.5)), linear=(4.0, 0.0, 0.0))
+        world.spawn("ball", Sphere(0.15), 1.0, state)
+        world.step(8 * 240)
+        return world.state("ball").linear[0]
+
+
+def test_a_ball_keeps_its_speed_along_a_gutter() -> None:
+    assert speed_along_a_gutter(edge_filter=True) >= 3.99
+
+
+def test_without_the_edge_filter_the_ball_is_held_up() -> None:
+    assert speed_along_a_gutter(edge_filter=False) < 3.9
+
+
+def test_the_fields_of_balls_are_filtered_where_the_ground_is_at_rest() -> None:
+    supports = no_supports(3)
+    supports["rise"][1], supports["turn_y"][2] = 0.1, -0.2
+    assert at_rest(supports) == [True, False, False]
 
 
 def test_without_the_edge_filter_the_box_is_held_up() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,13 @@ class Limits(NamedTuple):
     elsewhere: float
     sunk: float
     hole: float
+
+
+def at_rest(supports: Any) -> list[bool]:
+    """Return True for each of the supports whose ground has no velocity."""
+    moving = [supports[name] != 0.0 for name in ("rise", "slide_x", "slide_y", "turn_x", "turn_y", "turn_z")]
+    still: list[bool] = (~np.logical_or.reduce(moving)).tolist()
+    return still
 
 
 @compiled
