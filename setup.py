@@ -50,11 +50,11 @@ class BuildWithMachineCode(build_py):
         shutil.rmtree(package, ignore_errors=True)
         super().run()
         if (made := compile_beforehand()) is not None:
-            shutil.copytree(made, package / machine_code.HOME / made.name)
+            shutil.copytree(made, package / machine_code.FOLDER_NAME / made.name)
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """All files that are copied, the machine code among them."""
-        home = Path(self.build_lib) / NAME / machine_code.HOME
+        home = Path(self.build_lib) / NAME / machine_code.FOLDER_NAME
         return [*super().get_outputs(include_bytecode), *(str(path) for path in home.glob("*/*"))]
 
 

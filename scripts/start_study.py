@@ -45,7 +45,11 @@ class Start:
 
 def environment(cache: Path, package: Path | None) -> dict[str, str]:
     """This environment with an empty user cache, and a package from elsewhere in front of the installed one."""
-    kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", machine_code.CHOSEN)}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("NUMBA_CACHE_DIR", machine_code.FOLDER_VARIABLE)
+    }
     path = [str(package), kept.get("PYTHONPATH", "")] if package else [kept.get("PYTHONPATH", "")]
     return {**kept, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": os.pathsep.join(path), "PYTHONUNBUFFERED": "1"}
 
@@ -99,7 +103,7 @@ def started(count: int, package: Path | None) -> list[Start]:
 def bare(folder: Path) -> Path:
     """A copy of the sources without machine code."""
     shutil.rmtree(folder, ignore_errors=True)
-    ignored = shutil.ignore_patterns("__pycache__", machine_code.HOME)
+    ignored = shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME)
     shutil.copytree(ROOT / "smartmesh_ros", folder / "smartmesh_ros", ignore=ignored)
     return folder
 
@@ -129,7 +133,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=3, help="starts of each case that is not compiled")
     options = parser.parse_args()
-    print(f"load before: {os.getloadavg()[0]:.1f}; {machine_code.made_by()}; {machine_code.processes()} processes\n")
+    print(
+        f"load before: {os.getloadavg()[0]:.1f}; {machine_code.platform_tag()}; {machine_code.processes()} processes\n"
+    )
     print("| first start | first line | answered | memory |\n|---|---|---|---|")
     with isolated(), tempfile.TemporaryDirectory() as name:
         folder = Path(name)

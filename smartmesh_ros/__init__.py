@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
 
-_HOMES = {
+_MODULES = {
     "errors": ("InputError",),
     "patches.config": ("PatchConfig",),
     "physics.config": ("PhysicsConfig",),
@@ -35,7 +35,7 @@ _HOMES = {
     "terrain.motion": ("MotionConfig",),
     "terrain.terrain": ("Terrain",),
 }
-_HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}
+_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "BodyState",
@@ -58,7 +58,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first used, so that the terrain and patch rooms load without PyBullet."""
-    if name not in _HOME_OF:
+    """Import a public name at its first use, so that the terrain and patch rooms load without PyBullet."""
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME_OF[name]), name)
+    return getattr(import_module(_MODULE_OF[name]), name)

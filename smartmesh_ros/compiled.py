@@ -1,6 +1,6 @@
-"""How scalar loops are compiled: the only place that knows Numba.
+"""Compilation of scalar loops. No other module imports Numba.
 
-Without a working Numba the same functions run as Python, hundreds of times slower, and one warning says so.
+Without a working Numba the same functions run as Python, several hundred times slower, after one warning.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ try:
     from numba.core.compiler import CompileResult
     from numba.core.dispatcher import Dispatcher
     from numba.core.serialize import dumps
-except Exception as error:  # noqa: BLE001  # Numba raises its own exceptions where it does not support the NumPy there is
+except Exception as error:  # noqa: BLE001  # Numba raises its own exceptions if it does not support the installed NumPy
     numba = None
     _PROBLEM = f"{type(error).__name__}: {error}"
 
-# No fast-math, so that equal input gives equal bits. Nothing here is called from C, which the wrapper would be for.
+# No fast-math: equal input must give equal bits. No C wrapper, because no C code calls these functions.
 OPTIONS = {"error_model": "numpy", "no_cfunc_wrapper": True}
-# The processor that machine code in a complete folder is for; see `machine_code`.
+# Numba's name for the processor that complete folders are compiled for; see `machine_code`.
 GENERIC = "generic"
 
 _warnings: set[str] = set()
-# Takes the place of compiled functions while their arguments are recorded; see `smartmesh_ros.compiling`.
-instead: Callable[[Any], Any] | None = None
-# Whether several processes fill one folder now, so that a function that one of them compiles is waited for.
-shared = False
+# Wraps every compiled function while argument types are recorded; see `smartmesh_ros.compiling`.
+stand_in: Callable[[Any], Any] | None = None
+# True while several processes fill one folder. Each then waits for functions that another one compiles.
+shared_folder = False
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """The function as machine code, kept on disk between runs as `machine_code` says; equal input gives equal bits."""
+    """Return the function as machine code, cached on disk (see `machine_code`); equal input gives equal bits."""
     if numba is None:
         _warn(
             f"Numba does not work here ({_PROBLEM}): smartmesh_ros runs several hundred times slower. Install it: "
@@ -52,47 +52,47 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     made = numba.njit(**OPTIONS)(function)
     if not isinstance(made, Dispatcher):  # NUMBA_DISABLE_JIT
         return function
-    made._cache = KeptCode(function)  # type: ignore[attr-defined]
-    return made if instead is None else instead(made)
+    made._cache = CodeCache(function)  # type: ignore[attr-defined]
+    return made if stand_in is None else stand_in(made)
 
 
-class KeptCode:
-    """The machine code of one function: a file for each signature and processor, which carries its own checksum.
+class CodeCache:
+    """Disk cache of one function's machine code: one file with a checksum for each signature and processor.
 
-    Takes the place of Numba's cache of a dispatcher. A file is written beside and renamed, so that readers see whole
-    ones only, and no index is shared by those who write.
+    Replaces the cache of a Numba dispatcher. Files are written under a temporary name and then renamed, so that readers
+    never see a partial file. Writers share no index.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._name = f"{function.__module__}.{function.__qualname__}"
         file = Path(function.__code__.co_filename).resolve()
-        if not file.is_relative_to(machine_code.PACKAGE):  # the folder's name does not tell of its sources
+        if not file.is_relative_to(machine_code.PACKAGE):  # the folder's digest does not cover these sources
             self._name += f"-{machine_code.digest_of_all(file.parent)}"
         self._locks: dict[Any, int] = {}
 
     @property
     def cache_path(self) -> str:
-        """The folder, empty if nothing is kept; Numba asks for it in its statistics."""
+        """The folder, or "" without a cache; Numba reads this attribute for its statistics."""
         return str(machine_code.folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was compiled for a signature, None if nothing was."""
+        """Return the cached code for a signature, None if there is none."""
         target_context.refresh()
         loaded = self._load(sig, target_context)
-        if loaded is None and shared:
+        if loaded is None and shared_folder:
             self._lock(sig, target_context)
             if (loaded := self._load(sig, target_context)) is not None:
                 self._unlock(sig)
         return loaded
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps what was compiled for a signature, unless the sources have changed since they were imported."""
+        """Write the code of a signature to disk, unless the sources have changed since the import."""
         try:
             folder = machine_code.folder()
-            lasting = not data.library.has_dynamic_globals and all(part.can_cache for part in data.lifted)
-            if folder is not None and lasting and (shared or not machine_code.sources_changed()):
+            cacheable = not data.library.has_dynamic_globals and all(part.can_cache for part in data.lifted)
+            if folder is not None and cacheable and (shared_folder or not machine_code.sources_changed()):
                 content = dumps((sig, data._reduce()))
-                with suppress(OSError):  # a full disk, or an installation that cannot be written to
+                with suppress(OSError):  # full disk or read-only installation
                     _write(folder / self._file(sig, _processor(data.codegen)), content)
         finally:
             self._unlock(sig)
@@ -109,9 +109,9 @@ class KeptCode:
                     return CompileResult._rebuild(target_context, *reduced)
             except FileNotFoundError:
                 continue
-            except Exception as error:  # noqa: BLE001  # damaged files fail in any way
-                machine_code.say_once(
-                    f"machine code in {folder} is damaged ({path.name}: {error}); what cannot be read is compiled again"
+            except Exception as error:  # noqa: BLE001  # unpickling a damaged file may raise anything
+                machine_code.log_once(
+                    f"machine code in {folder} is damaged ({path.name}: {error}); damaged functions are compiled again"
                 )
                 with suppress(OSError):
                     path.unlink()
@@ -121,9 +121,9 @@ class KeptCode:
         return f"{self._name}-{hashlib.sha256(str(sig).encode()).hexdigest()[:16]}.{processor}"
 
     def _lock(self, sig: Any, target_context: Any) -> None:
-        """Waits until no other process compiles for the signature.
+        """Wait until no other process compiles this signature, and lock it.
 
-        Who compiles a function waits for those it calls, and never the other way round: nobody waits for ever.
+        There is no deadlock: a process that compiles a function waits only for the functions it calls.
         """
         folder = machine_code.folder()
         if folder is not None:
@@ -137,23 +137,23 @@ class KeptCode:
 
 
 def omitted(default: Any) -> Any:
-    """The type of an argument that a call leaves at its ``default``."""
+    """Return Numba's type of an argument that a call leaves at its ``default``."""
     return numba.types.Omitted(default)
 
 
 def _processor(codegen: Any) -> str:
-    """A name of the processor that is compiled for, with its features."""
+    """Return a name of the target processor and its features."""
     triple, name, features = codegen.magic_tuple()
     return GENERIC if name == GENERIC else f"{name}-{hashlib.sha256(f'{triple}{features}'.encode()).hexdigest()[:8]}"
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Writes a file with its checksum in front, all of it or nothing."""
+    """Write a file atomically, with its checksum in front."""
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name)
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(hashlib.sha256(content).digest() + content)
-        Path(temporary).chmod(0o644)  # for users other than the one who installed
+        Path(temporary).chmod(0o644)  # readable for users other than the one who installed
         Path(temporary).replace(path)
     except OSError:
         Path(temporary).unlink(missing_ok=True)
@@ -161,7 +161,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _read(path: Path) -> bytes:
-    """The content of a file; raises `ValueError` if it is not the one that was written."""
+    """Return the content of a file without its checksum; raises `ValueError` if the checksum is wrong."""
     content = path.read_bytes()
     if hashlib.sha256(content[32:]).digest() != content[:32]:
         raise ValueError("its checksum is wrong")
@@ -169,7 +169,7 @@ def _read(path: Path) -> bytes:
 
 
 def _warn(message: str) -> None:
-    """Warns once."""
+    """Issue a warning, once in a process."""
     if not _warnings:
         _warnings.add(message)
         warnings.warn(message, RuntimeWarning, stacklevel=3)

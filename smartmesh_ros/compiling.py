@@ -1,6 +1,6 @@
-"""``smartmesh-compile``: has all functions compiled beforehand, on all cores, and says where the machine code is kept.
+"""``smartmesh-compile``: compile all functions in advance, on all cores, and print the folder of the machine code.
 
-Nodes do the same at their first start if nobody did it before; `make`, `colcon build` and the wheel do it too.
+`make`, `colcon build` and building the wheel do the same. A node compiles at its first start if none of these did.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from typing import Any
 
 from smartmesh_ros import compiled, machine_code
 
-# How often the processes are looked at, and how often progress is told [s].
-LOOK, TELL = 0.05, 2.0
-# The option of prctl, from <linux/prctl.h>, that names the signal a process gets when its parent ends.
+# Periods of polling the processes and of printing progress [s].
+POLL_PERIOD, PROGRESS_PERIOD = 0.05, 2.0
+# Option of prctl, from <linux/prctl.h>: the signal that a process receives when its parent ends.
 PR_SET_PDEATHSIG = 1
-# A message without bodies, for the functions that read body states of other nodes.
-NOBODY = struct.pack("<4s2iI4x5fI", b"\0\1\0\0", 0, 0, 1, 0.0, 60.0, 0.0, 0.0, -9.81, 0)
+# Serialized message without bodies, input of the functions that parse body states of other nodes.
+NO_BODIES = struct.pack("<4s2iI4x5fI", b"\0\1\0\0", 0, 0, 1, 0.0, 60.0, 0.0, 0.0, -9.81, 0)
 
 
-class _Recorded:
-    """Stands for a compiled function: runs as Python and notes the types of the arguments it is called with.
+class _Recorder:
+    """Replaces a compiled function: runs it as Python and records the argument types of each call.
 
-    Only calls from Python are noted; Numba finds the types of calls between compiled functions by itself.
+    Only calls from Python are recorded, because Numba infers the types of calls between compiled functions.
     """
 
     depth = 0
-    calls: dict[tuple[Any, Any], None] = {}  # noqa: RUF012  # of all functions together, in order
+    calls: dict[tuple[Any, Any], None] = {}  # noqa: RUF012  # of all functions, in order of the first call
     ran: set[Any] = set()  # noqa: RUF012
 
     def __init__(self, made: Any) -> None:
@@ -46,14 +46,14 @@ class _Recorded:
         self.__name__, self.__doc__ = made.py_func.__name__, made.py_func.__doc__
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        _Recorded.ran.add(self.made)
-        if not _Recorded.depth:
-            _Recorded.calls[self.made, self._types_of(arguments, named)] = None
-        _Recorded.depth += 1
+        _Recorder.ran.add(self.made)
+        if not _Recorder.depth:
+            _Recorder.calls[self.made, self._types_of(arguments, named)] = None
+        _Recorder.depth += 1
         try:
             return self.made.py_func(*arguments, **named)
         finally:
-            _Recorded.depth -= 1
+            _Recorder.depth -= 1
 
     def _types_of(self, arguments: Any, named: Any) -> tuple[Any, ...]:
         given = self._signature.bind(*arguments, **named).arguments
@@ -64,18 +64,18 @@ class _Recorded:
 
 
 def fill() -> None:
-    """Compiles everything into a folder, in a process of its own that was started for it; exits with 1 if it cannot.
+    """Compile all functions into a folder; the main function of a dedicated process, which exits with 1 on failure.
 
-    All compiled functions run as Python first, on small maps, which tells the types of their arguments. Then this
-    process forks several, each of which takes the next function that nobody has taken.
+    All functions first run as Python on small maps, to record their argument types. Then this process forks workers,
+    which take the functions from a common queue.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for this one handles Ctrl-C
     parent = os.getppid()
     folder, digest, *progress = sys.argv[1:]
     if digest != machine_code.DIGEST:
         sys.exit("the sources changed meanwhile")
     place = Path(folder)
-    os.environ[machine_code.CHOSEN] = str(place.parent)
+    os.environ[machine_code.FOLDER_VARIABLE] = str(place.parent)
     machine_code.remove_old(place.parent)
     calls = _record()
     with _tasks(len(calls)) as tasks:
@@ -95,30 +95,30 @@ def fill() -> None:
 
 
 def _record() -> list[tuple[Any, Any]]:
-    """Functions and types of arguments of all calls that a warm-up makes, those of the largest functions first."""
-    compiled.instead = _Recorded
-    from smartmesh_ros.startup.quiet import silence_pybullet  # those below are imported only now
+    """Return the function and argument types of every call of a warm-up, largest functions first."""
+    compiled.stand_in = _Recorder
+    from smartmesh_ros.startup.quiet import silence_pybullet  # imported late, so that the recorder is in place
 
     silence_pybullet()
     from smartmesh_ros.node.fleet.peer_states import PeerReader
     from smartmesh_ros.warm_up import run_through
 
     run_through()
-    PeerReader().read(NOBODY, 0, 0)
+    PeerReader().read(NO_BODIES, 0, 0)
     for module in [module for name, module in sys.modules.items() if name.startswith("smartmesh_ros.")]:
-        _put_back(module)
-    return sorted(_Recorded.calls, key=lambda call: -len(_called_by(call[0], set())))
+        _restore(module)
+    return sorted(_Recorder.calls, key=lambda call: -len(_called_by(call[0], set())))
 
 
-def _put_back(module: ModuleType) -> None:
-    """Puts the compiled functions back into a module."""
+def _restore(module: ModuleType) -> None:
+    """Replace the recorders in a module by the compiled functions."""
     for name, value in list(vars(module).items()):
-        if isinstance(value, _Recorded):
+        if isinstance(value, _Recorder):
             setattr(module, name, value.made)
 
 
 def _called_by(function: Any, found: set[Any]) -> set[Any]:
-    """All compiled functions that one calls, itself among them."""
+    """Return ``found`` plus a compiled function and all compiled functions it calls, directly or indirectly."""
     found.add(function)
     code = function.py_func.__code__
     for name in code.co_names:
@@ -130,7 +130,7 @@ def _called_by(function: Any, found: set[Any]) -> set[Any]:
 
 @contextmanager
 def _tasks(count: int) -> Iterator[int]:
-    """A pipe that holds the numbers of tasks, a byte each: who reads one has it alone."""
+    """Yield the reading end of a pipe that holds task numbers, one byte each; a byte reaches one reader only."""
     reading, writing = os.pipe()
     os.write(writing, bytes(range(count)))
     os.close(writing)
@@ -141,13 +141,13 @@ def _tasks(count: int) -> Iterator[int]:
 
 
 def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
-    """A process that compiles until there are no tasks left; its id."""
+    """Fork a worker that compiles until no tasks are left; return its process id."""
     if child := os.fork():
         return child
     code = 1
     try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # it ends with the process that started it
-        compiled.shared = True
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # the worker ends with its parent
+        compiled.shared_folder = True
         while number := os.read(tasks, 1):
             function, types = calls[number[0]]
             function.compile(types)
@@ -158,8 +158,8 @@ def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
 
 
 def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None:
-    """Waits for all children; ends if one fails, or if nobody waits for this process any more."""
-    start = told = monotonic()
+    """Wait for all children; exit if one fails, or if the ``parent`` of this process has ended."""
+    start = reported = monotonic()
     failed = 0
     while children:
         for child in list(children):
@@ -168,24 +168,25 @@ def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None
                 children.remove(child)
                 failed += bool(status)
         if failed or os.getppid() != parent:
-            sys.exit(f"{failed} processes that compile failed" if failed else 1)
-        if progress and monotonic() > told + TELL:
-            told = monotonic()
+            sys.exit(f"{failed} compiling processes failed" if failed else 1)
+        if progress and monotonic() > reported + PROGRESS_PERIOD:
+            reported = monotonic()
             names = {path.name.partition("-")[0] for path in place.glob(f"*.{compiled.GENERIC}")}
-            print(f"compiled {len(names)} of some {len(_Recorded.ran)} functions in {told - start:.0f} s", flush=True)
-        sleep(LOOK)
+            total = len(_Recorder.ran)
+            print(f"compiled {len(names)} of about {total} functions in {reported - start:.0f} s", flush=True)
+        sleep(POLL_PERIOD)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Runs the command line."""
+    """Run the command line."""
     argparse.ArgumentParser(
         prog="smartmesh-compile", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     ).parse_args(arguments)
     start = monotonic()
     place = machine_code.prepare(progress=True)
     if place is None:
-        sys.exit("nothing was compiled beforehand")
-    print(f"machine code is ready in {place}, after {monotonic() - start:.1f} s")
+        sys.exit("nothing was compiled in advance")
+    print(f"machine code is ready in {place} after {monotonic() - start:.1f} s")
 
 
 if __name__ == "__main__":

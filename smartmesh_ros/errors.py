@@ -1,8 +1,8 @@
-"""The one exception of the domain: input that is refused whole."""
+"""The package's one exception: refused input."""
 
 
 class InputError(ValueError):
-    """Input that was refused; whatever it was meant to change is as it was before.
+    """The input was refused as a whole; nothing was changed.
 
     ``reason`` is a short, stable word for counters (``"length"``, ``"region"``, ...); the message says what was wrong
     and what would be right.

@@ -1,10 +1,10 @@
-"""Where machine code is kept between runs, so that it is there when it is needed and never older than its sources.
+"""Folder of machine code that persists between runs and never is older than its sources.
 
-Numba's own cache notices that a compiled function changed, but not that a function which it calls did. Here the folder
-is named by a digest of all sources that are compiled, with all that they import, and by what else the code depends on:
-Python, NumPy, Numba and the kind of processor. The folder stands in the package where that can be written to, else in
-the user's cache. ``make``, ``colcon build`` and the wheel fill it. It counts as complete once the file `COMPLETE` is in
-it. This module needs neither Numba nor NumPy, so that a node can say within a moment that it has to compile.
+Numba's own cache detects a change of a compiled function, but not of a function it calls. Here the folder's name
+contains a digest of all compiled sources and their imports, and the versions of Python, NumPy, Numba and the kind of
+processor. The folder lies in the package if that is writable, else in the user's cache. ``make``, ``colcon build`` and
+the wheel fill it. The folder is complete when it contains the file `COMPLETE`. This module imports neither Numba nor
+NumPy, so that a node can report at once that it has to compile.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ if sys.platform != "win32":
     import fcntl
 
 PACKAGE = Path(__file__).resolve().parent
-# Below the package; what version control and newcomers' copies leave out.
-HOME = "_machine_code"
+# Folder inside the package. Version control ignores it.
+FOLDER_NAME = "_machine_code"
 COMPLETE = "complete"
-# Names a folder that takes the place of all others. It should belong to one installation only.
-CHOSEN = "SMARTMESH_MACHINE_CODE"
-# Time to compile everything in one process of an idle machine, and to start and end the processes [s].
-WORK, OVERHEAD = 24.0, 3.0
-# The longest chain of functions that call each other takes a third of the work: more processes gain nothing.
-MOST_PROCESSES = 4
+# Environment variable with a folder that replaces all others. Use one folder for each installation.
+FOLDER_VARIABLE = "SMARTMESH_MACHINE_CODE"
+# Time to compile everything in one process on an idle machine, and time to start and end the processes [s].
+COMPILE_TIME, START_TIME = 24.0, 3.0
+# Maximum number of processes. More gain nothing, because the longest call chain takes a third of the time.
+MAX_PROCESSES = 4
 
 _IMPORT = re.compile(rb"^[ \t]*from smartmesh_ros([.\w]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _NAME = re.compile(rb"\w+")
 log = logging.getLogger("smartmesh_ros")
-_said: set[str] = set()
+_logged: set[str] = set()
 
 
 def digest_of(package: Path) -> str:
-    """A short hash of all sources in a folder that machine code depends on; takes milliseconds."""
+    """Return a short hash of the sources in a folder that machine code depends on; takes milliseconds."""
     contents = _contents(package)
     digest = hashlib.sha256()
     for name in sorted(_compiled_from(contents)):
@@ -54,19 +54,19 @@ def digest_of(package: Path) -> str:
 
 
 def _contents(package: Path) -> dict[str, bytes]:
-    """The Python files below a folder, by their path in it."""
+    """Return the content of the Python files below a folder, by relative path."""
     contents = {}
     for folder, _, files in os.walk(package):
         for name in files:
             if name.endswith(".py"):
-                path = os.path.join(folder, name)  # noqa: PTH118  # a Path for each file takes as long as to read it
+                path = os.path.join(folder, name)  # noqa: PTH118  # making a Path takes as long as reading the file
                 with open(path, "rb") as file:  # noqa: PTH123
                     contents[os.path.relpath(path, package)] = file.read()
     return contents
 
 
 def _compiled_from(contents: dict[str, bytes]) -> set[str]:
-    """Files with compiled functions, the one that tells which are compiled beforehand, and all that those import."""
+    """Return the files with compiled functions, the warm-up that selects them, and all files these import."""
     wanted = {name for name, content in contents.items() if b"\n@compiled\n" in content or name == "warm_up.py"}
     taken: set[str] = set()
     while wanted:
@@ -80,17 +80,17 @@ def _compiled_from(contents: dict[str, bytes]) -> set[str]:
 
 @cache
 def digest_of_all(folder: Path) -> str:
-    """A short hash of all sources in a folder, for compiled functions that are not of this package."""
+    """Return a short hash of all sources in a folder, for compiled functions outside this package."""
     contents = _contents(folder)
     return hashlib.sha256(b"".join(name.encode() + contents[name] for name in sorted(contents))).hexdigest()[:16]
 
 
-DIGEST = digest_of(PACKAGE)  # of the sources that this process imports
+DIGEST = digest_of(PACKAGE)  # of the sources at the time of the import
 
 
 @cache
-def made_by() -> str:
-    """What machine code depends on beside its sources, as a name."""
+def platform_tag() -> str:
+    """Return the versions and platform that machine code depends on beside its sources, as part of a file name."""
     python = f"py{sys.version_info.major}.{sys.version_info.minor}{getattr(sys, 'abiflags', '')}"
     numpy = ".".join(_version_of("numpy").split(".")[:2])
     return f"{python}-numba{_version_of('numba')}-numpy{numpy}-{sys.platform}-{platform.machine()}"
@@ -104,97 +104,101 @@ def _version_of(distribution: str) -> str:
 
 
 def name() -> str:
-    """The name of the folder with the machine code of this process."""
-    return f"{DIGEST}-{made_by()}"
+    """Return the name of the folder with the machine code of this process."""
+    return f"{DIGEST}-{platform_tag()}"
 
 
-def homes() -> list[Path]:
-    """Folders that may hold machine code of several sources and versions, the preferred one first."""
-    if chosen := os.environ.get(CHOSEN):
+def parent_folders() -> list[Path]:
+    """Return the folders that may contain machine code folders (of any sources and versions), preferred first."""
+    if chosen := os.environ.get(FOLDER_VARIABLE):
         return [Path(chosen)]
     place = hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:8]
     user = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    return [PACKAGE / HOME, Path(user) / "smartmesh_ros" / place]
+    return [PACKAGE / FOLDER_NAME, Path(user) / "smartmesh_ros" / place]
 
 
 def complete() -> Path | None:
-    """The folder that holds the machine code of all functions, None where there is none yet."""
-    return next((home / name() for home in homes() if (home / name() / COMPLETE).exists()), None)
+    """Return the folder with the machine code of all functions, None if it does not exist yet."""
+    return next((parent / name() for parent in parent_folders() if (parent / name() / COMPLETE).exists()), None)
 
 
 @cache
-def _writable(homes: tuple[Path, ...], name: str) -> Path | None:
-    for home in homes:
+def _writable(parents: tuple[Path, ...], name: str) -> Path | None:
+    for parent in parents:
         try:
-            (home / name).mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=home / name):
-                return home / name
+            (parent / name).mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=parent / name):
+                return parent / name
         except OSError:
             continue
     return None
 
 
 def writable() -> Path | None:
-    """The first folder that machine code can be written to, made if need be; None if there is none."""
-    return _writable(tuple(homes()), name())
+    """Return the first writable folder for machine code, created if missing; None if no folder is writable."""
+    return _writable(tuple(parent_folders()), name())
 
 
 def folder() -> Path | None:
-    """The folder to load machine code from, and to add it to."""
+    """Return the folder to load machine code from and to write it to, None if there is none."""
     return complete() or writable()
 
 
 def sources_changed() -> bool:
-    """Return True if the sources are others than those that this process imported."""
+    """Return True if the sources have changed since this process imported them."""
     return digest_of(PACKAGE) != DIGEST
 
 
-def remove_old(home: Path, digest: str = DIGEST) -> None:
-    """Removes machine code of other sources than those of a ``digest``."""
-    for found in home.iterdir() if home.is_dir() else ():
+def remove_old(parent: Path, digest: str = DIGEST) -> None:
+    """Remove machine code whose sources have another ``digest``."""
+    for found in parent.iterdir() if parent.is_dir() else ():
         if found.is_dir() and not found.name.startswith(f"{digest}-"):
             shutil.rmtree(found, ignore_errors=True)
 
 
 def processes() -> int:
-    """How many processes compile side by side."""
+    """Return the number of processes that compile in parallel."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(cores, MOST_PROCESSES)
+    return min(cores, MAX_PROCESSES)
 
 
-def say_once(message: str) -> None:
-    """Logs a line, once in a process. Without any set-up of logging it goes to the standard error."""
-    if message not in _said:
-        _said.add(message)
+def log_once(message: str) -> None:
+    """Log a warning once in a process; it goes to the standard error if logging is not configured."""
+    if message not in _logged:
+        _logged.add(message)
         log.warning("smartmesh_ros: %s", message)
 
 
 def announce() -> None:
-    """Says that this process will have to compile or to wait for another that does, and for how long."""
-    if not _wanted() or complete():
+    """Log that this process will compile, or wait for another process that does, with the expected time."""
+    if not _can_compile() or complete():
         return
     if (place := writable()) is None:
-        tried = ", ".join(map(str, homes()))
-        say_once(
-            f"machine code can be kept in none of {tried}: every start compiles for about {WORK:.0f} s; "
-            f"name a folder in {CHOSEN}"
+        tried = ", ".join(map(str, parent_folders()))
+        log_once(
+            f"no folder for machine code is writable (tried {tried}): every start compiles for about "
+            f"{COMPILE_TIME:.0f} s; set {FOLDER_VARIABLE} to a writable folder"
         )
         return
-    others = {path.parent.name.partition("-")[2] for home in homes() for path in home.glob(f"{DIGEST}-*/{COMPLETE}")}
-    reason = f"; there is machine code for {', '.join(sorted(others))} and this is {made_by()}" if others else ""
-    say_once(
-        f"compiling once, about {OVERHEAD + WORK / processes():.0f} s on {processes()} cores{reason}; "
+    others = {
+        path.parent.name.partition("-")[2]
+        for parent in parent_folders()
+        for path in parent.glob(f"{DIGEST}-*/{COMPLETE}")
+    }
+    reason = f"; existing machine code is for {', '.join(sorted(others))}, not {platform_tag()}" if others else ""
+    log_once(
+        f"compiling once, about {START_TIME + COMPILE_TIME / processes():.0f} s on {processes()} cores{reason}; "
         f"later starts load it from {place.parent}"
     )
 
 
 def prepare(*, progress: bool = False) -> Path | None:
-    """Has everything compiled, in processes of their own, unless it is; returns the folder, None if nothing is kept.
+    """Compile all functions in separate processes if that is not done yet; return the folder, None without a cache.
 
-    Processes that need the same code wait for the one that compiles: for a lock of the operating system, which ends
-    with the process that holds it.
+    Other processes that need the same code wait for a file lock, which the operating system releases when the
+    compiling process ends.
     """
-    if not _wanted():
+    if not _can_compile():
         return None
     if (place := complete()) is not None:
         return place
@@ -208,8 +212,8 @@ def prepare(*, progress: bool = False) -> Path | None:
 
 
 def _compile(place: Path, lock: int, progress: bool) -> None:
-    """Runs `smartmesh_ros.compiling` in a process that also holds the lock, should this one be killed."""
-    # Nothing is imported from the working directory, which Python would look into first.
+    """Run `smartmesh_ros.compiling` in a process that inherits the lock, in case this process is killed."""
+    # The script removes the working directory from the import path, where Python would search first.
     script = "import sys; sys.path[:] = [sys.argv.pop(1), *filter(None, sys.path)]; "
     script += "from smartmesh_ros.compiling import fill; fill()"
     command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST]
@@ -220,26 +224,28 @@ def _compile(place: Path, lock: int, progress: bool) -> None:
     except OSError as error:
         problem = str(error)
     if problem:
-        say_once(f"could not compile beforehand ({problem}): functions are compiled when they are first called")
+        log_once(f"compiling in advance failed ({problem}): functions are compiled at their first call")
 
 
 def _environment() -> dict[str, str]:
-    """This environment without settings of Numba's, for a processor of the kind rather than this one: such code runs as
-    fast here, and runs on other machines."""
+    """Return this environment without Numba's settings and with a generic processor as the target.
+
+    Generic code is as fast here as code for this processor, and runs on other machines of the same kind.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     return {**kept, "NUMBA_CPU_NAME": "generic", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def _wanted() -> bool:
-    """Whether functions are compiled at all, and processes can be made that do it side by side."""
+def _can_compile() -> bool:
+    """Return True if Numba is installed and enabled, and this platform can fork worker processes."""
     enabled = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
     return enabled and hasattr(os, "fork") and _version_of("numba") != "none"
 
 
 def wait_for(lock: int, message: str = "") -> None:
-    """Locks an open file for this process, saying a ``message`` if another has it now.
+    """Lock an open file for this process; log a ``message`` if another process holds the lock.
 
-    Does nothing where the file system knows no locks: what is compiled twice is the same.
+    Does nothing if the file system has no locks. Processes then compile the same code twice, which is harmless.
     """
     if sys.platform == "win32":
         return
@@ -248,13 +254,13 @@ def wait_for(lock: int, message: str = "") -> None:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if message:
-                say_once(message)
+                log_once(message)
             fcntl.flock(lock, fcntl.LOCK_EX)
 
 
 @contextmanager
 def _locked(place: Path) -> Iterator[int]:
-    """Holds the lock of a folder's home; yields its file descriptor, -1 where the file system knows no locks."""
+    """Hold the lock beside a folder; yield its file descriptor, -1 if the lock file cannot be opened."""
     try:
         lock = os.open(place.parent / "lock", os.O_RDWR | os.O_CREAT, 0o666)
     except OSError:

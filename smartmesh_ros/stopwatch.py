@@ -5,15 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Stages in the order of the pipeline; then what is done for bodies in every step (reading where they are, and slowing
-# those that land), and all of a step but ingest and publish.
+# Stages in pipeline order. "bodies": work for bodies in every step (reading their states, limiting landing speeds).
+# "total": a whole step without ingest and publish.
 STAGES = ("ingest", "search", "collect", "collider", "step", "publish", "bodies", "total")
-# Runs of a stage that a window keeps; the newest replace the oldest.
+# Number of runs of a stage that a window keeps. New runs replace the oldest.
 WINDOW = 4096
 
 
 class StageTimes(NamedTuple):
-    """Running times of one stage in a window: number of runs, and median, 99th percentile and maximum [us]."""
+    """Running times of one stage in a window: number of runs, median, 99th percentile and maximum [us]."""
 
     stage: str
     runs: int
@@ -23,7 +23,7 @@ class StageTimes(NamedTuple):
 
 
 class _Stage:
-    """Adds the time spent in a ``with`` block to the run of a stage that is under way."""
+    """Context manager that adds the time spent in its block to the stage's current run."""
 
     def __init__(self) -> None:
         self.pending = 0.0
@@ -39,9 +39,9 @@ class _Stage:
 
 
 class Stopwatch:
-    """Collects running times by stage in preallocated rings.
+    """Collects running times by stage in preallocated ring buffers.
 
-    A stage may be entered several times in one run (once per batch of bodies); `lap` ends the run.
+    A stage may be entered several times in one run (once per batch of bodies). `lap` ends the run.
     """
 
     def __init__(self, stages: tuple[str, ...] = STAGES) -> None:
@@ -50,17 +50,17 @@ class Stopwatch:
         self._counts = dict.fromkeys(stages, 0)
 
     def stage(self, name: str) -> _Stage:
-        """``with stopwatch.stage("search"):`` times the block."""
+        """Return the timer of a stage: ``with stopwatch.stage("search"):`` times the block."""
         return self._stages[name]
 
     def note(self, name: str, seconds: float) -> None:
-        """Adds a run of a stage that was timed elsewhere [s]."""
+        """Add one run of a stage, timed by the caller [s]."""
         count = self._counts[name]
         self._times[name][count % WINDOW] = seconds
         self._counts[name] = count + 1
 
     def lap(self) -> None:
-        """Ends the run of every stage that was entered since the last lap."""
+        """End the run of every stage that was entered since the last lap."""
         for name, stage in self._stages.items():
             if stage.ran:
                 self.note(name, stage.pending)
@@ -68,7 +68,7 @@ class Stopwatch:
                 stage.ran = False
 
     def read(self, *, clear: bool = True) -> list[StageTimes]:
-        """Times since the last clearing, one entry per stage, in their order."""
+        """Return the times since the last clearing, one entry per stage in pipeline order."""
         result = []
         for stage in self._stages:
             count = self._counts[stage]

@@ -1,4 +1,4 @@
-"""Has every compiled function ready before it is needed: loaded where it was compiled before, or compiled now."""
+"""Load every compiled function before its first use, or compile it if no machine code exists."""
 
 from __future__ import annotations
 
@@ -17,16 +17,15 @@ from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NoiseCheck
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
-# Samples on a side of the maps, and how far they are apart [m].
+# Samples along each side of the maps, and their spacing [m].
 SIDE, SPACING = 8, 0.25
 LENGTH = (SIDE - 1) * SPACING
 
 
 def warm_up() -> float:
-    """Compiles all functions in processes of their own unless that was done before, and loads them; returns the time it
-    took [s].
+    """Compile all functions in separate processes if that is not done yet, and load them; return the elapsed time [s].
 
-    Whoever steps a `World` or updates a `Ground` by a clock calls it before; else the first steps take so long.
+    Call this before stepping a `World` or updating a `Ground` in real time. Otherwise the first steps take that time.
     """
     start = perf_counter()
     machine_code.prepare()
@@ -35,22 +34,21 @@ def warm_up() -> float:
 
 
 def run_through() -> None:
-    """Passes through all compiled functions on maps of a few samples."""
+    """Call all compiled functions on maps of a few samples."""
     with World() as world:
         _spawn_bodies(world)
         for scene in (_on_hills, _on_corrected_ground, _on_a_plane, _across_tiles, _on_a_general_mesh):
             scene(world)
             world.step(2)
-            world.ground.batches  # noqa: B018  # patches of bodies with dictated poses are worked out for those who ask
+            world.ground.batches  # noqa: B018  # reading batches computes the patches of tracked bodies
             world.reset_bodies()
-        _with_guests(world)
+        _with_remote_bodies(world)
     _fuse_maps()
     _check_maps()
 
 
 def _spawn_bodies(world: World) -> None:
-    """Shapes of each kind: one about to hit the ground, one on two tiles, one below the ground, one with a dictated
-    pose."""
+    """Spawn shapes of each kind: one about to hit the ground, one on two tiles, one below the ground, one tracked."""
     middle = 0.5 * LENGTH
     world.spawn("falling", Sphere(0.1), 1.0, BodyState((middle, middle, 0.25), linear=(0.0, 0.0, -20.0)))
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.3 * LENGTH, middle, 0.15)))
@@ -61,7 +59,7 @@ def _spawn_bodies(world: World) -> None:
 
 
 def _on_hills(world: World) -> None:
-    """Fields, on a map that was told whole and in part, with velocities and without, and that slides."""
+    """Use field colliders, on a sliding map after whole and partial updates, with and without velocities."""
     hills = _hills(0.0)
     hills.replace(hills.heights, time=-0.3)
     hills.update_region(1, 1, hills.heights[1:3, 1:3], time=-0.2)
@@ -72,7 +70,7 @@ def _on_hills(world: World) -> None:
 
 
 def _on_corrected_ground(world: World) -> None:
-    """Ground that stands still and is known better by the second map."""
+    """Use static ground whose second map is a correction."""
     motion = MotionConfig(changes="correction")
     hills = HeightMap(_hills(0.0).heights, resolution=SPACING, motion=motion)
     hills.show(world.time)
@@ -81,18 +79,18 @@ def _on_corrected_ground(world: World) -> None:
 
 
 def _on_a_plane(world: World) -> None:
-    """Boxes as colliders."""
+    """Use box colliders."""
     world.terrain.put("", HeightMap(np.zeros((SIDE, SIDE), np.float32), resolution=SPACING, time=world.time))
 
 
 def _across_tiles(world: World) -> None:
-    """Fields across the edge of a tile."""
+    """Use field colliders that cross the edge of a tile."""
     world.terrain.put("", _hills(0.0))
     world.terrain.put("beside", _hills(LENGTH))
 
 
 def _on_a_general_mesh(world: World) -> None:
-    """Triangle meshes as colliders."""
+    """Use triangle mesh colliders."""
     world.terrain.remove("beside")
     rows, columns = np.mgrid[:SIDE, :SIDE]
     vertices = SPACING * np.stack([columns, rows, 0.1 * rows], axis=-1).reshape(-1, 3)
@@ -102,14 +100,14 @@ def _on_a_general_mesh(world: World) -> None:
 
 
 def _hills(x: float) -> HeightMap:
-    """A height map that is nowhere flat, from ``x`` [m] on."""
+    """Return a height map that is nowhere flat and starts at ``x`` [m]."""
     rows, columns = np.mgrid[:SIDE, :SIDE]
     heights = 0.1 * np.sin(rows) * np.cos(columns)
     return HeightMap(heights.astype(np.float32), resolution=SPACING, origin=(x, 0.0), time=-1.0)
 
 
-def _with_guests(world: World) -> None:
-    """A body of another world that lies on one of this one, as long as it takes to be drawn to what its owner says."""
+def _with_remote_bodies(world: World) -> None:
+    """Simulate a remote body that rests on a local one, until it is corrected towards its owner's states."""
     with World() as other:
         other.spawn("guest", Sphere(0.1), 1.0, world.state("box"))
         for _ in range(8):
@@ -119,14 +117,14 @@ def _with_guests(world: World) -> None:
 
 
 def _fuse_maps() -> None:
-    """Maps fused with one variance for all samples, and with one for each."""
+    """Fuse maps with one variance for all samples, and with one for each sample."""
     heights = np.zeros((SIDE, SIDE), np.float32)
     for variance in (1e-4, np.full((SIDE, SIDE), 1e-4, np.float32)):
         fuse(nothing_known(SIDE, SIDE), heights, variance, 0.1, FusionConfig())
 
 
 def _check_maps() -> None:
-    """Whether maps look like those of a mapper: of ground that stays, and of a map that travels by a cell."""
+    """Check maps for noise: one map that stays in place, and one that travels by a cell."""
     check = NoiseCheck()
     hills = _hills(0.0)
     for x, time in ((0.0, 0.0), (0.0, 0.1), (SPACING, 0.2)):

@@ -56,7 +56,7 @@ print(machine_code.prepare())
 def environment(folder: Path | str, package: Path = machine_code.PACKAGE) -> dict[str, str]:
     """The environment of a process that keeps machine code in a folder."""
     path = os.pathsep.join([str(package.parent), os.environ.get("PYTHONPATH", "")])
-    return {**os.environ, machine_code.CHOSEN: str(folder), "PYTHONPATH": path}
+    return {**os.environ, machine_code.FOLDER_VARIABLE: str(folder), "PYTHONPATH": path}
 
 
 def run(
@@ -75,7 +75,7 @@ def run(
 def package(tmp_path: Path) -> Path:
     """A copy of the package in which a function of `touchable` calls one of `facets`."""
     copy = tmp_path / "copy" / "smartmesh_ros"
-    shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.HOME))
+    shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME))
     for name, more in (("facets", CALLEE), ("touchable", "\nfrom smartmesh_ros.patches import facets\n" + CALLER)):
         with (copy / "patches" / f"{name}.py").open("a") as file:
             file.write(more)
@@ -96,7 +96,7 @@ def test_numbas_own_cache_would_have_kept_the_old_code(package: Path, tmp_path: 
     """The control of the test above."""
     facets = package / "patches" / "facets.py"
     module = package / "compiled.py"
-    module.write_text(module.read_text().replace("made._cache = KeptCode(function)", "made.enable_caching()"))
+    module.write_text(module.read_text().replace("made._cache = CodeCache(function)", "made.enable_caching()"))
     assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"
     facets.write_text(facets.read_text().replace("return corner[2]", "return -corner[2]"))
     assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"
@@ -139,11 +139,11 @@ def test_everything_that_a_warm_up_needs_is_compiled_beforehand() -> None:
     script = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from smartmesh_ros.compiling import NOBODY
+from smartmesh_ros.compiling import NO_BODIES
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.warm_up import warm_up
 warm_up()
-PeerReader().read(NOBODY, 0, 0)
+PeerReader().read(NO_BODIES, 0, 0)
 made = [d for d in gc.get_objects() if isinstance(d, Dispatcher) and d.py_func.__module__.startswith("smartmesh_ros")]
 print(sum(map(len, (d.signatures for d in made))) > 20, [d for d in made if d.stats.cache_misses])
 """
@@ -173,8 +173,8 @@ def test_where_nothing_can_be_written_a_line_says_so_and_functions_run(package: 
     script = "from smartmesh_ros import machine_code; machine_code.prepare()" + GAP
     said, [line] = run(script, "/proc/nowhere", package=package)
     assert said == "0.05"
-    assert "machine code can be kept in none of /proc/nowhere: every start compiles" in line
-    assert machine_code.CHOSEN in line
+    assert "no folder for machine code is writable (tried /proc/nowhere): every start compiles" in line
+    assert machine_code.FOLDER_VARIABLE in line
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_code_for_another_python_or_processor_is_named_and_left_alone(tmp_path: 
     (there / machine_code.COMPLETE).touch()
     (there / "some").write_bytes(b"code")
     said, [line] = run(STUB, tmp_path, str(tmp_path / "log"))
-    assert f"there is machine code for {other} and this is {machine_code.made_by()}" in line
+    assert f"existing machine code is for {other}, not {machine_code.platform_tag()}" in line
     assert said == str(tmp_path / machine_code.name())
     assert (there / "some").read_bytes() == b"code"
 

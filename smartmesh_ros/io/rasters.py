@@ -21,9 +21,9 @@ FirstRow = Literal["top", "bottom"]
 
 # How far a point of an organised cloud may lie from its place on the grid, as a share of a cell. A height there
 # is taken as the height at the place.
-OFF_GRID = 0.1
+GRID_TOLERANCE = 0.1
 # Points that lie in one line do not say where a grid lies; their normal equations are this badly conditioned.
-MOST_CONDITION = 1e12
+MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
@@ -157,7 +157,7 @@ def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     for axis in range(2):
         places = fit[0, axis] + along_columns[axis] * np.arange(columns) + turned[axis] * np.arange(rows)[:, None]
         off = max(off, float(np.abs(places - points[..., axis]).max(where=known, initial=0.0)))
-    if not off <= OFF_GRID * resolution:
+    if not off <= GRID_TOLERANCE * resolution:
         raise InputError(
             "not_a_grid",
             f"points of the cloud lie up to {off:.3g} m off a grid of {resolution:.3g} m; rows and columns must be "
@@ -191,7 +191,7 @@ def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArr
     normal = np.array(
         [[in_row.sum(), sum_c, sum_r], [sum_c, in_column @ c**2, sum_rc], [sum_r, sum_rc, in_row @ r**2]], np.float64
     )
-    if not np.linalg.cond(normal) < MOST_CONDITION:
+    if not np.linalg.cond(normal) < MAX_CONDITION:
         raise InputError("not_a_grid", "the cloud has too few finite points to say where its grid lies; it needs three")
     right = np.empty((3, 2))
     for axis in range(2):

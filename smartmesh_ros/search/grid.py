@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.shape import UniformGrid
+from smartmesh_ros.terrain.mesh_shape import UniformGrid
 
 
 class Cells(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.shape import MeshShape
+from smartmesh_ros.terrain.mesh_shape import MeshShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal"]

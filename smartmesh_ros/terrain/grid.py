@@ -17,8 +17,8 @@ BoolArray = NDArray[np.bool_]
 # More samples than this cannot be held in memory as floats by any machine the project knows (2**31 * 4 bytes = 8 GiB).
 MOST_SAMPLES = 2**31
 # Where a map may lie, and how far apart its samples: beyond this, cells can no longer be counted in doubles [m].
-FARTHEST = 1e9
-RESOLUTIONS = (1e-6, 1e6)
+MAX_COORDINATE = 1e9
+RESOLUTION_RANGE = (1e-6, 1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,11 +50,11 @@ class GridGeometry:
             raise InputError("geometry", f"resolution is {self.resolution} m; it must be finite and greater than zero")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
             raise InputError("geometry", f"origin is {self.origin}; it must be three finite numbers [m]")
-        if not RESOLUTIONS[0] <= self.resolution <= RESOLUTIONS[1] or max(map(abs, self.origin)) > FARTHEST:
+        if not RESOLUTION_RANGE[0] <= self.resolution <= RESOLUTION_RANGE[1] or max(map(abs, self.origin)) > MAX_COORDINATE:
             raise InputError(
                 "geometry",
-                f"resolution {self.resolution} m at origin {self.origin}: it must be {RESOLUTIONS[0]:g} to "
-                f"{RESOLUTIONS[1]:g} m, at most {FARTHEST:g} m from the frame's origin",
+                f"resolution {self.resolution} m at origin {self.origin}: it must be {RESOLUTION_RANGE[0]:g} to "
+                f"{RESOLUTION_RANGE[1]:g} m, at most {MAX_COORDINATE:g} m from the frame's origin",
             )
         if not math.isfinite(self.yaw):
             raise InputError("geometry", f"yaw is {self.yaw}; it must be a finite angle [rad]")

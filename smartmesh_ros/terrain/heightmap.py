@@ -13,7 +13,7 @@ from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_acr
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, INSTANTS, KEPT, REST, MotionConfig, phase_of
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import take_heights
@@ -110,7 +110,7 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time from the last update to the next, of ground that moves [s]; 0 = none is expected."""
-        moves = self._clocks["time"] + REST * self._clocks["lifetime"] > self.time
+        moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
 
     @property
@@ -207,8 +207,8 @@ class HeightMap:
         """Whether any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.track.moves and time < self.track.time + REST * self.track.interval
-        return slides or bool((time < self._clocks["time"] + REST * self._clocks["lifetime"]).any())
+        slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
+        return slides or bool((time < self._clocks["time"] + REST_AFTER * self._clocks["lifetime"]).any())
 
     @property
     def slide_w(self) -> tuple[float, float]:
@@ -230,7 +230,7 @@ class HeightMap:
 
     def shift_time(self, by: float) -> None:
         """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
-        for name in INSTANTS:
+        for name in CLOCK_TIMES:
             self._clocks[name] += by
         self.track = self.track.shifted(by)
         self._shown += by

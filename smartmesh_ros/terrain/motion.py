@@ -32,18 +32,18 @@ class Mode(IntEnum):
     CORRECT = 3
 
 
-# The source is late, not gone, until an age of PATIENCE map intervals; extrapolation then runs back to the last map
+# The source is late, not gone, until an age of LATE_AFTER map intervals; extrapolation then runs back to the last map
 # at half the ground's speed, so that nothing is ever teleported.
-PATIENCE = 1.5
-# After an age of REST map intervals the ground is at rest at the last map's heights.
-REST = 3.0 * PATIENCE
+LATE_AFTER = 1.5
+# After an age of REST_AFTER map intervals the ground is at rest at the last map's heights.
+REST_AFTER = 3.0 * LATE_AFTER
 # The acceleration of the ground counts up to this multiple of the one before it.
 AGREEMENT = 4.0
 # Velocities that are kept of each sample: the newest and the two before it tell two accelerations.
 KEPT = 3
 # Times between updates that are looked back on. More than one, so that drops and jitter do not make the source late;
 # enough for bursts of five and the gaps between them.
-LOOKED_BACK = 10
+INTERVALS_KEPT = 10
 
 # When a block of samples was updated. ``time`` [s]: last update; ``opened`` [s]: the first one that the newest
 # velocity is told by; ``lifetime`` [s]: longest time to expect until the next, 0 = at rest; ``middle``, ``middle_1``,
@@ -59,11 +59,11 @@ CLOCK = np.dtype(
         ("middle_2", np.float64),
         ("known", np.int64),
         ("newest", np.int64),
-        ("intervals", np.float64, (LOOKED_BACK,)),
+        ("intervals", np.float64, (INTERVALS_KEPT,)),
         ("count", np.int64),
     ]
 )
-INSTANTS = ("time", "opened", "middle", "middle_1", "middle_2")  # its fields that are instants
+CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # its fields that are instants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,22 +144,22 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
     """The first six of `Phase` at ``time`` [s], of ground whose ``last`` map is due again after ``lifetime`` [s], and
     whose velocity holds for ``lag`` [s] before that map. As long as maps come in time the ground is taken to go on."""
     age = time - last
-    patience = PATIENCE * lifetime
+    late_after = LATE_AFTER * lifetime
     if lifetime <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if mode == Mode.HOLD:
-        return 0.0, 0.0, 1.0 if age <= patience else 0.0, 0.0, 0.0, math.inf
+        return 0.0, 0.0, 1.0 if age <= late_after else 0.0, 0.0, 0.0, math.inf
     if mode == Mode.INTERPOLATE:
         span = 2.0 * lag if lag > 0.0 else lifetime  # from the map before to the last one
         return min(max(age - span, -span), 0.0), 0.0, 1.0 if age < span else 0.0, 0.0, 0.0, math.inf
-    if age <= patience:
+    if age <= late_after:
         age = max(age, -lifetime)
         return age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, math.inf
-    bend = 0.5 * patience * (patience + 2.0 * lag)
-    share = 1.0 - 0.5 * (age - patience) / patience
+    bend = 0.5 * late_after * (late_after + 2.0 * lag)
+    share = 1.0 - 0.5 * (age - late_after) / late_after
     if share <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    return patience * share, bend * share, -0.5, -0.5 * bend / patience, 0.0, 2.0 * patience * share
+    return late_after * share, bend * share, -0.5, -0.5 * bend / late_after, 0.0, 2.0 * late_after * share
 
 
 @compiled

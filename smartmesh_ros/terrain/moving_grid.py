@@ -12,7 +12,7 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
-from smartmesh_ros.terrain.noisy_motion import doubt_of, motion_in_noise
+from smartmesh_ros.terrain.noisy_motion import noise_variances, motion_in_noise
 
 # A time over which no motion changes: velocities are rises over it [s].
 INSTANT = 1e-9
@@ -92,7 +92,7 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
 def _motion_at(grid, row, column, clock, phase):
     """Velocity and acceleration of a sample, by the ring of its velocities."""
     if grid.noise > 0.0:
-        return motion_in_noise(grid, row, column, clock, phase, doubt_of(clock, grid.noise))
+        return motion_in_noise(grid, row, column, clock, phase, noise_variances(clock, grid.noise))
     v, newest = grid.velocities, clock.newest
     first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
     return motion_of(

@@ -61,7 +61,7 @@ class NoiseCheckConfig:
     hold: float = 30.0
 
 
-class Seen(NamedTuple):
+class Findings(NamedTuple):
     """What maps of ground at rest showed: the standard deviation of their ``noise`` [m], to a tenth of it, and the
     largest ``jump`` [m]; zero where there was none."""
 
@@ -74,7 +74,7 @@ class Seen(NamedTuple):
         return " and ".join(part for part in (noise, jumps) if part)
 
 
-NOTHING = Seen(0.0, 0.0)
+NO_FINDINGS = Findings(0.0, 0.0)
 
 
 class Change(NamedTuple):
@@ -87,12 +87,12 @@ class Change(NamedTuple):
 
 
 class NoiseCheck:
-    """Looks at the whole maps of one tile, in the order of their time. ``seen``: what they show; see `Seen`."""
+    """Looks at the whole maps of one tile, in the order of their time. ``seen``: what they show; see `Findings`."""
 
     def __init__(self, config: NoiseCheckConfig | None = None) -> None:
         self.config = config or NoiseCheckConfig()
-        self.seen = NOTHING
-        self._time = self._heard = -math.inf  # of the last map, and when it was seen that ground does not move so [s]
+        self.findings = NO_FINDINGS
+        self._time = self._last_found = -math.inf  # of the last map, and when it was seen that ground does not move so [s]
         self._geometry: GridGeometry | None = None
         self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
         self._maps, self._counts = 0.0, NO_COUNTS  # how many maps count, and what was counted in them
@@ -118,7 +118,7 @@ class NoiseCheck:
             return
         self._maps = fading * self._maps + 1.0
         noise = self._noise(time) if heightmap.noise == 0.0 else 0.0
-        self._tell(noise, self._jump(Change(time, step, interval)), time)
+        self._record(noise, self._jump(Change(time, step, interval)), time)
 
     def _follow(self, geometry: GridGeometry, heights: FloatGrid) -> bool:
         """Moves the lattice to where a map lies; False where it is another grid, whose lattice is new."""
@@ -143,7 +143,7 @@ class NoiseCheck:
         self._noisy_since = math.inf
         self._changes.clear()
         self._jumped, self._before = None, time
-        self._heard = -math.inf if self.seen == NOTHING else time
+        self._last_found = -math.inf if self.findings == NO_FINDINGS else time
         self._lattice.heights[...] = math.nan
         self._lattice.steps[...] = 0.0
 
@@ -179,11 +179,11 @@ class NoiseCheck:
         known = change.time - change.interval - self._before >= self.config.rest
         return known and all(one.step <= self.config.still * change.step for one in reversed(self._changes))
 
-    def _tell(self, noise: float, jump: float, time: float) -> None:
+    def _record(self, noise: float, jump: float, time: float) -> None:
         """Notes what was seen, and forgets it once it was not seen for long."""
         if noise > 0.0 or jump > 0.0:
-            self._heard = time
-            worst = Seen(max(noise, self.seen.noise), max(jump, self.seen.jump))
-            self.seen = worst if worst.noise > 1.1 * self.seen.noise or jump > self.seen.jump else self.seen
-        elif time - self._heard > self.config.hold:
-            self.seen = NOTHING
+            self._last_found = time
+            worst = Findings(max(noise, self.findings.noise), max(jump, self.findings.jump))
+            self.findings = worst if worst.noise > 1.1 * self.findings.noise or jump > self.findings.jump else self.findings
+        elif time - self._last_found > self.config.hold:
+            self.findings = NO_FINDINGS

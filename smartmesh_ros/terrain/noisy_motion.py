@@ -17,12 +17,12 @@ from smartmesh_ros.terrain.correction import BLOCK_SHIFT
 from smartmesh_ros.terrain.motion import KEPT, agreed
 
 # How many samples to each side of a sample are looked at: 25 in all, which makes noise of the mean a fifth.
-AROUND = 2
+HALF_WINDOW = 2
 # The scatter of so few values is itself uncertain by two fifths: less than this multiple of what noise makes is noise.
-UNCERTAIN = 2.0
+SCATTER_MARGIN = 2.0
 
 
-class Doubt(NamedTuple):
+class NoiseVariances(NamedTuple):
     """Variances that noise of the heights gives to a sample's ``velocity`` [m^2/s^2], and to its acceleration by the
     newest velocities, ``change``, and by those before, ``change_1`` [m^2/s^4]."""
 
@@ -41,20 +41,20 @@ class Spread(NamedTuple):
 
 
 @compiled
-def doubt_of(clock, noise):
+def noise_variances(clock, noise):
     """What noise of the heights [m] does to the velocities of a block. Velocities that were given have none."""
     first = 2.0 * (clock.time - clock.middle)
     second = 2.0 * (clock.middle - clock.middle_1) - first
     third = 2.0 * (clock.middle_1 - clock.middle_2) - second
     if not first > 0.0:
-        return Doubt(0.0, 0.0, 0.0)
-    return Doubt(
-        2.0 * (noise / first) ** 2, doubt_of_change(first, second, noise), doubt_of_change(second, third, noise)
+        return NoiseVariances(0.0, 0.0, 0.0)
+    return NoiseVariances(
+        2.0 * (noise / first) ** 2, acceleration_variance(first, second, noise), acceleration_variance(second, third, noise)
     )
 
 
 @compiled
-def doubt_of_change(later: float, earlier: float, noise: float) -> float:
+def acceleration_variance(later: float, earlier: float, noise: float) -> float:
     """Variance of an acceleration [m^2/s^4] that three heights tell, intervals of so many seconds apart."""
     if not (later > 0.0 and earlier > 0.0):
         return math.inf
@@ -63,13 +63,13 @@ def doubt_of_change(later: float, earlier: float, noise: float) -> float:
 
 
 @compiled
-def share_of(power: float, noise: float) -> float:
+def signal_share(power: float, noise: float) -> float:
     """The share of a ``power`` that ``noise`` does not explain."""
     return 1.0 - noise / power if power > noise else 0.0
 
 
 @compiled
-def standing_out(value: float, around: Spread, variance: float) -> float:
+def denoised(value: float, around: Spread, variance: float) -> float:
     """A value as far as it stands out of noise of a ``variance``, by the values around it."""
     if variance == 0.0:
         return value
@@ -78,12 +78,12 @@ def standing_out(value: float, around: Spread, variance: float) -> float:
     mean = value + beyond
     # The mean of a pair has half the noise of a value.
     scatter = 2.0 * (around.squares - around.total**2 / count) / (count - 1) if count > 1 else 0.0
-    together = share_of(mean * mean, variance / (2 * count + 1))
-    return together * mean - share_of(scatter, UNCERTAIN * variance) * beyond
+    together = signal_share(mean * mean, variance / (2 * count + 1))
+    return together * mean - signal_share(scatter, SCATTER_MARGIN * variance) * beyond
 
 
 @compiled
-def widened(around: Spread, one: float, other: float) -> Spread:
+def with_pair(around: Spread, one: float, other: float) -> Spread:
     """A spread with one more pair, both values less the sample's own."""
     mean = 0.5 * (one + other)
     return Spread(around.pairs + 1, around.total + mean, around.squares + mean * mean)
@@ -102,7 +102,7 @@ def velocities_at(grid, row, column, newest):
 
 
 @compiled
-def told_with(grid, clock, row, column):
+def updated_together(grid, clock, row, column):
     """Whether a sample is on the map and was updated when the block of that ``clock`` was."""
     rows, columns = grid.heights.shape
     if not (0 <= row < rows and 0 <= column < columns):
@@ -112,7 +112,7 @@ def told_with(grid, clock, row, column):
 
 
 @compiled
-def motion_in_noise(grid, row, column, clock, phase, doubt):
+def motion_in_noise(grid, row, column, clock, phase, variances):
     """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy map.
 
     Samples on opposite sides are looked at together, or not at all: what rises to one side and falls to the other is no
@@ -124,23 +124,23 @@ def motion_in_noise(grid, row, column, clock, phase, doubt):
     change, change_1 = (v0 - v1) * phase.inverse, (v1 - v2) * phase.inverse_1
     bends = phase.inverse != 0.0 and not math.isnan(change + change_1)
     speeds, changes, changes_1 = Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0)
-    for a in range(AROUND + 1):
-        for b in range(-AROUND if a > 0 else 1, AROUND + 1):
-            if not (told_with(grid, clock, row + a, column + b) and told_with(grid, clock, row - a, column - b)):
+    for a in range(HALF_WINDOW + 1):
+        for b in range(-HALF_WINDOW if a > 0 else 1, HALF_WINDOW + 1):
+            if not (updated_together(grid, clock, row + a, column + b) and updated_together(grid, clock, row - a, column - b)):
                 continue
             p0, p1, p2 = velocities_at(grid, row + a, column + b, clock.newest)
             q0, q1, q2 = velocities_at(grid, row - a, column - b, clock.newest)
             if math.isnan(p0 + q0):
                 continue
-            speeds = widened(speeds, p0 - v0, q0 - v0)
+            speeds = with_pair(speeds, p0 - v0, q0 - v0)
             if bends and not math.isnan(p1 + p2 + q1 + q2):
-                changes = widened(changes, (p0 - p1) * phase.inverse - change, (q0 - q1) * phase.inverse - change)
-                changes_1 = widened(
+                changes = with_pair(changes, (p0 - p1) * phase.inverse - change, (q0 - q1) * phase.inverse - change)
+                changes_1 = with_pair(
                     changes_1, (p1 - p2) * phase.inverse_1 - change_1, (q1 - q2) * phase.inverse_1 - change_1
                 )
-    velocity = standing_out(v0, speeds, doubt.velocity)
+    velocity = denoised(v0, speeds, variances.velocity)
     if not bends:
         return velocity, 0.0
     return velocity, agreed(
-        standing_out(change, changes, doubt.change), standing_out(change_1, changes_1, doubt.change_1)
+        denoised(change, changes, variances.change), denoised(change_1, changes_1, variances.change_1)
     )

@@ -15,9 +15,9 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.motion import (
     CLOCK,
-    INSTANTS,
+    CLOCK_TIMES,
     KEPT,
-    REST,
+    REST_AFTER,
     MotionConfig,
     block_phase,
     displacement,
@@ -26,8 +26,8 @@ from smartmesh_ros.terrain.motion import (
 )
 from smartmesh_ros.terrain.moving_grid import INSTANT
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.shape import MeshShape, shape_of
-from smartmesh_ros.terrain.updates import CORRECTION, STAY, note_update
+from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
+from smartmesh_ros.terrain.updates import CORRECTION, UNCHANGED, note_update
 
 
 class MeshSamples(NamedTuple):
@@ -138,10 +138,10 @@ class TriangleMesh:
         """Notes the velocities that an update tells: those given, or the difference to the positions before."""
         motion, newest = self.motion, self._clock[0].newest
         whole = isinstance(target, slice)
-        told = note_update(
+        update = note_update(
             self._clock[0], float(time), speeds is not None, whole, motion.min_interval, motion.max_interval
         )
-        if told.how == STAY:
+        if update.method == UNCHANGED:
             return
         if self._clock[0].newest != newest:
             self._velocities[self._clock[0].newest] = 0.0
@@ -149,9 +149,9 @@ class TriangleMesh:
         if speeds is not None:
             velocities[:, target] = speeds
             return
-        rates = velocities[:, target] * told.keep + (new - self._now[:, target]) * told.inverse
-        if told.how != CORRECTION:
-            velocities *= told.keep
+        rates = velocities[:, target] * update.keep + (new - self._now[:, target]) * update.inverse
+        if update.method != CORRECTION:
+            velocities *= update.keep
         velocities[:, target] = rates
 
     @property
@@ -166,11 +166,11 @@ class TriangleMesh:
 
     def moving(self, time: float) -> bool:
         """Whether any vertex may move at ``time`` [s]."""
-        return self.lifetime > 0.0 and time - self.time < REST * self.lifetime
+        return self.lifetime > 0.0 and time - self.time < REST_AFTER * self.lifetime
 
     def shift_time(self, by: float) -> None:
         """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
-        for name in INSTANTS:
+        for name in CLOCK_TIMES:
             self._clock[name] += by
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:

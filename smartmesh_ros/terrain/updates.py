@@ -8,21 +8,21 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK, BLOCK_SHIFT
-from smartmesh_ros.terrain.motion import KEPT, LOOKED_BACK
+from smartmesh_ros.terrain.motion import KEPT, INTERVALS_KEPT
 
 # How the newest velocities of a block are told: not at all, they stay; by the difference to the heights before; by a
 # correction of these, which is added; by the difference over the last two intervals as one; or they are given.
-STAY, DIFFERENCE, CORRECTION, LONGER, GIVEN = 0, 1, 2, 3, 4
+UNCHANGED, DIFFERENCE, CORRECTION, MERGED, GIVEN = 0, 1, 2, 3, 4
 # An update that comes sooner after the last than so many usual intervals has no velocity of its own: what little it is
 # late or early, or off by noise, would be divided by nearly nothing.
-SOON = 0.5
+MIN_INTERVAL_SHARE = 0.5
 
 
-class Told(NamedTuple):
+class VelocityUpdate(NamedTuple):
     """How the velocities of a block are told, ``how``: differences of heights are multiplied by ``inverse`` [1/s], and
     added to so much of the velocity before, ``keep`` [-]."""
 
-    how: int
+    method: int
     inverse: float
     keep: float
 
@@ -40,10 +40,10 @@ def usual_interval(clock):
 @compiled
 def note_interval(clock, since):
     """Notes the time ``since`` the last update [s]; the source is late after the longest of the last ones."""
-    for k in range(min(clock.count, LOOKED_BACK - 1), 0, -1):
+    for k in range(min(clock.count, INTERVALS_KEPT - 1), 0, -1):
         clock.intervals[k] = clock.intervals[k - 1]
     clock.intervals[0] = since
-    clock.count = min(clock.count + 1, LOOKED_BACK)
+    clock.count = min(clock.count + 1, INTERVALS_KEPT)
     clock.lifetime = 0.0
     for k in range(clock.count):
         clock.lifetime = max(clock.lifetime, clock.intervals[k])
@@ -52,27 +52,27 @@ def note_interval(clock, since):
 @compiled
 def note_update(clock, time, given, whole, min_interval, max_interval):
     """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not, as a ``whole``
-    or in part; what is `Told` by that."""
+    or in part; what is `VelocityUpdate` by that."""
     since = time - clock.time
     again = since == 0.0 or (0.0 < since < min_interval and not whole)
     recent = not again and 0.0 < since <= max_interval
     differs = clock.known > 0 and clock.middle < clock.time
     if again and not given:
-        return Told(CORRECTION, 0.5 / (clock.time - clock.middle), 1.0) if differs else Told(STAY, 0.0, 0.0)
+        return VelocityUpdate(CORRECTION, 0.5 / (clock.time - clock.middle), 1.0) if differs else VelocityUpdate(UNCHANGED, 0.0, 0.0)
     if again and clock.known > 0:
-        return Told(GIVEN, 0.0, 0.0)
+        return VelocityUpdate(GIVEN, 0.0, 0.0)
     before, clock.time = clock.time, time
     parts = recent and time - clock.opened < min_interval
     if parts and not given and clock.known == 0:
-        return Told(STAY, 0.0, 0.0)
+        return VelocityUpdate(UNCHANGED, 0.0, 0.0)
     if not (given or recent):
         clock.opened, clock.known, clock.lifetime, clock.count = time, 0, 0.0, 0
-        return Told(STAY, 0.0, 0.0)
-    if recent and not given and differs and (parts or since < SOON * usual_interval(clock)):
+        return VelocityUpdate(UNCHANGED, 0.0, 0.0)
+    if recent and not given and differs and (parts or since < MIN_INTERVAL_SHARE * usual_interval(clock)):
         note_interval(clock, since)
         span = 2.0 * (before - clock.middle) + since
         clock.middle = time - 0.5 * span
-        return Told(LONGER, 1.0 / span, 1.0 - since / span)
+        return VelocityUpdate(MERGED, 1.0 / span, 1.0 - since / span)
     clock.opened = time
     clock.newest = (clock.newest + 1) % KEPT
     clock.middle_2, clock.middle_1 = clock.middle_1, clock.middle
@@ -82,20 +82,20 @@ def note_update(clock, time, given, whole, min_interval, max_interval):
         note_interval(clock, since)
     else:
         clock.lifetime, clock.count = max_interval, 0
-    return Told(GIVEN, 0.0, 0.0) if given else Told(DIFFERENCE, 1.0 / since, 0.0)
+    return VelocityUpdate(GIVEN, 0.0, 0.0) if given else VelocityUpdate(DIFFERENCE, 1.0 / since, 0.0)
 
 
 @compiled
-def write_velocities(velocities, heights, new, given, how, inverse, keep):
+def write_velocities(velocities, heights, new, given, method, inverse, keep):
     """Writes the velocities that a row's part tells, all (n,)."""
     for c in range(len(new)):
-        if how == DIFFERENCE:
+        if method == DIFFERENCE:
             velocities[c] = (new[c] - heights[c]) * inverse
-        elif how == CORRECTION:
+        elif method == CORRECTION:
             velocities[c] += (new[c] - heights[c]) * inverse
-        elif how == LONGER:
+        elif method == MERGED:
             velocities[c] = velocities[c] * keep + (new[c] - heights[c]) * inverse
-        elif how == GIVEN:
+        elif method == GIVEN:
             velocities[c] = given[c]
 
 
@@ -107,12 +107,12 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
     Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
     are at rest for that interval. A part of a block that comes less than ``min_interval`` [s] after the last update is
     a correction of that instant: its difference is added to the velocity. What comes so soon, or soon by the intervals
-    before (`SOON`), makes the newest velocity one over both intervals. Row by row, which reads memory in its order.
+    before (`MIN_INTERVAL_SHARE`), makes the newest velocity one over both intervals. Row by row, which reads memory in its order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]
     first_block, end_block = column >> BLOCK_SHIFT, ((end_column - 1) >> BLOCK_SHIFT) + 1
-    told, inverse, keep = (
+    methods, inverse, keep = (
         np.empty(end_block, np.int64),
         np.empty(end_block, np.float32),
         np.empty(end_block, np.float32),
@@ -122,7 +122,7 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
             top, side = block_row << BLOCK_SHIFT, block << BLOCK_SHIFT
             whole = row <= top and column <= side
             whole = whole and end_row >= min(top + BLOCK, rows) and end_column >= min(side + BLOCK, columns)
-            told[block], inverse[block], keep[block] = note_update(
+            methods[block], inverse[block], keep[block] = note_update(
                 clocks[block_row, block], time, given.size > 0, whole, min_interval, max_interval
             )
         for r in range(block_row << BLOCK_SHIFT, min((block_row + 1) << BLOCK_SHIFT, rows)):
@@ -131,17 +131,17 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
                 first, last = block << BLOCK_SHIFT, min((block << BLOCK_SHIFT) + BLOCK, columns)
                 left, right = (max(first, column), min(last, end_column)) if inside else (last, last)
                 newest = velocities[clocks[block_row, block].newest, r]
-                if told[block] == DIFFERENCE or told[block] == GIVEN:
+                if methods[block] == DIFFERENCE or methods[block] == GIVEN:
                     newest[first:left] = 0.0
                     newest[right:last] = 0.0
-                elif told[block] == LONGER:
+                elif methods[block] == MERGED:
                     newest[first:left] *= keep[block]
                     newest[right:last] *= keep[block]
                 if left < right:
                     fresh = new[r - row, left - column : right - column]
-                    says = given[r - row, left - column : right - column] if given.size > 0 else fresh
+                    stated = given[r - row, left - column : right - column] if given.size > 0 else fresh
                     write_velocities(
-                        newest[left:right], heights[r, left:right], fresh, says, told[block], inverse[block],
+                        newest[left:right], heights[r, left:right], fresh, stated, methods[block], inverse[block],
                         keep[block],
                     )  # fmt: skip
                     heights[r, left:right] = fresh

@@ -62,7 +62,7 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, ex
 
 
 def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_path: Path) -> None:
-    with Process("terrain_collider", environment={machine_code.CHOSEN: str(tmp_path)}) as process:
+    with Process("terrain_collider", environment={machine_code.FOLDER_VARIABLE: str(tmp_path)}) as process:
         probe.wait_for(lambda: any(tmp_path.rglob("*.generic")), timeout=STARTING, watch=process)
         assert process.stop() == 0
         [line] = process.output.splitlines()
@@ -73,7 +73,7 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_pa
 
 def test_a_node_that_runs_and_is_not_ready_is_waited_for_as_long_as_asked(probe: Probe, tmp_path: Path) -> None:
     """It waits for somebody else who compiles: for this test, which never does."""
-    place, kept = tmp_path / "some", {machine_code.CHOSEN: str(tmp_path)}
+    place, kept = tmp_path / "some", {machine_code.FOLDER_VARIABLE: str(tmp_path)}
     place.mkdir()
     with machine_code._locked(place):
         with Process("terrain_collider", environment=kept) as process:

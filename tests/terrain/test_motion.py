@@ -14,8 +14,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.motion import (
     AGREEMENT,
     AT_REST,
-    PATIENCE,
-    REST,
+    LATE_AFTER,
+    REST_AFTER,
     Mode,
     MotionConfig,
     Phase,
@@ -45,7 +45,7 @@ def height_at(age: float, velocity: float, acceleration: float, mode: Mode = Mod
 @given(velocities, accelerations, st.floats(0.0, 0.6), st.floats(1e-4, 0.1))
 def test_ground_rises_by_the_difference_of_its_heights(v: float, a: float, age: float, ahead: float) -> None:
     """Within one part of its motion: until maps are late, or from then on until it rests."""
-    patience = PATIENCE * INTERVAL
+    patience = LATE_AFTER * INTERVAL
     if age <= patience < age + ahead:
         ahead = patience - age
     rise = rise_of(v, a, phase_at(age), ahead)
@@ -55,7 +55,7 @@ def test_ground_rises_by_the_difference_of_its_heights(v: float, a: float, age: 
 @given(velocities, accelerations, st.floats(0.0, 0.6))
 def test_what_is_carried_is_the_derivative_of_height(v: float, a: float, age: float) -> None:
     step = 1e-6
-    corners = (PATIENCE * INTERVAL, REST * INTERVAL)
+    corners = (LATE_AFTER * INTERVAL, REST_AFTER * INTERVAL)
     if any(corner - 2 * step <= age <= corner + 2 * step for corner in corners):
         return
     slope = (height_at(age + step, v, a) - height_at(age - step, v, a)) / (2.0 * step)
@@ -64,7 +64,7 @@ def test_what_is_carried_is_the_derivative_of_height(v: float, a: float, age: fl
 
 
 @given(velocities, accelerations)
-@pytest.mark.parametrize("corner", [0.0, INTERVAL, PATIENCE * INTERVAL, REST * INTERVAL])
+@pytest.mark.parametrize("corner", [0.0, INTERVAL, LATE_AFTER * INTERVAL, REST_AFTER * INTERVAL])
 def test_ground_jumps_nowhere(corner: float, v: float, a: float) -> None:
     """Not when the map comes, is due, is late or is gone."""
     assert height_at(corner + 1e-9, v, a) == pytest.approx(height_at(corner - 1e-9, v, a), abs=1e-6)
@@ -73,11 +73,11 @@ def test_ground_jumps_nowhere(corner: float, v: float, a: float) -> None:
 @given(velocities, accelerations)
 def test_at_its_map_the_ground_is_that_map(v: float, a: float) -> None:
     assert height_at(0.0, v, a) == 0.0
-    assert height_at(REST * INTERVAL + 1e-9, v, a) == 0.0
-    assert rise_of(v, a, phase_at(REST * INTERVAL + 1e-9), 1.0) == 0.0
+    assert height_at(REST_AFTER * INTERVAL + 1e-9, v, a) == 0.0
+    assert rise_of(v, a, phase_at(REST_AFTER * INTERVAL + 1e-9), 1.0) == 0.0
 
 
-@given(velocities, accelerations, st.floats(PATIENCE * INTERVAL + 1e-6, REST * INTERVAL), st.floats(0.0, 10.0))
+@given(velocities, accelerations, st.floats(LATE_AFTER * INTERVAL + 1e-6, REST_AFTER * INTERVAL), st.floats(0.0, 10.0))
 def test_late_ground_returns_to_its_map_and_stays_there(v: float, a: float, age: float, ahead: float) -> None:
     here = height_at(age, v, a)
     there = here + rise_of(v, a, phase_at(age), ahead)
@@ -130,9 +130,9 @@ def test_ground_is_not_carried_past_its_velocity(
 
 def test_extrapolation_runs_on_waits_and_returns() -> None:
     offset = np.array([height_at(age, 1.0, 0.0) for age in AGES])
-    fresh = AGES <= PATIENCE * INTERVAL
+    fresh = AGES <= LATE_AFTER * INTERVAL
     np.testing.assert_allclose(offset[fresh], AGES[fresh])
-    gone = AGES > REST * INTERVAL
+    gone = AGES > REST_AFTER * INTERVAL
     assert np.abs(offset[gone]).max() == 0.0
     assert np.abs(np.diff(offset)).max() < 1e-3
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import REST, MotionConfig, MotionMode
+from smartmesh_ros.terrain.motion import REST_AFTER, MotionConfig, MotionMode
 from smartmesh_ros.terrain.moving_grid import read_window
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -174,7 +174,7 @@ def test_given_velocities_tell_the_acceleration_at_the_instants_they_hold_for() 
 def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     times = np.arange(4) * 0.05
     heightmap = fed(ground, times, mode=mode)
-    end = times[-1] + REST * 0.05
+    end = times[-1] + REST_AFTER * 0.05
     assert heightmap.moving(float(end - 1e-6))
     assert not heightmap.moving(end + 1e-6)
     found = heightmap.sample(np.arange(600), end + 1e-6)
@@ -194,7 +194,7 @@ def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interv
         went = interval + age if sliding else interval  # else it came by whole cells, or not at all
         assert (grid.x, grid.y) == pytest.approx((x * went, y * went), abs=1e-9)
         assert (grid.slide_x, grid.slide_y) == pytest.approx((x, y) if sliding else (0.0, 0.0), abs=1e-6)
-    gone = moved.moved_to(interval + REST * interval + 1e-9)
+    gone = moved.moved_to(interval + REST_AFTER * interval + 1e-9)
     assert (gone.x, gone.y) == pytest.approx((x * interval, y * interval))
     assert (gone.slide_x, gone.slide_y) == (0.0, 0.0)
 

@@ -17,7 +17,7 @@ from smartmesh_ros.evaluation.scene import Scene, read_scenes
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.noise_check import NOTHING, NoiseCheck, NoiseCheckConfig
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.terrain.sample_lattice import NO_COUNTS, Lattice, compare
 from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
 from studies.matrix.arena import square
@@ -66,36 +66,36 @@ def at_rate(rate: float, seconds: float = 4.0, most: int = 120) -> list[float]:
 
 @pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0, 240.0])
 def test_noise_is_seen_within_five_seconds_and_measured(rate: float) -> None:
-    seen = check_of(of_mapper(SOON, rate, noise=0.005)).seen
-    assert seen.noise == pytest.approx(0.005, rel=0.15)
-    assert seen.jump == 0.0
+    findings = check_of(of_mapper(SOON, rate, noise=0.005)).findings
+    assert findings.noise == pytest.approx(0.005, rel=0.15)
+    assert findings.jump == 0.0
 
 
 @pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0])
 @pytest.mark.parametrize("noise", [0.0, 0.005])
 def test_closures_are_seen_within_five_seconds_and_measured(rate: float, noise: float) -> None:
-    seen = check_of(of_mapper(SOON, rate, noise=noise, closure=0.08)).seen
-    assert seen.jump == pytest.approx(0.08, rel=0.1)
-    assert (seen.noise > 0.0) == (noise > 0.0)
+    findings = check_of(of_mapper(SOON, rate, noise=noise, closure=0.08)).findings
+    assert findings.jump == pytest.approx(0.08, rel=0.1)
+    assert (findings.noise > 0.0) == (noise > 0.0)
 
 
 def test_noise_drift_and_closures_together_are_seen_within_five_seconds() -> None:
-    seen = check_of(of_mapper(SOON, 10.0, noise=0.005, drift=0.01, closure=0.08)).seen
-    assert seen.noise == pytest.approx(0.005, rel=0.15)
-    assert seen.jump == pytest.approx(0.08, rel=0.1)
-    assert str(seen).startswith("noise of 5.")
-    assert "jumps of still ground by up to 8." in str(seen)
+    findings = check_of(of_mapper(SOON, 10.0, noise=0.005, drift=0.01, closure=0.08)).findings
+    assert findings.noise == pytest.approx(0.005, rel=0.15)
+    assert findings.jump == pytest.approx(0.08, rel=0.1)
+    assert str(findings).startswith("noise of 5.")
+    assert "jumps of still ground by up to 8." in str(findings)
 
 
 def test_drift_alone_is_motion() -> None:
-    assert check_of(of_mapper(10.0, 10.0, drift=0.01)).seen == NOTHING
+    assert check_of(of_mapper(10.0, 10.0, drift=0.01)).findings == NO_FINDINGS
 
 
 @pytest.mark.parametrize("config", [MappingConfig(duration=SOON), MappingConfig(duration=SOON, drift=NO_DRIFT)])
 def test_the_maps_of_the_mapper_of_the_studies_are_noisy(config: MappingConfig) -> None:
     """Its map travels with the rover by whole cells, has holes, and is filtered over time."""
     check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
-    assert 0.0005 < check.seen.noise < 0.005
+    assert 0.0005 < check.findings.noise < 0.005
 
 
 def test_the_mapper_of_a_rover_that_stands_jumps_at_its_closures() -> None:
@@ -105,7 +105,7 @@ def test_the_mapper_of_a_rover_that_stands_jumps_at_its_closures() -> None:
     )
     config = MappingConfig(duration=4.0, path=path, drift=drift)
     check = check_of((frame.stamp, frame.geometry, frame.elevation) for frame in mapped_terrain(config))
-    assert check.seen != NOTHING
+    assert check.findings != NO_FINDINGS
 
 
 def test_smoothed_noise_is_seen() -> None:
@@ -115,24 +115,24 @@ def test_smoothed_noise_is_seen() -> None:
         return sum(np.roll(heights, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)) / 9.0
 
     feed = ((time, grid, smoothed(heights)) for time, grid, heights in of_mapper(SOON, 10.0, noise=0.015))
-    assert check_of(feed).seen.noise > 0.0
+    assert check_of(feed).findings.noise > 0.0
 
 
 def test_noise_that_was_told_of_is_not_warned_of() -> None:
     feed = list(of_mapper(SOON, 10.0, noise=0.005, closure=0.08))
-    seen = check_of(feed, MotionConfig(noise=0.005)).seen
-    assert seen.noise == 0.0
-    assert seen.jump == pytest.approx(0.08, rel=0.1)
+    findings = check_of(feed, MotionConfig(noise=0.005)).findings
+    assert findings.noise == 0.0
+    assert findings.jump == pytest.approx(0.08, rel=0.1)
 
 
 def test_what_is_not_seen_any_more_is_forgotten_after_a_while() -> None:
     check = check_of(of_mapper(SOON, 10.0, noise=0.005))
     for number in range(200):
         check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number), SOON + 0.1 * number)
-    assert check.seen != NOTHING
+    assert check.findings != NO_FINDINGS
     for number in range(200, 500):
         check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number), SOON + 0.1 * number)
-    assert check.seen == NOTHING
+    assert check.findings == NO_FINDINGS
 
 
 @pytest.mark.parametrize("scene", [scene for scene in read_scenes() if scene.moves], ids=lambda scene: scene.name)
@@ -144,7 +144,7 @@ def test_no_scene_of_the_chart_gives_a_false_alarm(scene: Scene) -> None:
             x, y = scene.slide[0] * time, scene.slide[1] * time
             yield time, replace(scene.geometry, origin=(x, y, 0.0)), ground.heights(time)
 
-    assert check_of(feed()).seen == NOTHING
+    assert check_of(feed()).findings == NO_FINDINGS
 
 
 @pytest.mark.parametrize("rate", [10.0, 20.0, 60.0, 240.0])
@@ -152,7 +152,8 @@ def test_no_scene_of_the_chart_gives_a_false_alarm(scene: Scene) -> None:
 def test_the_waves_of_the_matrix_give_no_false_alarm(frequency: int, rate: float) -> None:
     geometry = square(61, 0.25)
     assert (
-        check_of(of_ground(make_ground(geometry, **WAVES[frequency]).heights, geometry, at_rate(rate))).seen == NOTHING
+        check_of(of_ground(make_ground(geometry, **WAVES[frequency]).heights, geometry, at_rate(rate))).findings
+        == NO_FINDINGS
     )
 
 
@@ -161,7 +162,7 @@ def test_the_waves_of_the_matrix_give_no_false_alarm(frequency: int, rate: float
 def test_waves_that_are_told_unevenly_give_no_false_alarm(name: str, rate: float) -> None:
     geometry = square(61, 0.25)
     feed = of_ground(make_ground(geometry, **WAVES[4]).heights, geometry, sorted(STAMPS[name](rate)))
-    assert check_of(feed).seen == NOTHING
+    assert check_of(feed).findings == NO_FINDINGS
 
 
 MOTIONS = {
@@ -183,7 +184,7 @@ def test_ground_that_starts_and_stops_at_once_gives_no_false_alarm(name: str, ra
     geometry = square(41, 0.25)
     ground = make_ground(geometry, **MOTIONS[name])
     feed = of_ground(lambda time: ground.heights(max(time - 1.5, 0.0)), geometry, at_rate(rate, 5.0, 720))
-    assert check_of(feed).seen == NOTHING
+    assert check_of(feed).findings == NO_FINDINGS
 
 
 @given(
@@ -201,9 +202,9 @@ def test_a_platform_that_lifts_and_stops_gives_no_false_alarm(
         return speed * min(max(time - start, 0.0), duration)
 
     stamps = at_rate(rate, start + duration + 1.5, 400)
-    assert check_of((time, grid, rough + level(time)) for time in stamps).seen == NOTHING
+    assert check_of((time, grid, rough + level(time)) for time in stamps).findings == NO_FINDINGS
     x, y, _ = grid.origin
-    assert check_of((time, replace(grid, origin=(x, y, level(time))), rough) for time in stamps).seen == NOTHING
+    assert check_of((time, replace(grid, origin=(x, y, level(time))), rough) for time in stamps).findings == NO_FINDINGS
 
 
 @given(
@@ -225,7 +226,7 @@ def test_a_carried_platform_gives_no_false_alarm(
             )
             for number, time in enumerate(at_rate(rate))
         )
-        assert check_of(feed).seen == NOTHING
+        assert check_of(feed).findings == NO_FINDINGS
 
 
 @given(
@@ -241,7 +242,7 @@ def test_waves_give_no_false_alarm_unless_told_by_too_few_samples_and_maps(
         number = math.pi / 4.0 / resolution
     geometry = square(61, resolution)
     ground = make_ground(geometry, "waves", amplitude=amplitude, number=number, frequency=frequency)
-    assert check_of(of_ground(ground.heights, geometry, at_rate(rate, most=60))).seen == NOTHING
+    assert check_of(of_ground(ground.heights, geometry, at_rate(rate, most=60))).findings == NO_FINDINGS
 
 
 def test_maps_that_travel_over_still_hills_give_no_false_alarm_and_noisy_ones_are_seen() -> None:
@@ -259,8 +260,8 @@ def test_maps_that_travel_over_still_hills_give_no_false_alarm_and_noisy_ones_ar
             part = hills[row : row + 61, column : column + 61]
             yield time, geometry, part + rng.normal(0.0, noise, part.shape)
 
-    assert check_of(feed(0.0)).seen == NOTHING
-    assert check_of(feed(0.005)).seen.noise == pytest.approx(0.005, rel=0.2)
+    assert check_of(feed(0.0)).findings == NO_FINDINGS
+    assert check_of(feed(0.005)).findings.noise == pytest.approx(0.005, rel=0.2)
 
 
 def test_messy_ground_under_a_wheel_is_no_noise() -> None:
@@ -273,24 +274,24 @@ def test_messy_ground_under_a_wheel_is_no_noise() -> None:
             heights[20:26, 30:36] += rng.normal(0.0, 0.02, (6, 6))
             yield time, GRID, heights
 
-    assert check_of(feed()).seen == NOTHING
+    assert check_of(feed()).findings == NO_FINDINGS
 
 
 def test_one_map_of_other_ground_is_no_jump_until_the_ground_has_rested() -> None:
     """Jumps in every second are something else that we know nothing of."""
-    assert check_of(of_mapper(8.0, 20.0, closure=0.08, every=0.5)).seen == NOTHING
+    assert check_of(of_mapper(8.0, 20.0, closure=0.08, every=0.5)).findings == NO_FINDINGS
 
 
 def test_maps_that_are_too_far_apart_or_of_another_grid_start_anew() -> None:
     slow = check_of(of_mapper(30.0, 2.0, noise=0.005))
-    assert slow.seen == NOTHING  # such maps give no velocity
+    assert slow.findings == NO_FINDINGS  # such maps give no velocity
     grids = (square(size, 0.1) for size in (20 + number % 2 for number in count()))
     rng = np.random.default_rng(5)
     feed = (
         (time, grid, rng.normal(0.0, 0.005, (grid.rows, grid.columns)))
         for time, grid in zip(at_rate(10.0), islice(grids, 40), strict=True)
     )
-    assert check_of(feed).seen == NOTHING
+    assert check_of(feed).findings == NO_FINDINGS
 
 
 @given(seed=st.integers(0, 10**6), rows=st.integers(1, 9), columns=st.integers(1, 9))

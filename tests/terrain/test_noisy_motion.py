@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import KEPT, MotionConfig, agreed, block_phase, displacement, motion_of, rise_of
-from smartmesh_ros.terrain.noisy_motion import AROUND, UNCERTAIN
+from smartmesh_ros.terrain.noisy_motion import HALF_WINDOW, SCATTER_MARGIN
 from tests.examples import examples
 
 SIDE = 70  # more than a block
@@ -36,8 +36,8 @@ def sampled(heightmap: HeightMap, age: float = 0.0) -> tuple[FloatArray, FloatAr
 
 def standing_out(values: FloatArray, row: int, column: int, variance: float) -> float:
     """The estimate for one sample, written anew with arrays; ``values`` (R, C), NaN = not known."""
-    padded = np.pad(values, AROUND, constant_values=np.nan)
-    window = padded[row : row + 2 * AROUND + 1, column : column + 2 * AROUND + 1].ravel()
+    padded = np.pad(values, HALF_WINDOW, constant_values=np.nan)
+    window = padded[row : row + 2 * HALF_WINDOW + 1, column : column + 2 * HALF_WINDOW + 1].ravel()
     half = len(window) // 2
     opposite = 0.5 * (window[:half] + window[: -half - 1 : -1])
     opposite = opposite[~np.isnan(opposite)]
@@ -45,7 +45,7 @@ def standing_out(values: FloatArray, row: int, column: int, variance: float) -> 
     n = 2 * len(opposite) + 1
     mean = (own + 2.0 * opposite.sum()) / n
     scatter = 2.0 * opposite.var(ddof=1) if len(opposite) > 1 else 0.0
-    beyond = max(1.0 - UNCERTAIN * variance / scatter, 0.0) if scatter > 0.0 else 0.0
+    beyond = max(1.0 - SCATTER_MARGIN * variance / scatter, 0.0) if scatter > 0.0 else 0.0
     around = max(1.0 - variance / n / mean**2, 0.0) if mean != 0.0 else 0.0
     return float(around * mean + beyond * (own - mean))
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import LOOKED_BACK, PATIENCE
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, LATE_AFTER
 from tests.examples import examples
 
 INTERVAL = 0.05
@@ -65,8 +65,8 @@ def test_after_drops_the_ground_goes_on_for_as_long_as_they_took() -> None:
 
 def test_maps_that_come_faster_again_are_missed_sooner() -> None:
     slow = 0.2 * np.arange(1, 10)
-    fast = slow[-1] + 0.02 * np.arange(1, LOOKED_BACK + 1)
+    fast = slow[-1] + 0.02 * np.arange(1, INTERVALS_KEPT + 1)
     heightmap = rising(np.concatenate([slow, fast]))
     assert heightmap.lifetime == pytest.approx(0.02)
-    late = heightmap.time + (PATIENCE + 0.5) * 0.02
+    late = heightmap.time + (LATE_AFTER + 0.5) * 0.02
     assert (heightmap.sample(EVERYTHING, late).velocities < 0.0).all()  # back to where it was seen last

@@ -6,7 +6,7 @@ from time import monotonic
 from typing import Any
 
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.noise_check import NOTHING, NoiseCheck
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
 # The log speaks again only of what was not seen for so long [s]; the diagnostics speak as long as it is seen.
 QUIET = 600.0
@@ -35,14 +35,14 @@ class MapChecks:
                 self.forget(tile)
             return
         check = self._checks.setdefault(tile, NoiseCheck())
-        before = check.seen
+        before = check.findings
         check.take(heightmap, time)
-        if check.seen != before:
+        if check.findings != before:
             self._tell()
 
     def _tell(self) -> None:
         """Brings ``doubt`` up to date, and logs one that is new."""
-        seen = {tile: str(check.seen) for tile, check in self._checks.items() if check.seen != NOTHING}
+        seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
         now, before, self.doubt = monotonic(), self.doubt, ""
         if before:
             self._doubted = now
