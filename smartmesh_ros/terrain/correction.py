@@ -1,7 +1,7 @@
-"""Ground that stands still and is known better now: corrections of its heights, worked off over a short time.
+"""Corrections of static ground: new estimates of its heights, blended in over a short time.
 
-A correction has no velocity. What was shown before becomes what is known now in a straight line; whoever steps the
-physics says up to which instant, so that the ground, its colliders and the bodies on it are moved together.
+A correction has no velocity. The shown heights change linearly from the old estimate to the new one. The caller that
+steps the physics sets the instant, so that the ground, its colliders and the bodies on it move together.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 
-# Side of the square blocks of samples that share a clock, as a power of two [samples].
+# Side of the square blocks of samples that share one clock [samples], a power of two, and its exponent.
 BLOCK_SHIFT = 6
 BLOCK = 1 << BLOCK_SHIFT
 
 
 @compiled
 def remaining(clock, shown, settle):
-    """Share of a block's corrections that is still to be worked off at the instant ``shown`` [s]."""
+    """Return the fraction of a block's correction that is not yet blended in at the instant ``shown`` [s]."""
     elapsed = shown - clock.middle
     if not elapsed < settle:
         return 0.0
@@ -33,10 +33,10 @@ def take_corrected(
     heights: NDArray[np.float32], offsets: NDArray[np.float32], clocks: Any, row: int, column: int,
     new: NDArray[np.float32], time: float, shown: float, settle: float,
 ) -> None:  # fmt: skip
-    """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``);
-    ``offsets`` keep what is shown at the instant ``shown`` [s], inf = nothing is shown yet.
+    """Write ``new`` heights (h, w) [m] of ``time`` [s] to the rectangle whose first sample is (``row``, ``column``).
 
-    A hole that is filled goes with the last sample before it in its row, so that it is no spike among those.
+    ``offsets`` [m] are set so that the shown heights do not jump at the instant ``shown`` [s], inf = nothing shown yet.
+    A filled hole takes the offset of the sample before it in its row, because a different offset would be a spike.
     """
     rows, columns = heights.shape
     high, wide = new.shape

@@ -1,11 +1,11 @@
-"""Heights of ground that stands still and is measured again and again: a Kalman filter of one state per sample.
+"""Fusion of repeated height measurements of static ground: a Kalman filter with one state per sample.
 
-The state of a sample is its height and the variance of that. Between measurements the variance grows, so old knowledge
-counts for less and less; a measurement takes the height towards itself by the share of its own certainty. What lies
-further off than noise can say is no noise: the ground was changed, or the map was moved, and the sample starts anew.
+The state of a sample is its height and the height's variance. Between measurements the variance grows, so older
+measurements lose weight. A measurement outside the gate cannot be explained by noise: the ground was changed or the map
+moved, so the filter of that sample restarts.
 
-Measurements are taken to be independent. Maps of a mapper that has fused them already are not: they repeat what it said
-before, so they average out little more, and ``growth`` bounds how far the variance falls short of the truth.
+Measurements are assumed to be independent. Maps of a mapper that already fuses measurements are correlated, so the
+variance is underestimated; ``growth`` bounds the error.
 
 Compiled by Numba; a sample costs about half a nanosecond.
 """
@@ -27,13 +27,13 @@ FloatGrid = NDArray[np.float32]
 
 @dataclass(frozen=True, kw_only=True)
 class FusionConfig:
-    """How heights are fused over time.
+    """Parameters of the filter.
 
-    ``growth``: variance that a second adds to every height [m^2/s], at least zero. It bounds how long old measurements
-    count: of heights measured with variance R every T seconds, those of the last ``sqrt(R T / growth)`` seconds, about.
-    At zero all of them count, for ever. By default it is 3 s for maps at 10 Hz whose noise is 10 mm.
-    ``gate``: how many standard deviations a measurement may lie off before the sample starts anew from it, above zero
-    [-]. At 5 noise alone does that to one sample in two million; infinity never starts anew.
+    ``growth`` [m^2/s], at least zero: variance added to every height per second. Raising it shortens the memory: with
+    measurements of variance R every T seconds, about the last ``sqrt(R T / growth)`` seconds count. The default gives
+    3 s for maps at 10 Hz with 10 mm noise. At zero all measurements count for ever.
+    ``gate`` [standard deviations], above zero: innovation beyond which a sample restarts from the measurement. Raising
+    it causes fewer restarts: at 5, noise restarts one sample in two million; at infinity, none.
     """
 
     growth: float = 1e-6
@@ -47,9 +47,9 @@ class FusionConfig:
 
 
 class FusedMap(NamedTuple):
-    """What is known of the ground: ``heights`` [m], NaN = nothing yet, and their ``variances`` [m^2].
+    """State of the filter: ``heights`` [m], NaN = not measured yet, and their ``variances`` [m^2].
 
-    Both are (rows, columns), float32 and contiguous; `fuse` changes them in place.
+    Both are (rows, columns), float32 and contiguous. `fuse` changes them in place.
     """
 
     heights: FloatGrid
@@ -57,7 +57,7 @@ class FusedMap(NamedTuple):
 
 
 def nothing_known(rows: int, columns: int) -> FusedMap:
-    """A map before its first measurement."""
+    """Return the state before the first measurement."""
     return FusedMap(np.full((rows, columns), np.nan, np.float32), np.zeros((rows, columns), np.float32))
 
 
@@ -69,17 +69,17 @@ def fuse(
     config: FusionConfig,
     first: tuple[int, int] = (0, 0),
 ) -> None:
-    """Takes new heights of the whole map, or of the rectangle whose first sample (row, column) is ``first``.
+    """Update ``known`` in place with heights of the whole map, or of the rectangle whose first sample is ``first``.
 
-    ``measured``: heights (h, w) [m], NaN = not seen: such a sample keeps its height and is known less well.
-    ``variance``: of each height [m^2], one number or (h, w); zero takes the height as it is, bit for bit, and what is
-    negative or not finite belongs to no measurement. ``elapsed``: time since these samples were fused last [s].
-    Raises `ValueError` where shapes do not agree, and changes nothing.
+    ``measured``: heights (h, w) [m]; NaN = not seen, which keeps the height and raises its variance.
+    ``variance``: variances of the heights [m^2], one number or (h, w). At zero the measured height replaces the old one
+    exactly; heights with a negative or non-finite variance are ignored. ``elapsed``: time since these samples were last
+    fused [s]. ``first``: (row, column). Raises `ValueError` if shapes do not match, and changes nothing.
     """
     row, column = first
     _require_inside(known, measured.shape, first)
     if not 0.0 <= elapsed < math.inf:
-        raise ValueError(f"{elapsed} s have passed since the last heights; it must be a finite time of at least zero")
+        raise ValueError(f"{elapsed} s have passed since the last heights; the time must be finite and at least zero")
     seen = np.ascontiguousarray(measured, np.float32)
     grown = np.float32(config.growth * elapsed)
     gate_squared = np.float32(min(config.gate, 1e18) ** 2)
@@ -93,8 +93,10 @@ def fuse(
 
 
 def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], elapsed: float) -> FusedMap:
-    """What is known once a map was ``measured`` that lies by so many ``cells`` (rows, columns) further than the one
-    ``before`` it, of the same size, ``elapsed`` [s] later."""
+    """Return the fused state of a ``measured`` map and the state ``before`` it, of the same size.
+
+    The measured map lies ``cells`` (rows, columns) further on and is ``elapsed`` [s] newer.
+    """
     known = nothing_known(*measured.heights.shape)
     (to_r, from_r), (to_c, from_c) = (overlap(by, size) for by, size in zip(cells, before.heights.shape, strict=True))
     known.heights[to_r, to_c] = before.heights[from_r, from_c]
@@ -122,13 +124,13 @@ def _fused(
     grown: np.float32,
     gate_squared: np.float32,
 ) -> tuple[np.float32, np.float32]:
-    """Height and variance of one sample after a measurement of variance ``noise``."""
+    """Return the height and variance of one sample after a measurement of variance ``noise``."""
     prior = variance + grown
     innovation = measured - height
     spread = prior + noise
     gain = prior / spread
     seen = measured == measured and noise >= np.float32(0.0) and noise < np.float32(np.inf)
-    # Holes are not a number, and so they do not agree with anything.
+    # The comparison is False for a sample without a height (NaN), which therefore starts from the measurement.
     agrees = noise > np.float32(0.0) and innovation * innovation <= gate_squared * spread
     if not seen:
         return height, prior
@@ -148,7 +150,7 @@ def _fuse_all(
     row: int,
     column: int,
 ) -> None:
-    """Fuses the rectangle at (row, column) in place; one variance for all samples."""
+    """Fuse the rectangle at (row, column) in place, with one variance for all samples."""
     high, wide = measured.shape
     for i in range(high):
         height, variance = heights[row + i][column : column + wide], variances[row + i][column : column + wide]
@@ -168,7 +170,7 @@ def _fuse_each(
     row: int,
     column: int,
 ) -> None:
-    """The same with a variance for each sample."""
+    """Fuse the rectangle at (row, column) in place, with a variance for each sample."""
     high, wide = measured.shape
     for i in range(high):
         height, variance = heights[row + i][column : column + wide], variances[row + i][column : column + wide]

@@ -1,4 +1,4 @@
-"""The undirected graph of a main mesh: which vertices are neighbours (the report's Chapter 3)."""
+"""The undirected graph of a main mesh, which defines neighbouring vertices (the report's Chapter 3)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Graph(Protocol):
     """Neighbours by vertex, in ascending order."""
 
     def neighbours(self, vertex: int) -> list[int]:
-        """Vertices that share an edge with ``vertex``."""
+        """Return the vertices that share an edge with ``vertex``."""
         ...
 
 
@@ -30,16 +30,16 @@ class TriangleGraph:
         keys = np.unique(np.concatenate([edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]]))
         self.targets: IntArray = keys % count
         self.offsets: IntArray = np.searchsorted(keys // count, np.arange(count + 1))
-        # Plain buffers: reading one number from them is several times faster than from an array.
+        # Reading one number from a memoryview is several times faster than from an array.
         self._targets = memoryview(self.targets)  # type: ignore[arg-type]  # NumPy arrays are buffers
         self._offsets = memoryview(self.offsets)  # type: ignore[arg-type]
 
     def neighbours(self, vertex: int) -> list[int]:
-        """Vertices that share a triangle with ``vertex``."""
+        """Return the vertices that share a triangle with ``vertex``."""
         return self._targets[self._offsets[vertex] : self._offsets[vertex + 1]].tolist()
 
     def padded(self) -> IntArray:
-        """Neighbours as one row per vertex (V, most neighbours), filled up with the vertex itself."""
+        """Return the neighbours as one row per vertex (V, largest number of neighbours), padded with the vertex."""
         counts = np.diff(self.offsets)
         table = np.repeat(np.arange(len(counts))[:, None], int(counts.max(initial=0)), axis=1)
         column = np.arange(len(self.targets)) - np.repeat(self.offsets[:-1], counts)
@@ -48,16 +48,16 @@ class TriangleGraph:
 
 
 class GridGraph:
-    """The eight vertices around each vertex of a grid are its neighbours, whatever the triangles (Figure 6).
+    """The graph of a grid: eight neighbours around each vertex, independent of the triangles (Figure 6).
 
-    Nothing is stored: a map of 4096 x 4096 has 134 million such edges. ``stride`` > 1 joins every stride-th vertex.
+    Edges are computed, not stored: a map of 4096 x 4096 has 134 million. ``stride`` > 1 joins every stride-th vertex.
     """
 
     def __init__(self, rows: int, columns: int, stride: int = 1) -> None:
         self.rows, self.columns, self.stride = rows, columns, stride
 
     def neighbours(self, vertex: int) -> list[int]:
-        """Vertices around ``vertex``: eight inside, five at an edge, three in a corner."""
+        """Return the vertices around ``vertex``: eight inside, five at an edge, three in a corner."""
         row, column = divmod(vertex, self.columns)
         stride = self.stride
         return [
@@ -69,6 +69,6 @@ class GridGraph:
         ]
 
     def on_rim(self, vertex: int) -> bool:
-        """Whether a vertex lies on the edge of the grid (left out of the nearest-vertex search, Figure 7)."""
+        """Return True for a vertex on the edge of the grid, which the nearest-vertex search skips (Figure 7)."""
         row, column = divmod(vertex, self.columns)
         return row in (0, self.rows - 1) or column in (0, self.columns - 1)

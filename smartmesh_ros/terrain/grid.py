@@ -1,4 +1,4 @@
-"""Where the samples of a height map lie."""
+"""Positions of the samples of a height map."""
 
 import math
 from dataclasses import dataclass
@@ -14,9 +14,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-# More samples than this cannot be held in memory as floats by any machine the project knows (2**31 * 4 bytes = 8 GiB).
+# Maximum number of samples of a map: 2**31 float32 heights take 8 GiB.
 MOST_SAMPLES = 2**31
-# Where a map may lie, and how far apart its samples: beyond this, cells can no longer be counted in doubles [m].
+# Largest coordinate of a map's origin, and smallest and largest resolution [m]. Beyond these limits the precision of
+# doubles does not suffice to tell cells apart.
 MAX_COORDINATE = 1e9
 RESOLUTION_RANGE = (1e-6, 1e6)
 
@@ -25,9 +26,9 @@ RESOLUTION_RANGE = (1e-6, 1e6)
 class GridGeometry:
     """A uniform grid of ``rows`` x ``columns`` vertices in the terrain's frame (z up).
 
-    Rows run along the grid's own +y axis and columns along its +x axis; ``origin`` is the position of sample (0, 0) in
-    metres (its z is added to every height) and ``yaw`` [rad] turns the grid about z. ``resolution`` is the distance
-    between neighbouring samples [m].
+    Rows run along the grid's own +y axis and columns along its +x axis. ``origin`` [m]: position of sample (0, 0), whose
+    z is added to every height. ``yaw`` [rad]: rotation of the grid about z. ``resolution`` [m]: distance between
+    neighbouring samples.
     """
 
     rows: int
@@ -50,11 +51,12 @@ class GridGeometry:
             raise InputError("geometry", f"resolution is {self.resolution} m; it must be finite and greater than zero")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
             raise InputError("geometry", f"origin is {self.origin}; it must be three finite numbers [m]")
-        if not RESOLUTION_RANGE[0] <= self.resolution <= RESOLUTION_RANGE[1] or max(map(abs, self.origin)) > MAX_COORDINATE:
+        finest, coarsest = RESOLUTION_RANGE
+        if not finest <= self.resolution <= coarsest or max(map(abs, self.origin)) > MAX_COORDINATE:
             raise InputError(
                 "geometry",
-                f"resolution {self.resolution} m at origin {self.origin}: it must be {RESOLUTION_RANGE[0]:g} to "
-                f"{RESOLUTION_RANGE[1]:g} m, at most {MAX_COORDINATE:g} m from the frame's origin",
+                f"resolution {self.resolution} m at origin {self.origin}: the resolution must be {finest:g} to "
+                f"{coarsest:g} m, and no coordinate of the origin above {MAX_COORDINATE:g} m",
             )
         if not math.isfinite(self.yaw):
             raise InputError("geometry", f"yaw is {self.yaw}; it must be a finite angle [rad]")
@@ -79,7 +81,7 @@ class GridGeometry:
         return np.array([self.origin[1], self.origin[0]])
 
     def to_grid(self, xy_w: FloatArray) -> FloatArray:
-        """Fractional (row, column) of points; shape (..., 2) in [m] to shape (..., 2) in samples."""
+        """Return the fractional (row, column) of points; shape (..., 2) [m] to shape (..., 2) [samples]."""
         if not self.yaw:
             offset: FloatArray = xy_w[..., 1::-1] - self._corner
             offset *= 1.0 / self.resolution
@@ -93,7 +95,7 @@ class GridGeometry:
         return grid
 
     def to_world(self, rows: Any, columns: Any) -> FloatArray:
-        """Horizontal position of (fractional) samples; broadcast shapes (...) to shape (..., 2) in [m]."""
+        """Return the horizontal positions of (fractional) samples; broadcast shapes (...) to shape (..., 2) [m]."""
         cos, sin = math.cos(self.yaw) * self.resolution, math.sin(self.yaw) * self.resolution
         x = self.origin[0] + np.multiply(columns, cos) - np.multiply(rows, sin)
         y = self.origin[1] + np.multiply(columns, sin) + np.multiply(rows, cos)
@@ -101,8 +103,10 @@ class GridGeometry:
 
 
 def overlap(moved: int, size: int) -> tuple[slice, slice]:
-    """The samples that an axis of ``size`` shares with the one before it, by which it was ``moved`` by so many: in the
-    new axis, and in the old one."""
+    """Return the samples that an axis of ``size`` shares with itself after it ``moved`` by a number of samples.
+
+    The first slice indexes the moved axis, the second one the old axis.
+    """
     shared = max(size - abs(moved), 0)
     new, old = (0, size - shared) if moved > 0 else (size - shared, 0)
     return slice(new, new + shared), slice(old, old + shared)

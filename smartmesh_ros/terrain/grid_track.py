@@ -1,8 +1,9 @@
-"""Where a grid lies from map to map, and how it moves as one piece.
+"""Rigid motion of a grid from map to map.
 
-A map that travels with a robot is moved by whole cells, so that its samples stay where they were (as grid_map and
-costmaps do). The same grid in any other place, or turned, has moved there with the ground. The motion is measured from
-where the grid was last seen to have moved, not from the last map: from map to map a slow one is no more than rounding.
+A map that travels with a robot moves by whole cells, so that its samples keep their positions (as in grid_map and
+costmaps). A grid that moved by a fraction of a cell, or rotated, moved together with the ground. Its velocity is
+measured from the last pose at which motion was detected, not from the last map, because slow motion between two maps
+is smaller than the rounding of poses.
 """
 
 from __future__ import annotations
@@ -13,13 +14,12 @@ from typing import NamedTuple
 
 from smartmesh_ros.terrain.grid import GridGeometry
 
-# A grid has moved once a corner is further than this from where it was [cells]; moves that are no further from a whole
-# number of cells are by whole cells.
+# Displacement of a corner that counts as motion, and tolerance for moves by a whole number of cells [cells].
 OFF_GRID = 0.01
-# A moving grid has come to rest once a corner should have moved by this and the grid has not [cells].
+# A moving grid has stopped if its corners should have moved by this distance, but it did not move [cells].
 OVERDUE = 0.03
-# A moving grid that comes a whole number of cells further on goes on moving if that is within this of where it was to
-# come [cells].
+# Tolerance of the predicted position [cells]. If a moving grid moves by a whole number of cells within this tolerance,
+# its motion continues; otherwise the map was scrolled.
 AS_EXPECTED = 0.1
 
 Cells = tuple[int, int]
@@ -37,11 +37,11 @@ STILL = RigidMotion()
 
 
 class GridTrack(NamedTuple):
-    """Where a grid lay at its last whole map, and how it moves since.
+    """Pose of a grid at its last whole map, and its motion.
 
-    ``geometry``, ``time`` [s]: of the last map. ``reference``, ``since`` [s]: where and when it was last seen to have
-    moved; the motion is measured from there. ``motion``: as of the last map. ``interval`` [s]: between the last two
-    maps, zero at rest.
+    ``geometry``, ``time`` [s]: of the last map. ``reference``, ``since`` [s]: pose and time at which motion was last
+    detected; the next motion is measured from there. ``motion``: at the last map. ``interval`` [s]: between the last
+    two maps, zero at rest.
     """
 
     geometry: GridGeometry
@@ -53,22 +53,24 @@ class GridTrack(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether the grid moves."""
+        """True if the grid moves."""
         return self.motion != STILL
 
     def shifted(self, by: float) -> GridTrack:
-        """The same with all times ``by`` [s] later."""
+        """Return a copy with all times ``by`` [s] later."""
         return self._replace(time=self.time + by, since=self.since + by)
 
 
 def at_rest(geometry: GridGeometry, time: float) -> GridTrack:
-    """The track of a grid that does not move."""
+    """Return the track of a grid that does not move."""
     return GridTrack(geometry, time, geometry, time)
 
 
 def moved_on(geometry: GridGeometry, motion: RigidMotion, duration: float) -> tuple[float, float, float]:
-    """Where sample (0, 0) of a grid is after a ``duration`` [s], x and y [m], and its yaw [rad]. Who turns along with
-    the grid sees a steady velocity: an arc."""
+    """Return x and y [m] of a grid's sample (0, 0) and the grid's yaw [rad] after a ``duration`` [s].
+
+    The sample moves on an arc, because its velocity is constant in the rotating frame of the grid.
+    """
     turn = motion.spin * duration
     along, cos, sin = duration * _chord(turn), math.cos(0.5 * turn), math.sin(0.5 * turn)
     x, y, _ = geometry.origin
@@ -79,7 +81,7 @@ def moved_on(geometry: GridGeometry, motion: RigidMotion, duration: float) -> tu
 
 
 def motion_between(before: GridGeometry, after: GridGeometry, duration: float) -> RigidMotion:
-    """The motion, as of its end, that takes a grid from one place to another in a ``duration`` [s]; see `moved_on`."""
+    """Return the motion between two poses of a grid, ``duration`` [s] apart, at the end of it; see `moved_on`."""
     turn = math.remainder(after.yaw - before.yaw, math.tau)
     inverse, cos, sin = 1.0 / (duration * _chord(turn)), math.cos(0.5 * turn), math.sin(0.5 * turn)
     x, y = after.origin[0] - before.origin[0], after.origin[1] - before.origin[1]
@@ -87,13 +89,13 @@ def motion_between(before: GridGeometry, after: GridGeometry, duration: float) -
 
 
 def velocity_after(motion: RigidMotion, duration: float) -> tuple[float, float]:
-    """Velocity of sample (0, 0) after a ``duration`` [s] of a motion [m/s]."""
+    """Return the velocity of sample (0, 0) after a ``duration`` [s] of a motion [m/s]."""
     cos, sin = math.cos(motion.spin * duration), math.sin(motion.spin * duration)
     return motion.x * cos - motion.y * sin, motion.x * sin + motion.y * cos
 
 
 def cells_moved(before: GridGeometry, after: GridGeometry) -> Cells | None:
-    """(rows, columns) by which a grid was moved; None if it is another grid, or no sample is on both."""
+    """Return the (rows, columns) by which a grid moved; None for a different grid or one without common samples."""
     if after.origin[2] != before.origin[2] or not same_grid(before, after):
         return None
     cells = _whole_cells(_corner_moves(before, after.origin[0], after.origin[1], after.yaw))
@@ -101,18 +103,17 @@ def cells_moved(before: GridGeometry, after: GridGeometry) -> Cells | None:
 
 
 def same_grid(before: GridGeometry, after: GridGeometry) -> bool:
-    """Whether two grids are equal but for where they lie."""
+    """Return True if two grids are equal except for their poses."""
     return replace(after, origin=before.origin, yaw=before.yaw) == before
 
 
 def follow(
     track: GridTrack, geometry: GridGeometry, time: float, max_interval: float, max_velocity: float
 ) -> tuple[GridTrack, Cells | None]:
-    """The track after a further whole map, and which samples of the map before are the new one's: they lie so many
-    cells further (rows, columns); None where no sample is known to be the same.
+    """Return the track after another whole map, and the (rows, columns) by which the map was scrolled.
 
-    Maps further apart than ``max_interval`` [s] tell no motion, and what moves faster than ``max_velocity`` [m/s] has
-    jumped.
+    Scrolling assigns samples of the new map to samples of the old one; None if that assignment is unknown. Maps more
+    than ``max_interval`` [s] apart give no motion. A grid that moves faster than ``max_velocity`` [m/s] has jumped.
     """
     rests = at_rest(geometry, time)
     if geometry == track.geometry and not track.moves:
@@ -137,13 +138,13 @@ def follow(
     arc = _largest(step) * geometry.resolution / _chord(math.remainder(geometry.yaw - track.geometry.yaw, math.tau))
     if arc > max_velocity * interval:
         return rests, None
-    # What was at rest begins to move with this map: until the last one it stood.
+    # A grid at rest starts to move after its last map.
     first, since = (track.reference, track.since) if track.moves else (track.geometry, track.time)
     return GridTrack(geometry, time, geometry, time, motion_between(first, geometry, time - since), interval), (0, 0)
 
 
 def _goes_on(track: GridTrack, step: tuple[float, ...], interval: float) -> bool:
-    """Whether a moving grid made a ``step`` as its motion lets expect."""
+    """Return True if the ``step`` [cells] of a moving grid agrees with its motion."""
     if not track.moves:
         return False
     expected = _corner_moves(track.geometry, *moved_on(track.geometry, track.motion, interval))
@@ -151,7 +152,7 @@ def _goes_on(track: GridTrack, step: tuple[float, ...], interval: float) -> bool
 
 
 def _whole_cells(moves: tuple[float, ...]) -> Cells | None:
-    """The whole cells (rows, columns) of a move; None if it is not by whole cells."""
+    """Return a move as whole cells (rows, columns), None if it is not a whole number of cells."""
     rows, columns = round(moves[0]), round(moves[1])
     if _largest(tuple(move - whole for move, whole in zip(moves, 2 * (rows, columns), strict=True))) > OFF_GRID:
         return None
@@ -159,18 +160,20 @@ def _whole_cells(moves: tuple[float, ...]) -> Cells | None:
 
 
 def _overlap(geometry: GridGeometry, cells: Cells | None) -> bool:
-    """Whether a grid has samples in common with itself moved by so many cells."""
+    """Return True if a grid overlaps with itself moved by so many cells; False for None."""
     return cells is not None and abs(cells[0]) < geometry.rows and abs(cells[1]) < geometry.columns
 
 
 def _corner_moves(before: GridGeometry, x: float, y: float, yaw: float) -> tuple[float, float, float, float]:
-    """How far a grid's first sample, now at ``x``, ``y`` [m], and its last one lie from where they were, along rows and
-    columns of the grid ``before`` [cells]."""
+    """Return the displacements (row, column) of a grid's first and last sample [cells of the grid ``before``].
+
+    ``x``, ``y`` [m]: new position of the first sample. ``yaw`` [rad]: new yaw.
+    """
     cos, sin = math.cos(before.yaw) / before.resolution, math.sin(before.yaw) / before.resolution
     dx, dy = x - before.origin[0], y - before.origin[1]
     row, column = dy * cos - dx * sin, dx * cos + dy * sin
     turn = yaw - before.yaw
-    less, sine = -2.0 * math.sin(0.5 * turn) ** 2, math.sin(turn)  # of the turn's cosine, what it is short of one
+    less, sine = -2.0 * math.sin(0.5 * turn) ** 2, math.sin(turn)  # less: cosine minus one
     last_row, last_column = before.rows - 1, before.columns - 1
     return (
         row, column, row + last_row * less + last_column * sine, column + last_column * less - last_row * sine,
@@ -182,5 +185,5 @@ def _largest(values: tuple[float, ...]) -> float:
 
 
 def _chord(turn: float) -> float:
-    """Length of the chord of an arc of so much turn, as a share of the arc's [-]."""
+    """Return the length of a chord divided by the length of its arc [-], for an arc of ``turn`` [rad]."""
     return math.sin(0.5 * turn) / (0.5 * turn) if turn else 1.0

@@ -18,7 +18,7 @@ from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, re
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import take_heights
 
-# How far outside a point may lie and still count as on the edge [samples].
+# Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
 
 _NO_VELOCITIES = np.empty((0, 0), np.float32)
@@ -33,19 +33,19 @@ class Samples(NamedTuple):
 
 
 class HeightMap:
-    """Heights on a uniform grid, their holes, and how they move.
+    """Heights on a uniform grid, with holes, and their motion.
 
-    ``heights``: (rows, columns) array [m], kept as float32 and copied; NaN = no ground. ``resolution``, ``origin`` and
-    ``yaw`` place it (see `GridGeometry`; an origin of two numbers lies at z = 0), or pass a ``geometry``. ``time`` [s]
-    is the instant the heights hold for, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape, says how
-    fast the ground rises; without it velocity is the difference of successive heights. ``variance`` [m^2], one number
-    or one for each height, says how well they are known; without it the settings' noise does.
+    ``heights``: (rows, columns) array [m], copied to float32; NaN = no ground. ``resolution``, ``origin`` and ``yaw``
+    place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a ``geometry``.
+    ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape:
+    vertical velocity of the ground; by default the difference quotient of successive heights. ``variance`` [m^2]: of
+    the heights, one number or one for each; by default that of ``motion.noise``.
 
-    Where changes are corrections (see `MotionConfig`) there are no velocities, heights that are not exact are fused
-    over time, and what is shown moves to what is known as `show` says.
+    If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
+    time, and the shown heights approach the fused ones as `show` advances.
 
-    Beside the heights the map keeps the last three velocities of each sample, whose memory is taken as they are
-    written, and for each block of 64 x 64 samples when it was updated. ``revision`` changes with every update.
+    The map also stores the last three velocities of each sample, in memory that is allocated when written, and the
+    update times of each block of 64 x 64 samples. ``revision`` changes with every update.
     """
 
     def __init__(
@@ -82,13 +82,13 @@ class HeightMap:
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK).view(np.recarray)
         self._clocks["time"] = -np.inf
         self._offsets = untouched_zeros(shape)
-        self._shown = math.inf  # until when corrections are worked off [s]; inf = nobody has looked yet
-        self._settled = -math.inf  # when all of them are [s]
-        self.fused: FusedMap | None = None  # where heights are fused
-        self._deviation: float | None = None  # of heights whose velocities count, where variances came with them [m]
-        self.version = 0  # counts the updates
+        self._shown = math.inf  # instant up to which corrections are blended in [s]; inf = never shown
+        self._settled = -math.inf  # instant at which all corrections are blended in [s]
+        self.fused: FusedMap | None = None  # None if heights are not fused
+        self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
+        self.version = 0  # number of updates
         self._take(0, 0, new, speeds, time, _checked_variance(variance, shape))
-        self.track = at_rest(geometry, self.time)  # where the grid lies, and how it moves as one piece
+        self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
 
     @property
     def heights(self) -> NDArray[np.float32]:
@@ -104,23 +104,23 @@ class HeightMap:
 
     @property
     def description(self) -> str:
-        """Size and kind, in words."""
+        """Size and resolution as text."""
         return f"{self.geometry.rows} x {self.geometry.columns} at {self.geometry.resolution:g} m"
 
     @property
     def lifetime(self) -> float:
-        """Expected time from the last update to the next, of ground that moves [s]; 0 = none is expected."""
+        """Expected time between updates of moving ground [s]; 0 = no update expected."""
         moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
 
     @property
     def has_holes(self) -> bool:
-        """Whether any sample may be NaN."""
+        """True if any sample may be NaN."""
         return self._has_holes
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the heights [m] as far as velocities are concerned; 0 = they are exact."""
+        """Standard deviation of the heights [m] for the estimation of velocities; 0 = exact heights."""
         return self.motion.noise if self._deviation is None else self._deviation
 
     @property
@@ -130,16 +130,18 @@ class HeightMap:
 
     @property
     def correcting(self) -> bool:
-        """Whether corrections are being worked off."""
+        """True while corrections are being blended in."""
         return self._shown < self._settled
 
     def show(self, time: float) -> None:
-        """Works corrections off up to ``time`` [s]; it never goes back."""
+        """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self._shown = time if self._shown == math.inf else max(self._shown, time)
 
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
-        """Has this map correct the one ``before`` it, whose place it takes, where both have ground. ``cells``: rows and
-        columns that it was moved by; None = it lies on another grid."""
+        """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
+
+        ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
+        """
         self.show_as(before)
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
@@ -154,7 +156,7 @@ class HeightMap:
         self._correct(0, 0, known, self.time)
 
     def show_as(self, other: "HeightMap") -> None:
-        """Works corrections off up to where another map does."""
+        """Blend corrections in up to the same instant as another map."""
         self._shown = other._shown
 
     def replace(
@@ -165,7 +167,7 @@ class HeightMap:
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
     ) -> None:
-        """Takes a whole new map of the same geometry, (rows, columns) [m]; raises `InputError` and changes nothing."""
+        """Replace all heights (rows, columns) [m]; raises `InputError` and then changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
         certainty = _checked_variance(variance, shape)
         new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
@@ -183,10 +185,10 @@ class HeightMap:
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
     ) -> None:
-        """Takes new heights (h, w) [m] for the rectangle whose first sample is (``row``, ``column``).
+        """Replace the heights (h, w) [m] of the rectangle whose first sample is (``row``, ``column``).
 
-        Costs the rectangle, not the map. Samples that share a block with the rectangle but lie outside it are taken as
-        at rest. Raises `InputError` and changes nothing.
+        The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
+        touches count as at rest. Raises `InputError` and then changes nothing.
         """
         shape = np.shape(heights)
         if len(shape) != 2 or 0 in shape:
@@ -204,7 +206,7 @@ class HeightMap:
         self._take(row, column, new, speeds, time, certainty)
 
     def moving(self, time: float) -> bool:
-        """Whether any sample may move at ``time`` [s]."""
+        """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
         slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
@@ -212,24 +214,26 @@ class HeightMap:
 
     @property
     def slide_w(self) -> tuple[float, float]:
-        """Horizontal velocity of sample (0, 0) while the map moves as one piece [m/s]."""
+        """Horizontal velocity of sample (0, 0) in the rigid motion of the map [m/s]."""
         return self.track.motion[:2]
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
-        """Has the map move as one piece while maps come every ``interval`` [s], about: with a horizontal velocity [m/s]
-        of its sample (0, 0), and a ``spin`` about z [rad/s]."""
+        """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
+
+        ``interval`` [s]: expected time between maps.
+        """
         motion = RigidMotion(*velocity_w, spin)
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
             self.track = self.track._replace(motion=motion, interval=interval)
 
     def follow(self, before: "HeightMap", time: float) -> None:
-        """Has this whole map of ``time`` [s] move on as one piece as its place, after those ``before``, tells."""
+        """Estimate the rigid motion of this map of ``time`` [s] from its pose and the track of the map ``before``."""
         motion = self.motion
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
 
     def shift_time(self, by: float) -> None:
-        """Moves the times of the updates by so many seconds, when the clock they are stamped with is set anew."""
+        """Add ``by`` [s] to all update times, after the clock of the stamps was reset."""
         for name in CLOCK_TIMES:
             self._clocks[name] += by
         self.track = self.track.shifted(by)
@@ -237,7 +241,7 @@ class HeightMap:
         self._settled += by
 
     def moved_to(self, time: float) -> MovingGrid:
-        """The map for compiled functions, at where it has moved to by ``time`` [s]."""
+        """Return the map for compiled functions, at its pose at ``time`` [s]."""
         geometry, motion = self.geometry, self.motion
         x, y, z = geometry.origin
         yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
@@ -254,36 +258,40 @@ class HeightMap:
         )  # fmt: skip
 
     def placed_at(self, time: float) -> GridGeometry:
-        """The grid at where it has moved to by ``time`` [s]."""
+        """Return the grid at its pose at ``time`` [s]."""
         if not self.track.interval:
             return self.geometry
         grid = self.moved_to(time)
         return dataclasses.replace(self.geometry, origin=(grid.x, grid.y, grid.z), yaw=math.atan2(grid.sin, grid.cos))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
-        """Ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map, heights with the
-        origin's z, velocities as means over the time ``ahead`` [s]; shapes (...)."""
+        """Return the ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map; shapes (...).
+
+        Heights include the origin's z. Velocities are means over the time ``ahead`` [s].
+        """
         flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
         heights, velocities = np.empty(len(flat)), np.empty(len(flat))
         samples_at(self.moved_to(time), flat, time, ahead, heights, velocities)
         return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
 
     def beyond(self, xy_w: FloatArray) -> FloatArray:
-        """How far points (N, 2+) lie beyond the map's edge (N,) [m], zero or less inside. A point on the edge is
-        inside, whatever rounding says."""
+        """Return the distance of points (N, 2+) beyond the map's edge (N,) [m], zero or less inside.
+
+        Points on the edge count as inside, despite rounding.
+        """
         grid = self.geometry.to_grid(xy_w)
         over: FloatArray = np.maximum(-grid, grid - self.geometry.last).max(axis=1)
         return (over - EDGE) * self.geometry.resolution
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
-        """Ground under N points (N, 2) [m] at ``time`` [s]; NaN outside the map and over holes. Shapes (N,)."""
+        """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
         samples = self.at_edge(points, time)
         samples.heights[self.beyond(points) > 0.0] = np.nan
         return samples
 
     def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
-        """The same, with the map's outermost triangles continued outside."""
+        """Return the ground as `at` does, with points outside the map clamped to its edge."""
         heights, velocities = np.empty(len(xy_w)), np.empty(len(xy_w))
         ground_at(self.moved_to(time), np.ascontiguousarray(xy_w[:, :2]), time, heights, velocities)
         return Samples(heights, velocities)
@@ -297,7 +305,7 @@ class HeightMap:
         time: float,
         variance: float | NDArray[np.float32] | None,
     ) -> None:
-        """Takes checked heights and notes when they came."""
+        """Store checked heights and their time."""
         self.version += 1
         self.revision = next_revision()
         if self.motion.corrects:
@@ -311,7 +319,7 @@ class HeightMap:
         )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
-        """Takes what is known now of the ground, which stands still."""
+        """Store the new estimate of a rectangle of static ground."""
         settle = self.motion.settle
         take_corrected(
             self._heights, self._offsets, self._clocks, row, column, _read_only(known), float(time), self._shown, settle
@@ -322,7 +330,7 @@ class HeightMap:
     def _fuse(
         self, row: int, column: int, new: NDArray[np.float32], variance: float | NDArray[np.float32] | None, time: float
     ) -> NDArray[np.float32]:
-        """What is known of a rectangle once its ``new`` heights are; those themselves where they are exact."""
+        """Return the estimate of a rectangle after its ``new`` heights; exact heights are returned unchanged."""
         certainty = self.motion.noise**2 if variance is None else variance
         if self.fused is None and isinstance(certainty, float) and certainty == 0.0:
             return new
@@ -339,14 +347,14 @@ class HeightMap:
 
 
 def _checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:
-    """Variances as one number or as float32 of the right shape."""
+    """Return variances as one number or as float32 of the right shape."""
     if variance is None or isinstance(variance, float | int):
         return None if variance is None else float(variance)
     return _as_floats(variance, shape, "variances")
 
 
 def _deviation(variance: float | NDArray[np.float32]) -> float:
-    """The usual standard deviation of heights of such variances [m]; those that are none are left out."""
+    """Return the root mean square standard deviation [m]; negative and non-finite variances are ignored."""
     known = np.asarray(variance, np.float64)
     known = known[(known >= 0.0) & (known < math.inf)]
     return math.sqrt(known.mean()) if known.size else 0.0
@@ -355,9 +363,9 @@ def _deviation(variance: float | NDArray[np.float32]) -> float:
 def _checked(
     heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, bool]:
-    """Heights and velocities as float32 of the right shape without infinities, and whether there are holes."""
+    """Return heights and velocities as float32 of the right shape without infinities, and True if there are holes."""
     new = _as_floats(heights, shape, f"heights of {what}")
-    has_holes = not np.isfinite(new.sum())  # one fast pass; the slow one only where it says so
+    has_holes = not np.isfinite(new.sum())  # one fast pass; the slow search for infinities follows only if needed
     if has_holes and _has_infinity(new):
         raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
     if velocities is None:
@@ -369,14 +377,14 @@ def _checked(
 
 
 def _read_only(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values without gaps that cannot be written to, so that compiled functions see one type, whoever made them."""
+    """Return values as a contiguous read-only array, so that compiled functions always see the same type."""
     view = np.ascontiguousarray(values).view()
     view.setflags(write=False)
     return view
 
 
 def _has_infinity(values: NDArray[np.float32]) -> bool:
-    """Whether there is an infinity among numbers and NaN, without an array of answers as `numpy.isinf` makes one."""
+    """Return True if any value is infinite; unlike `numpy.isinf`, this allocates no array of flags."""
     return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
 
 
@@ -386,5 +394,5 @@ def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":
         raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
-    with np.errstate(over="ignore"):  # becomes infinity, which is refused
+    with np.errstate(over="ignore"):  # too large values become infinity, which is refused
         return array.astype(np.float32, copy=False)

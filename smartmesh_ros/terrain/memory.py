@@ -1,4 +1,4 @@
-"""Memory that is taken as it is written to."""
+"""Arrays whose memory is allocated when it is written."""
 
 import math
 import mmap
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 
 def untouched_zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Zeros, float32, that take memory only where they are written to, in small pages.
+    """Return float32 zeros whose memory is allocated at the first write, in small pages.
 
-    `numpy.zeros` asks for huge pages: each then takes 2 MiB at the first write to it, and the kernel may move other
-    memory out of the way for it, for 10 ms and more.
+    `numpy.zeros` uses huge pages: the first write to one allocates 2 MiB, and the kernel may need 10 ms and more to
+    compact memory for it.
     """
     memory = mmap.mmap(-1, 4 * math.prod(shape), flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     memory.madvise(mmap.MADV_NOHUGEPAGE)

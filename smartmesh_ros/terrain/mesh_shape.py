@@ -1,4 +1,4 @@
-"""What the searches may assume about a general mesh, checked when it arrives and when its vertices move sideways."""
+"""Properties of a general mesh that the searches rely on, checked when it arrives or its vertices move sideways."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 class MeshShape(NamedTuple):
-    """Seen from above: whether greedy search finds the nearest vertex, and if not, why; and, where the vertices are a
-    grid of evenly spaced rows and columns, that grid."""
+    """Shape of a mesh seen from above.
+
+    ``greedy``: greedy search finds the nearest vertex; ``reason``: why not. ``grid``: the grid that the vertices form
+    if their rows and columns are evenly spaced, else None.
+    """
 
     greedy: bool
     reason: str
@@ -29,7 +32,7 @@ class UniformGrid(NamedTuple):
 
 
 def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
-    """Examines a mesh of ``coordinates`` (3, V) [m] and ``triangles`` (T, 3) as it looks from above.
+    """Return the shape, seen from above, of a mesh with ``coordinates`` (3, V) [m] and ``triangles`` (T, 3).
 
     Greedy (best-first) search reaches the vertex nearest to any point from any start exactly on Delaunay
     triangulations of convex regions (Bose and Morin, *Online routing in triangulations*, 2004). The report's weaker
@@ -58,7 +61,10 @@ def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:
 
 
 def _edges(triangles: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray] | None:
-    """Inner edges (n, 2), the two vertices opposite them (n, 2), and outer edges (m, 2) in the triangles' direction."""
+    """Return inner edges (n, 2), the two vertices opposite to each (n, 2), and outer edges (m, 2).
+
+    Outer edges have the direction of their triangle. Returns None if an edge belongs to more than two triangles.
+    """
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
     apex = np.roll(triangles, -2, axis=1).ravel()
@@ -77,7 +83,7 @@ def _edges(triangles: IntArray, count: int) -> tuple[IntArray, IntArray, IntArra
 
 
 def _convex(xy: FloatArray, outer: IntArray) -> bool:
-    """Whether the outer edges are one loop that never turns right."""
+    """Return True if the outer edges form one loop that never turns right."""
     if len(np.unique(outer[:, 0])) != len(outer):
         return False
     following = dict(zip(outer[:, 0].tolist(), outer[:, 1].tolist(), strict=True))
@@ -97,7 +103,7 @@ def _convex(xy: FloatArray, outer: IntArray) -> bool:
 
 
 def _delaunay(xy: FloatArray, inner: IntArray, opposite: IntArray) -> bool:
-    """Whether the two angles opposite every inner edge add up to half a turn at the most (a cocircular pair may)."""
+    """Return True if the two angles opposite to every inner edge sum to at most pi (exactly pi if cocircular)."""
 
     def angle(apex: IntArray) -> FloatArray:
         u, v = xy[:, inner[:, 0]] - xy[:, apex], xy[:, inner[:, 1]] - xy[:, apex]
@@ -107,9 +113,9 @@ def _delaunay(xy: FloatArray, inner: IntArray, opposite: IntArray) -> bool:
 
 
 def _uniform_grid(xy: FloatArray, triangles: IntArray) -> UniformGrid | None:
-    """The evenly spaced grid that the vertices form, if they do: rows of one length, numbered row by row."""
+    """Return the evenly spaced grid that the vertices form, numbered row by row; None if they form none."""
     count = xy.shape[1]
-    # In a grid, vertex 0 shares a triangle with vertices 1, C and one of C + 1 or, cut the other way, none.
+    # In a grid of C columns, vertex 0 shares triangles with vertices 1 and C and, depending on the diagonal, C + 1.
     neighbours = np.unique(triangles[(triangles == 0).any(axis=1)])
     for columns in {int(n) for n in neighbours if n > 1} | {int(n) - 1 for n in neighbours if n > 2}:
         rows, rest = divmod(count, columns)

@@ -1,9 +1,9 @@
-"""What the ground does between maps: the only place where ground is moved on in time.
+"""Motion of the ground between maps.
 
-A sample moves on with its velocity and acceleration, both told by the maps so far. Velocity is the difference of the
-last two maps, which holds for the middle of the time between them, or is given with a map. Acceleration is the change
-of velocity; it counts only as far as the change before agrees with it, so that ground that stops, jolts or jumps is not
-carried past its velocity.
+Heights are extrapolated by the velocity and acceleration of each sample, both estimated from the maps so far. The
+velocity is the difference quotient of the last two maps, valid at the midpoint between them, or comes with a map. The
+acceleration is the difference quotient of velocities, limited by the acceleration before it. The limit avoids overshoot
+where ground stops, jolts or jumps.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
 
 MotionMode = Literal["hold", "extrapolate", "interpolate"]
-# What a change of height means: the ground moved, or stood still and is known better now.
+# Meaning of a change of height: the ground moved, or a better estimate of static ground arrived.
 Changes = Literal["motion", "correction"]
 
 
 class Mode(IntEnum):
-    """Motion modes as compiled functions know them."""
+    """Motion modes as numbers for compiled functions."""
 
     HOLD = 0
     EXTRAPOLATE = 1
@@ -32,23 +32,23 @@ class Mode(IntEnum):
     CORRECT = 3
 
 
-# The source is late, not gone, until an age of LATE_AFTER map intervals; extrapolation then runs back to the last map
-# at half the ground's speed, so that nothing is ever teleported.
+# Age of the last map at which extrapolation ends, in map intervals. Older ground returns to the last map at half its
+# speed, because a sudden reset would teleport it. Raising this tolerates later maps, but overshoots further.
 LATE_AFTER = 1.5
-# After an age of REST_AFTER map intervals the ground is at rest at the last map's heights.
+# Age of the last map at which the ground is at rest at the map's heights, in map intervals.
 REST_AFTER = 3.0 * LATE_AFTER
-# The acceleration of the ground counts up to this multiple of the one before it.
+# Limit of the acceleration, as a multiple of the acceleration before it.
 AGREEMENT = 4.0
-# Velocities that are kept of each sample: the newest and the two before it tell two accelerations.
+# Number of velocities stored for each sample. Three give two accelerations.
 KEPT = 3
-# Times between updates that are looked back on. More than one, so that drops and jitter do not make the source late;
-# enough for bursts of five and the gaps between them.
+# Number of update intervals stored. The longest one defines when a map is late: several tolerate dropped maps and
+# jitter, and ten suffice for bursts of five maps and the gaps between bursts.
 INTERVALS_KEPT = 10
 
-# When a block of samples was updated. ``time`` [s]: last update; ``opened`` [s]: the first one that the newest
-# velocity is told by; ``lifetime`` [s]: longest time to expect until the next, 0 = at rest; ``middle``, ``middle_1``,
-# ``middle_2`` [s]: instants that the velocities hold for, newest first; ``known``: how many of them are known;
-# ``newest``: where in the ring of KEPT velocities the newest is; ``intervals`` [s]: between the last ``count`` updates.
+# Update times of a block of samples. ``time`` [s]: last update. ``opened`` [s]: first update that contributes to the
+# newest velocity. ``lifetime`` [s]: longest expected time until the next update, 0 = at rest. ``middle``, ``middle_1``,
+# ``middle_2`` [s]: instants at which the velocities hold, newest first. ``known``: number of known velocities.
+# ``newest``: index of the newest velocity in the ring buffer. ``intervals`` [s]: between the last ``count`` updates.
 CLOCK = np.dtype(
     [
         ("time", np.float64),
@@ -63,24 +63,25 @@ CLOCK = np.dtype(
         ("count", np.int64),
     ]
 )
-CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # its fields that are instants
+CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # fields that are instants
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionConfig:
-    """How a map that arrives at 10-60 Hz moves under faster physics.
+    """Motion of the ground between maps, which arrive at 10-60 Hz while physics runs faster.
 
-    ``mode``: *hold* keeps the last map's heights and carries its velocity; *extrapolate* also moves the heights on;
-    *interpolate* runs from the map before to the last one, one map late.
-    ``max_interval`` [s]: maps further apart than this say nothing about velocity.
-    ``max_velocity`` [m/s]: ground that moves faster between two maps has jumped (a correction, a new crater).
-    ``changes``: what a change of height means. *motion*: the ground moved, as ``mode`` says. *correction*: it stood
-    still and is known better now; then it has no velocity, and ``settle`` [s] is how long the old heights take to
-    become the new ones: a correction of 30 cm moves what stands on it by 6 mm in a step of 240 Hz.
-    ``noise`` [m]: standard deviation of the heights of a map, 0 = exact. In *correction* heights are fused over time;
-    in *motion* velocities count as far as they stand out of what the noise makes (see `noisy_motion`).
-    ``min_interval`` [s]: maps that come sooner after each other are one that came in parts: they correct the one
-    before and have no velocity of their own. By default that is a step of 240 Hz.
+    ``mode``: *hold* keeps the last map's heights, with its velocity; *extrapolate* also moves the heights with the
+    velocity; *interpolate* moves from the second last to the last map, one map interval late.
+    ``max_interval`` [s]: maps further apart than this give no velocity.
+    ``max_velocity`` [m/s]: faster changes between two maps are jumps without velocity (a correction, a new crater).
+    ``changes``: meaning of a change of height. *motion*: the ground moved, see ``mode``. *correction*: a better
+    estimate of static ground arrived. Then the ground has no velocity.
+    ``settle`` [s]: time in which a correction is blended in. By default a correction of 30 cm moves bodies on it by
+    6 mm per step at 240 Hz; raising it makes that less.
+    ``noise`` [m]: standard deviation of a map's heights, 0 = exact. In *correction* heights are fused over time; in
+    *motion* velocities are denoised (see `noisy_motion`).
+    ``min_interval`` [s]: maps that follow sooner are parts of one map: they correct the map before and give no velocity
+    of their own. The default is a step at 240 Hz.
     """
 
     mode: MotionMode = "extrapolate"
@@ -109,22 +110,24 @@ class MotionConfig:
 
     @property
     def corrects(self) -> bool:
-        """Whether a change of height is a correction."""
+        """True if a change of height is a correction."""
         return self.changes == "correction"
 
     @property
     def code(self) -> int:
-        """What the ground does, as compiled functions know it."""
+        """The `Mode` for compiled functions."""
         if self.corrects:
             return int(Mode.CORRECT)
         return int(Mode[self.mode.upper()])
 
 
 class Phase(NamedTuple):
-    """How far ground is along its motion: it is ``velocity * along + acceleration * bend`` higher than the map, and
-    rises at ``velocity * rate + acceleration * bend_rate``, which goes on for a time ``left`` [s] and changes by
-    ``acceleration * curve`` a second. ``inverse``, ``inverse_1`` [1/s]: one over the times between the velocities,
-    newest first, zero where they are not known."""
+    """Coefficients of the motion at one instant.
+
+    Height above the last map: ``velocity * along + acceleration * bend``. Its rate: ``velocity * rate + acceleration *
+    bend_rate``. That rate changes by ``acceleration * curve`` per second and ends after a time ``left`` [s].
+    ``inverse``, ``inverse_1`` [1/s]: reciprocals of the times between the velocities, newest first, zero = unknown.
+    """
 
     along: float
     bend: float
@@ -141,8 +144,11 @@ AT_REST = Phase(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @compiled
 def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -> tuple[float, ...]:
-    """The first six of `Phase` at ``time`` [s], of ground whose ``last`` map is due again after ``lifetime`` [s], and
-    whose velocity holds for ``lag`` [s] before that map. As long as maps come in time the ground is taken to go on."""
+    """Return the first six fields of `Phase` at ``time`` [s].
+
+    ``last``: time of the last map [s]. ``lifetime``: expected time until the next map [s]; the motion continues while
+    maps arrive in time. ``lag``: the velocity holds at this time before the last map [s].
+    """
     age = time - last
     late_after = LATE_AFTER * lifetime
     if lifetime <= 0.0:
@@ -150,7 +156,7 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
     if mode == Mode.HOLD:
         return 0.0, 0.0, 1.0 if age <= late_after else 0.0, 0.0, 0.0, math.inf
     if mode == Mode.INTERPOLATE:
-        span = 2.0 * lag if lag > 0.0 else lifetime  # from the map before to the last one
+        span = 2.0 * lag if lag > 0.0 else lifetime  # time between the last two maps
         return min(max(age - span, -span), 0.0), 0.0, 1.0 if age < span else 0.0, 0.0, 0.0, math.inf
     if age <= late_after:
         age = max(age, -lifetime)
@@ -164,7 +170,7 @@ def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -
 
 @compiled
 def block_phase(clock, time, mode):
-    """The `Phase` of a block, a record of ``CLOCK``, at ``time`` [s]."""
+    """Return the `Phase` of a block at ``time`` [s]; ``clock``: a record of ``CLOCK``."""
     if clock.known == 0:
         return AT_REST
     along, bend, rate, bend_rate, curve, left = phase_of(
@@ -178,7 +184,7 @@ def block_phase(clock, time, mode):
 
 @compiled
 def agreed(change: float, before: float) -> float:
-    """A ``change`` as far as the one ``before`` agrees: none if it points the other way."""
+    """Return a ``change`` limited to AGREEMENT times the one ``before``; zero if their signs differ."""
     if change * before <= 0.0:
         return 0.0
     most = AGREEMENT * abs(before)
@@ -189,8 +195,10 @@ def agreed(change: float, before: float) -> float:
 def motion_of(
     velocity: float, velocity_1: float, velocity_2: float, phase: Phase, max_velocity: float
 ) -> tuple[float, float]:
-    """Velocity [m/s] and acceleration [m/s^2] of a sample. Its velocities newest first [m/s]; NaN (it is or was a hole)
-    or faster than ``max_velocity`` (it has jumped) is no motion."""
+    """Return the velocity [m/s] and acceleration [m/s^2] of a sample from its velocities, newest first [m/s].
+
+    A velocity that is NaN (the sample is or was a hole) or above ``max_velocity`` (a jump) counts as no motion.
+    """
     if not abs(velocity) <= max_velocity:
         return 0.0, 0.0
     if phase.inverse == 0.0 or not (abs(velocity_1) <= max_velocity and abs(velocity_2) <= max_velocity):
@@ -200,12 +208,12 @@ def motion_of(
 
 @compiled
 def displacement(velocity: float, acceleration: float, phase: Phase) -> float:
-    """How much higher than its map a sample of such a motion is [m]."""
+    """Return the height of a sample above the last map [m]."""
     return velocity * phase.along + acceleration * phase.bend
 
 
 @compiled
 def rise_of(velocity: float, acceleration: float, phase: Phase, duration: float) -> float:
-    """How much a sample of such a motion rises in a ``duration`` [s] [m]."""
+    """Return the rise of a sample [m] within a ``duration`` [s]."""
     lasts = min(duration, phase.left)
     return velocity * phase.rate * lasts + acceleration * lasts * (phase.bend_rate + 0.5 * phase.curve * lasts)

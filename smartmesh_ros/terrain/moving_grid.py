@@ -1,4 +1,4 @@
-"""A height map as compiled functions see it: its samples moved on to an instant."""
+"""Evaluation of a moving height map at an instant, for compiled functions."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
-from smartmesh_ros.terrain.noisy_motion import noise_variances, motion_in_noise
+from smartmesh_ros.terrain.noisy_motion import motion_in_noise, noise_variances
 
-# A time over which no motion changes: velocities are rises over it [s].
+# A very short duration [s]. Instantaneous velocities are rises within it, divided by it.
 INSTANT = 1e-9
 
 
 class MovingGrid(NamedTuple):
-    """Samples of a height map and how they move.
+    """Samples of a height map and their motion.
 
-    ``heights`` (rows, columns) float32 [m], NaN = hole; ``velocities`` (KEPT, rows, columns) float32 [m/s], a ring
-    whose newest place each block's clock tells; ``clocks``: records of ``CLOCK`` by block. Sample (0, 0) is at ``x``,
-    ``y``, ``z`` [m]; ``cos``, ``sin`` of the grid's yaw; ``slide_x``, ``slide_y``: horizontal velocity of the ground
-    at sample (0, 0) [m/s]; ``spin``: how fast the grid turns about z [rad/s]. ``mode``, ``max_velocity``,
-    ``settle``: as in `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: what was corrected of the heights;
-    ``shown`` [s]: the instant that corrections are worked off to. ``noise`` [m]: standard deviation of the heights, as
-    far as velocities are concerned.
+    ``heights`` (rows, columns) float32 [m], NaN = hole. ``velocities`` (KEPT, rows, columns) float32 [m/s]: a ring
+    buffer, whose newest index is in the clock of each block. ``clocks``: records of ``CLOCK``, one per block.
+    ``x``, ``y``, ``z`` [m]: position of sample (0, 0). ``cos``, ``sin``: of the grid's yaw. ``slide_x``, ``slide_y``
+    [m/s]: horizontal velocity of the ground at sample (0, 0). ``spin`` [rad/s]: angular velocity of the grid about z.
+    ``mode``, ``max_velocity``, ``settle``: see `MotionConfig`. ``offsets`` (rows, columns) float32 [m]: old minus new
+    heights of corrections. ``shown`` [s]: instant up to which corrections are blended in. ``noise`` [m]: standard
+    deviation of the heights for the estimation of velocities.
     """
 
     heights: NDArray[np.float32]
@@ -52,28 +52,30 @@ class MovingGrid(NamedTuple):
 
 @compiled
 def to_grid(grid: MovingGrid, x: float, y: float) -> tuple[float, float]:
-    """Fractional row and column of a point [m]."""
+    """Return the fractional row and column of a point [m]."""
     dx, dy = (x - grid.x) / grid.resolution, (y - grid.y) / grid.resolution
     return dy * grid.cos - dx * grid.sin, dx * grid.cos + dy * grid.sin
 
 
 @compiled
 def to_world(grid: MovingGrid, row: float, column: float) -> tuple[float, float]:
-    """Position (x, y) of a (fractional) sample [m]."""
+    """Return the position (x, y) [m] of a (fractional) sample."""
     u, v = column * grid.resolution, row * grid.resolution
     return grid.x + u * grid.cos - v * grid.sin, grid.y + u * grid.sin + v * grid.cos
 
 
 @compiled
 def slide_at(grid: MovingGrid, x: float, y: float) -> tuple[float, float]:
-    """Horizontal velocity of the ground at a point [m/s]."""
+    """Return the horizontal velocity of the ground [m/s] at a point [m]."""
     return grid.slide_x - grid.spin * (y - grid.y), grid.slide_y + grid.spin * (x - grid.x)
 
 
 @compiled
 def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float) -> tuple[float, float]:
-    """Height [m] of a sample at ``time`` [s], and how much it rises in the time ``ahead`` [m], [s]; NaN beyond the edge
-    and in holes."""
+    """Return the height [m] of a sample at ``time`` [s], and its rise [m] within the time ``ahead`` [s].
+
+    The height is NaN beyond the edge and in holes.
+    """
     rows, columns = grid.heights.shape
     if row < 0 or column < 0 or row >= rows or column >= columns:
         return math.nan, 0.0
@@ -90,7 +92,7 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
 
 @compiled
 def _motion_at(grid, row, column, clock, phase):
-    """Velocity and acceleration of a sample, by the ring of its velocities."""
+    """Return the velocity [m/s] and acceleration [m/s^2] of a sample."""
     if grid.noise > 0.0:
         return motion_in_noise(grid, row, column, clock, phase, noise_variances(clock, grid.noise))
     v, newest = grid.velocities, clock.newest
@@ -106,8 +108,11 @@ def read_window(
     grid: MovingGrid, row: int, column: int, stride: int, time: float, ahead: float, heights: FloatArray,
     rises: FloatArray,
 ) -> None:  # fmt: skip
-    """Reads a window whose first sample is (``row``, ``column``), every ``stride``-th sample: its ``heights`` (h, w)
-    [m] at ``time`` and by how much they rise in the time ``ahead`` [s] (h, w) [m]. NaN beyond the edge and in holes."""
+    """Write ``heights`` (h, w) [m] at ``time`` [s] and ``rises`` (h, w) [m] within the time ``ahead`` [s] of a window.
+
+    The window starts at sample (``row``, ``column``) and takes every ``stride``-th sample. Heights are NaN beyond the
+    edge and in holes.
+    """
     rows, columns = grid.heights.shape
     high, wide = heights.shape
     for a in range(high):
@@ -138,11 +143,11 @@ def read_window(
 
 @compiled
 def triangle_weights(row: float, column: float, rows: int, columns: int) -> tuple[int, int, float, float, int]:
-    """The triangle under a point given as fractional (row, column): first sample of its cell, row and column; the
-    point's place in the cell (v along rows, u along columns); and 0 below the cell's diagonal, 1 above it.
+    """Return the triangle at a point given as fractional (row, column).
 
-    Every cell is cut from (row, column) to (row + 1, column + 1), as in the report's Figures 3 and 4. Points outside
-    use the nearest cell.
+    The result is the row and column of the cell's first sample, the point's position in the cell (v along rows, u along
+    columns), and 0 below or 1 above the cell's diagonal. Every cell is cut from (row, column) to (row + 1, column + 1),
+    as in the report's Figures 3 and 4. Points outside the map use the nearest cell.
     """
     r = min(max(math.floor(row), 0), rows - 2)
     c = min(max(math.floor(column), 0), columns - 2)
@@ -152,7 +157,7 @@ def triangle_weights(row: float, column: float, rows: int, columns: int) -> tupl
 
 @compiled
 def surface_at_sample(grid: MovingGrid, row: float, column: float, time: float) -> tuple[float, float]:
-    """Height [m] and vertical velocity [m/s] of the ground at a fractional sample of the map; NaN over holes."""
+    """Return the height [m] and vertical velocity [m/s] of the ground at a fractional sample; NaN over holes."""
     rows, columns = grid.heights.shape
     r, c, v, u, upper = triangle_weights(row, column, rows, columns)
     corner_r, corner_c = (r + 1, c) if upper == 1 else (r, c + 1)
@@ -169,8 +174,10 @@ def surface_at_sample(grid: MovingGrid, row: float, column: float, time: float) 
 
 @compiled
 def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
-    """Writes ``heights`` [m] and vertical ``velocities`` [m/s] of the ground under points ``xy`` (N, 2) [m], both (N,);
-    NaN over holes. Outside the map the ground is that of the nearest point of its edge."""
+    """Write ``heights`` (N,) [m] and vertical ``velocities`` (N,) [m/s] of the ground under points ``xy`` (N, 2) [m].
+
+    Heights are NaN over holes. Points outside the map are clamped to its edge.
+    """
     rows, columns = grid.heights.shape
     for i in range(len(xy)):
         if not (math.isfinite(xy[i, 0]) and math.isfinite(xy[i, 1])):
@@ -183,8 +190,10 @@ def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray
 
 @compiled
 def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):
-    """Writes ``heights`` [m] and mean ``velocities`` over the time ``ahead`` [s] [m/s] of samples given by ``indices``
-    into the row-major map, all (n,)."""
+    """Write ``heights`` [m] and mean ``velocities`` [m/s] over the time ``ahead`` [s] of samples, all (n,).
+
+    ``indices``: into the row-major map.
+    """
     columns = grid.heights.shape[1]
     for i in range(len(indices)):
         heights[i], rise = sample_at(grid, indices[i] // columns, indices[i] % columns, time, ahead)

@@ -1,11 +1,12 @@
-"""Whether whole maps look like those of a sensor or mapper, although they are taken for maps of ground that moves.
+"""Detection of sensor noise and mapper corrections in maps that are treated as maps of moving ground.
 
-Ground that moves goes on: from one map to the next a sample keeps its direction, and the ground tilts smoothly from
-sample to sample. Two things that maps of sensors and mappers do are no motion:
+Moving ground is smooth: from map to map a sample keeps its direction, and changes vary smoothly from sample to sample.
+Maps of sensors and mappers show two effects that are no motion:
 
-- *Noise*. Changes reverse from map to map, and those of neighbouring samples differ at random. Waves look so only where
-  maps have fewer than ten instants a period and, at the same time, fewer than five samples a wavelength.
-- *Jumps*. Most of the ground is at rest, is somewhere else in the next map, and is at rest again: a closed loop.
+- *Noise*. Changes reverse from map to map, and differ at random between neighbouring samples. Waves look alike only if
+  they are sampled by fewer than ten maps a period and, at the same time, fewer than five samples a wavelength.
+- *Jumps*. Most of the ground is at rest, changes its height from one map to the next, and is at rest again. A loop
+  closure of a mapper does that.
 """
 
 from __future__ import annotations
@@ -20,29 +21,30 @@ from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.sample_lattice import NO_COUNTS, FloatGrid, compare, lattice_of, moved_as_one
 
-# Mean absolute difference of the changes of two samples whose noise has a standard deviation of one.
+# Mean absolute difference between the changes of two samples with noise of standard deviation one.
 MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseCheckConfig:
-    """What counts as noise, and what as a jump. Raising a field delays the warning unless it says otherwise.
+    """Thresholds of the detection. Raising a field delays the warning unless its description says otherwise.
 
-    ``samples``: of the map on a side that are compared, at most; more cost more time and tell more of small features.
-    ``least_change`` [m]: smaller changes are not counted; contacts of heavy bodies give way by as much.
-    ``reversed``: share of changes that reverse the one before. White noise has two thirds, that of a mapper that drifts
-    a quarter and more, ground told n times a period 2 / n.
-    ``agreeing``: share of places where the ground tilts the same way on both sides of a sample up to which this is
-    chance; raising it warns sooner. White noise has a third, smoothed noise a half, a wave told n times a wavelength
-    1 - 2 / n along its way.
-    ``share``: of samples that change from map to map; fewer are the ground under a wheel or tool. ``changes``: so many
-    are needed, and so many ``maps``, to say anything, and that it is noise for ``lasting`` [s]. ``memory`` [s]: time in
-    which counts fade by two thirds.
-    ``least_jump`` [m]: smaller jumps throw nothing. ``acceleration`` [m/s^2]: what ground needs that goes from rest to
-    rest within the time between two maps; up to this, half of gravity, it may be a lift or a platform.
-    ``rest`` [s]: how long the ground stands still before and after a jump. ``still``: share of a jump's height that
-    ground at rest changes from map to map at most; raising it warns sooner, in stronger noise.
-    ``hold`` [s]: how long what was seen is told after it was seen last.
+    ``samples``: maximum number of compared samples along each side of the map. Raising it costs time and detects
+    smaller features.
+    ``least_change`` [m]: smaller changes are ignored, because contacts of heavy bodies give way by as much.
+    ``reversed`` [-]: minimum fraction of changes that reverse the change before. White noise has 2/3, a drifting mapper
+    1/4 and more, periodic motion sampled n times a period 2 / n.
+    ``agreeing`` [-]: maximum fraction of places where changes tilt in the same direction on both sides of a sample;
+    raising it warns sooner. White noise has 1/3, smoothed noise 1/2, a wave sampled n times a wavelength 1 - 2 / n
+    along its direction.
+    ``share`` [-]: minimum fraction of samples that change from map to map; fewer changes may come from a wheel or tool.
+    ``changes``, ``maps``: minimum numbers of changes and maps for a result. ``lasting`` [s]: minimum duration of noise.
+    ``memory`` [s]: time constant of the decay of counts.
+    ``least_jump`` [m]: smaller jumps are ignored, because they throw no bodies. ``acceleration`` [m/s^2]: ground that
+    needs no more than this to get from rest to rest between two maps may be a lift or a platform.
+    ``rest`` [s]: time at rest before and after a jump. ``still`` [-]: maximum change from map to map of ground at rest,
+    as a fraction of the jump; raising it warns sooner, in stronger noise.
+    ``hold`` [s]: time after which findings expire; raising it keeps the warning longer.
     """
 
     samples: int = 12
@@ -62,8 +64,7 @@ class NoiseCheckConfig:
 
 
 class Findings(NamedTuple):
-    """What maps of ground at rest showed: the standard deviation of their ``noise`` [m], to a tenth of it, and the
-    largest ``jump`` [m]; zero where there was none."""
+    """Standard deviation of the ``noise`` [m], to a tenth of it, and largest ``jump`` [m]; 0 = not detected."""
 
     noise: float
     jump: float
@@ -78,8 +79,7 @@ NO_FINDINGS = Findings(0.0, 0.0)
 
 
 class Change(NamedTuple):
-    """By how much most of the ground changed to the map at a ``time`` [s], the median ``step`` [m], and the time since
-    the map before, ``interval`` [s]."""
+    """Change to the map of a ``time`` [s]: median change of height ``step`` [m], and ``interval`` [s] between maps."""
 
     time: float
     step: float
@@ -87,27 +87,26 @@ class Change(NamedTuple):
 
 
 class NoiseCheck:
-    """Looks at the whole maps of one tile, in the order of their time. ``seen``: what they show; see `Findings`."""
+    """Checks the whole maps of one tile, in order of their time. ``findings``: the result so far."""
 
     def __init__(self, config: NoiseCheckConfig | None = None) -> None:
         self.config = config or NoiseCheckConfig()
         self.findings = NO_FINDINGS
-        self._time = self._last_found = -math.inf  # of the last map, and when it was seen that ground does not move so [s]
+        self._time = self._last_found = -math.inf  # times of the last map and of the last detection [s]
         self._geometry: GridGeometry | None = None
         self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
-        self._maps, self._counts = 0.0, NO_COUNTS  # how many maps count, and what was counted in them
+        self._maps, self._counts = 0.0, NO_COUNTS  # number of maps, and counts in them, both decaying
         self._noisy_since = math.inf  # [s]
-        self._changes: deque[Change] = deque()  # of the last time of rest
-        self._jumped: Change | None = None  # what may be a jump
-        self._before = -math.inf  # the last map before these changes [s]
+        self._changes: deque[Change] = deque()  # within the last ``rest`` seconds
+        self._jumped: Change | None = None  # candidate for a jump
+        self._before = -math.inf  # time of the last map before these changes [s]
 
     def take(self, heightmap: HeightMap, time: float) -> None:
-        """Takes note of a whole map of ``time`` [s] that a height map has taken. Noise that it was told of counts for
-        nothing."""
+        """Check a height map after its whole map of ``time`` [s]. Noise is ignored if the height map has a variance."""
         geometry, heights, motion = heightmap.geometry, heightmap.heights, heightmap.motion
         interval = time - self._time
         if 0.0 <= interval < motion.min_interval:
-            return  # the same map in parts
+            return  # a part of the same map
         if not self._follow(geometry, heights) or not 0.0 < interval <= motion.max_interval:
             self._restart(time)
         self._time = time
@@ -121,7 +120,7 @@ class NoiseCheck:
         self._record(noise, self._jump(Change(time, step, interval)), time)
 
     def _follow(self, geometry: GridGeometry, heights: FloatGrid) -> bool:
-        """Moves the lattice to where a map lies; False where it is another grid, whose lattice is new."""
+        """Move the lattice to the position of a map; return False for a different grid, which gets a new lattice."""
         before, self._geometry = self._geometry, geometry
         if geometry == before:
             return True
@@ -131,14 +130,14 @@ class NoiseCheck:
             return False
         moved = cells_moved(before, geometry)
         if moved is None or moved == (0, 0):
-            return True  # the map stays, slides or turns: so do its samples
+            return True  # the samples move with a map that slides or rotates
         least = self.config.least_change
         if not moved_as_one(self._lattice, heights, float(geometry.origin[2]), *self._first, least):
             self._first = (self._first[0] + moved[0], self._first[1] + moved[1])
         return True
 
     def _restart(self, time: float) -> None:
-        """Forgets what maps before ``time`` [s] said, but not what was seen."""
+        """Forget the maps before ``time`` [s], but not the findings."""
         self._maps, self._counts = 0.0, NO_COUNTS
         self._noisy_since = math.inf
         self._changes.clear()
@@ -148,7 +147,7 @@ class NoiseCheck:
         self._lattice.steps[...] = 0.0
 
     def _noise(self, time: float) -> float:
-        """Standard deviation of the noise [m]; zero where the maps up to ``time`` [s] show none, or not for long."""
+        """Return the standard deviation of the noise [m]; zero if noise is absent or has not lasted long enough."""
         counts, config = self._counts, self.config
         enough = self._maps >= config.maps and counts.tilted >= config.changes
         enough = enough and counts.changed >= max(config.changes, config.share * counts.known)
@@ -160,7 +159,7 @@ class NoiseCheck:
         return counts.tilt / counts.tilted / MEAN_DIFFERENCE if time - self._noisy_since >= config.lasting else 0.0
 
     def _jump(self, change: Change) -> float:
-        """Height of a jump [m] that rest after it has shown up to the newest ``change``; zero where there was none."""
+        """Return the height of a jump [m] that the newest ``change`` confirms by rest after it; else zero."""
         config, last = self.config, self._jumped
         if last is not None and change.step > config.still * last.step:
             self._jumped = last = None
@@ -175,15 +174,16 @@ class NoiseCheck:
         return last.step
 
     def _rested_before(self, change: Change) -> bool:
-        """Whether the ground was known and stood still before a ``change``."""
+        """Return True if maps show that the ground was at rest before a ``change``."""
         known = change.time - change.interval - self._before >= self.config.rest
         return known and all(one.step <= self.config.still * change.step for one in reversed(self._changes))
 
     def _record(self, noise: float, jump: float, time: float) -> None:
-        """Notes what was seen, and forgets it once it was not seen for long."""
+        """Update the findings; they expire after ``hold`` seconds without a detection."""
         if noise > 0.0 or jump > 0.0:
             self._last_found = time
-            worst = Findings(max(noise, self.findings.noise), max(jump, self.findings.jump))
-            self.findings = worst if worst.noise > 1.1 * self.findings.noise or jump > self.findings.jump else self.findings
+            known = self.findings
+            worst = Findings(max(noise, known.noise), max(jump, known.jump))
+            self.findings = worst if worst.noise > 1.1 * known.noise or jump > known.jump else known
         elif time - self._last_found > self.config.hold:
             self.findings = NO_FINDINGS

@@ -1,10 +1,10 @@
-"""Velocities of ground whose heights are noisy: they count as far as they stand out of what noise makes of it.
+"""Estimation of ground velocity from noisy heights: each velocity is shrunk by the share that noise explains.
 
-A height that is off by a millimetre is a velocity of 8 cm/s at 60 Hz, and the ground throws what stands on it. Bodies
-stand on several samples, and noise differs from one to the next where motion hardly does. So a sample's value is taken
-apart into the mean of the samples around it and what it has beyond that; each part counts by the share of its power
-that noise of the known strength does not explain, as in Lee's filter (*Digital Image Enhancement and Noise Filtering by
-Use of Local Statistics*, 1980), here for the mean too: ground that stands still is to stand still.
+Without this filter, noise of 1 mm at 60 Hz becomes velocity noise of 8 cm/s, and the ground throws bodies. Noise
+differs between neighbouring samples, while motion hardly does. So the velocity of a sample is split into the mean of
+the samples around it and the deviation from that mean. Each part is multiplied by the share of its power that noise of
+the known variance does not explain, as in Lee's filter (*Digital Image Enhancement and Noise Filtering by Use of Local
+Statistics*, 1980). Unlike there, the mean is shrunk too, so that static ground stays at rest.
 """
 
 from __future__ import annotations
@@ -16,15 +16,19 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT
 from smartmesh_ros.terrain.motion import KEPT, agreed
 
-# How many samples to each side of a sample are looked at: 25 in all, which makes noise of the mean a fifth.
+# Half width of the window [samples]. The mean over 25 samples has a fifth of the noise; raising it smooths more.
 HALF_WINDOW = 2
-# The scatter of so few values is itself uncertain by two fifths: less than this multiple of what noise makes is noise.
+# Scatter below this multiple of the noise variance counts as noise, because the estimate of the scatter of so few
+# values is itself uncertain by two fifths. Raising it suppresses more noise and more small features.
 SCATTER_MARGIN = 2.0
 
 
 class NoiseVariances(NamedTuple):
-    """Variances that noise of the heights gives to a sample's ``velocity`` [m^2/s^2], and to its acceleration by the
-    newest velocities, ``change``, and by those before, ``change_1`` [m^2/s^4]."""
+    """Variances due to noise of the heights.
+
+    ``velocity`` [m^2/s^2]: of a sample's velocity. ``change``, ``change_1`` [m^2/s^4]: of its acceleration, from the
+    newest two velocities and from the two before.
+    """
 
     velocity: float
     change: float
@@ -32,8 +36,11 @@ class NoiseVariances(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """Means of pairs of values on opposite sides of a sample, less that sample's own: how many ``pairs``, the sum of
-    their means and that of the squares of these."""
+    """Sums over pairs of samples on opposite sides of a sample.
+
+    ``pairs``: number of pairs. ``total``, ``squares``: sums of the pairs' means and of their squares, relative to the
+    value of the sample itself.
+    """
 
     pairs: int
     total: float
@@ -42,20 +49,22 @@ class Spread(NamedTuple):
 
 @compiled
 def noise_variances(clock, noise):
-    """What noise of the heights [m] does to the velocities of a block. Velocities that were given have none."""
+    """Return the `NoiseVariances` of a block for ``noise`` of the heights [m]; zero for given velocities."""
     first = 2.0 * (clock.time - clock.middle)
     second = 2.0 * (clock.middle - clock.middle_1) - first
     third = 2.0 * (clock.middle_1 - clock.middle_2) - second
     if not first > 0.0:
         return NoiseVariances(0.0, 0.0, 0.0)
     return NoiseVariances(
-        2.0 * (noise / first) ** 2, acceleration_variance(first, second, noise), acceleration_variance(second, third, noise)
+        2.0 * (noise / first) ** 2,
+        acceleration_variance(first, second, noise),
+        acceleration_variance(second, third, noise),
     )
 
 
 @compiled
 def acceleration_variance(later: float, earlier: float, noise: float) -> float:
-    """Variance of an acceleration [m^2/s^4] that three heights tell, intervals of so many seconds apart."""
+    """Return the variance of an acceleration [m^2/s^4] from three heights, ``later`` and ``earlier`` [s] apart."""
     if not (later > 0.0 and earlier > 0.0):
         return math.inf
     a, b = noise / later, noise / earlier
@@ -64,13 +73,13 @@ def acceleration_variance(later: float, earlier: float, noise: float) -> float:
 
 @compiled
 def signal_share(power: float, noise: float) -> float:
-    """The share of a ``power`` that ``noise`` does not explain."""
+    """Return the fraction of a ``power`` that ``noise`` does not explain."""
     return 1.0 - noise / power if power > noise else 0.0
 
 
 @compiled
 def denoised(value: float, around: Spread, variance: float) -> float:
-    """A value as far as it stands out of noise of a ``variance``, by the values around it."""
+    """Return a value shrunk towards zero by the noise of a ``variance``, estimated with the values around it."""
     if variance == 0.0:
         return value
     count = around.pairs
@@ -84,14 +93,14 @@ def denoised(value: float, around: Spread, variance: float) -> float:
 
 @compiled
 def with_pair(around: Spread, one: float, other: float) -> Spread:
-    """A spread with one more pair, both values less the sample's own."""
+    """Return a spread with one more pair of values, both relative to the sample's own value."""
     mean = 0.5 * (one + other)
     return Spread(around.pairs + 1, around.total + mean, around.squares + mean * mean)
 
 
 @compiled
 def velocities_at(grid, row, column, newest):
-    """The velocities of a sample, newest first [m/s]; NaN where it jumped."""
+    """Return the velocities of a sample, newest first [m/s]; NaN for jumps."""
     v0 = float(grid.velocities[newest, row, column])
     v1 = float(grid.velocities[(newest + KEPT - 1) % KEPT, row, column])
     v2 = float(grid.velocities[(newest + KEPT - 2) % KEPT, row, column])
@@ -103,7 +112,7 @@ def velocities_at(grid, row, column, newest):
 
 @compiled
 def updated_together(grid, clock, row, column):
-    """Whether a sample is on the map and was updated when the block of that ``clock`` was."""
+    """Return True if a sample is on the map and its block has the same update times as ``clock``."""
     rows, columns = grid.heights.shape
     if not (0 <= row < rows and 0 <= column < columns):
         return False
@@ -113,10 +122,10 @@ def updated_together(grid, clock, row, column):
 
 @compiled
 def motion_in_noise(grid, row, column, clock, phase, variances):
-    """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy map.
+    """Return the velocity [m/s] and acceleration [m/s^2] of a sample of a noisy map.
 
-    Samples on opposite sides are looked at together, or not at all: what rises to one side and falls to the other is no
-    noise, and an edge or a hole does not shift the mean.
+    Samples on opposite sides are used as a pair or not at all. Then a velocity that varies linearly across the window
+    does not count as noise, and an edge or a hole does not shift the mean.
     """
     v0, v1, v2 = velocities_at(grid, row, column, clock.newest)
     if math.isnan(v0):
@@ -126,7 +135,10 @@ def motion_in_noise(grid, row, column, clock, phase, variances):
     speeds, changes, changes_1 = Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0), Spread(0, 0.0, 0.0)
     for a in range(HALF_WINDOW + 1):
         for b in range(-HALF_WINDOW if a > 0 else 1, HALF_WINDOW + 1):
-            if not (updated_together(grid, clock, row + a, column + b) and updated_together(grid, clock, row - a, column - b)):
+            if not (
+                updated_together(grid, clock, row + a, column + b)
+                and updated_together(grid, clock, row - a, column - b)
+            ):
                 continue
             p0, p1, p2 = velocities_at(grid, row + a, column + b, clock.newest)
             q0, q1, q2 = velocities_at(grid, row - a, column - b, clock.newest)

@@ -1,4 +1,4 @@
-"""Revisions: numbers that tell whether ground has changed since somebody looked."""
+"""Revisions: increasing numbers that identify states of the ground, to detect changes."""
 
 from itertools import count
 
@@ -6,5 +6,5 @@ _numbers = count(1)
 
 
 def next_revision() -> int:
-    """A number that no ground has had yet, higher than all before."""
+    """Return a number higher than all revisions before."""
     return next(_numbers)

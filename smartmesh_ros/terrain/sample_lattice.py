@@ -1,7 +1,6 @@
-"""A hundred samples of a map that tell how it changed from the map before, at the same price for any map.
+"""A lattice of about a hundred samples that measures changes from map to map, at the same cost for any map size.
 
-They stay in their places of the world while a map travels over the ground by whole cells, and move with a map that
-slides.
+The samples keep their positions in the world while a map scrolls by whole cells, and move with a map that slides.
 """
 
 from __future__ import annotations
@@ -16,15 +15,17 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.grid import FloatArray
 
 FloatGrid = NDArray[np.float32]
-# Samples of a place of the lattice: its own and those on either side of it in its row.
+# Number of map samples per lattice point: the sample itself and its two neighbours in the row.
 STENCIL = 3
 
 
 class Lattice(NamedTuple):
-    """Samples that are compared, (n, m) places in a ring: place (i, j) holds row and column ``cells`` (n, m, 2) of the
-    world's lattice, the last ``heights`` there (n, m, STENCIL) [m], NaN = not known, and the last change of each place,
-    ``steps`` (n, m) [m], zero = none yet. ``stride``: samples of the map from place to place, along rows and
-    columns."""
+    """State of the lattice points, a ring buffer of (n, m).
+
+    ``cells`` (n, m, 2): row and column of each point in the lattice of the world. ``heights`` (n, m, STENCIL) [m]: last
+    heights there, NaN = unknown. ``steps`` (n, m) [m]: last change of each point, zero = none yet. ``stride``: distance
+    between lattice points along rows and columns [samples of the map].
+    """
 
     cells: NDArray[np.int64]
     heights: FloatArray
@@ -33,8 +34,12 @@ class Lattice(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Sums over places: ``known`` now and in the map before; ``changed`` twice, ``reversed`` of these; ``tilted``
-    between the samples on both sides, ``agreeing`` ones of these, and the sum of how much to one side, ``tilt`` [m]."""
+    """Numbers of lattice points.
+
+    ``known``: in this map and the one before. ``changed``: now and before. ``reversed``: of these, with opposite signs.
+    ``tilted``: with changes that differ from those of both neighbours. ``agreeing``: of these, with differences of the
+    same sign. ``tilt`` [m]: sum of the differences to one neighbour.
+    """
 
     known: float
     changed: float
@@ -48,9 +53,9 @@ NO_COUNTS = Counts(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
-    """A lattice for maps of so many rows and columns, which knows nothing yet."""
+    """Return an empty lattice for maps of ``shape`` (rows, columns), with about ``samples`` points along each side."""
     rows, columns = (max(-(-size // samples), 1) for size in shape)
-    places = (-(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1)  # one more where the map lies between them
+    places = (-(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1)  # one more if the map is not aligned
     return Lattice(
         np.zeros((*places, 2), np.int64), np.full((*places, STENCIL), math.nan), np.zeros(places), (rows, columns)
     )
@@ -58,7 +63,7 @@ def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
 
 @compiled
 def height_at(heights: FloatGrid, z: float, row: int, column: int) -> float:
-    """Height of a sample [m]; NaN beyond the edge."""
+    """Return the height of a sample [m]; NaN beyond the edge."""
     rows, columns = heights.shape
     return z + float(heights[row, column]) if 0 <= row < rows and 0 <= column < columns else math.nan
 
@@ -67,8 +72,10 @@ def height_at(heights: FloatGrid, z: float, row: int, column: int) -> float:
 def moved_as_one(
     lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float
 ) -> bool:
-    """Whether all samples of a map rose by the same, within ``least`` [m], above those of the same indices in the map
-    before: the ground was carried with the map."""
+    """Return True if the samples of a map differ from those with the same indices in the map before by a constant.
+
+    Then the ground moved together with the map. ``least`` [m]: tolerance.
+    """
     known, rise = 0, 0.0
     for i in range(lattice.cells.shape[0]):
         for j in range(lattice.cells.shape[1]):
@@ -90,9 +97,11 @@ def compare(
     lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float,
     before: Counts, fading: float,
 ) -> tuple[Counts, float]:  # fmt: skip
-    """`Counts` of a map against the one before, whose sample (0, 0) is (``first_row``, ``first_column``) of the world's
-    lattice, added to those ``before``, ``fading`` [-]; and by how much most of the ground changed, the median [m].
-    Changes below ``least`` [m] are none."""
+    """Return the `Counts` of a map compared to the map before, and the median of the changes [m].
+
+    Counts are added to those ``before``, which decay by the factor ``fading`` [-]. ``first_row``, ``first_column``:
+    position of sample (0, 0) in the world [samples]. Changes below ``least`` [m] are ignored.
+    """
     rows, columns = heights.shape
     down, along = lattice.stride
     high, wide = lattice.steps.shape
@@ -130,7 +139,7 @@ def compare(
 
 @compiled
 def change_at(last: FloatArray, index: int, height: float) -> float:
-    """By how much a height changed to the one that takes its place [m]."""
+    """Return the change of a stored height to a new one [m], and store the new one."""
     change: float = height - last[index]
     last[index] = height
     return change

@@ -1,4 +1,4 @@
-"""Maps whose origin moves: what of the map before holds for the one that takes its place."""
+"""Maps whose origin moves: velocities and corrections with respect to the map before."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 def velocities_across(
     before: HeightMap, after: GridGeometry, heights: NDArray[np.float32], time: float
 ) -> NDArray[np.float32] | None:
-    """How fast the samples (rows, columns) that a moved map shares with the one before it rise [m/s], NaN = not shared.
-    Samples of a map that slides slide with it.
+    """Return vertical velocities (rows, columns) [m/s] of a moved map's samples; NaN = not on the map before.
 
-    None where the maps share nothing, lie too far apart in time to tell, or no sample rises.
+    Samples of a sliding map move with it. Returns None if the maps share no samples, lie too far apart in time, or no
+    sample rises.
     """
     motion, interval = before.motion, time - before.track.time
     _, moved = follow(before.track, after, time, motion.max_interval, motion.max_velocity)
@@ -35,5 +35,5 @@ def velocities_across(
 
 
 def correct_across(before: HeightMap, after: HeightMap) -> None:
-    """Has a map that came elsewhere, or on another grid, correct the one before it where both have ground."""
+    """Treat a map as a correction of the map before it, where both have ground; their grids may differ."""
     after.correct_from(before, cells_moved(before.geometry, after.geometry))

@@ -1,4 +1,4 @@
-"""Everything the bodies stand on: one height map, or several tiles."""
+"""The terrain under the bodies: one main mesh or several tiles."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ MainMesh = HeightMap | TriangleMesh
 
 
 class Terrain:
-    """Main meshes by name: tiles that are height maps or general meshes. A single one is called ``""``."""
+    """Tiles by name, each a height map or a general mesh. A single tile has the name ``""``."""
 
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
-        self.layout_revision = next_revision()  # changes when a tile comes, goes or is replaced by another
+        self.layout_revision = next_revision()  # changes when a tile is added, removed or replaced
         if single is not None:
             self.put("", single)
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
-        """``ground`` itself, or the terrain of that single mesh."""
+        """Return ``ground`` if it is a terrain, else a terrain with that single mesh."""
         return ground if isinstance(ground, Terrain) else cls(ground)
 
     def put(self, name: str, mesh: MainMesh) -> None:
-        """Adds a tile or takes the place of the one of that name; ground whose map comes elsewhere may have moved
-        there."""
+        """Add a tile or replace the tile of that name.
+
+        If a height map replaces another one, its motion or correction is estimated from both.
+        """
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             if mesh.motion.corrects:
@@ -42,13 +44,13 @@ class Terrain:
         self.layout_revision = next_revision()
 
     def remove(self, name: str) -> None:
-        """Takes a tile away; raises `InputError` if there is none of that name."""
+        """Remove a tile; raises `InputError` if no tile has that name."""
         self.tile(name)
         del self.tiles[name]
         self.layout_revision = next_revision()
 
     def tile(self, name: str) -> MainMesh:
-        """The tile of that name; raises `InputError` if there is none."""
+        """Return a tile; raises `InputError` if no tile has that name."""
         try:
             return self.tiles[name]
         except KeyError:
@@ -56,26 +58,26 @@ class Terrain:
             raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
 
     def shift_time(self, by: float) -> None:
-        """Moves the times of all maps by so many seconds, when the clock they are stamped with is set anew."""
+        """Add ``by`` [s] to the times of all maps, after the clock of the stamps was reset."""
         for mesh in self.tiles.values():
             mesh.shift_time(by)
 
     def changed_since(self, revision: int) -> bool:
-        """Whether any ground came, changed or went after `revision` had a value."""
+        """Return True if a tile was added, changed or removed after the terrain had this ``revision``."""
         return self.revision > revision
 
     @property
     def revision(self) -> int:
-        """The revision of what changed last."""
+        """Revision of the latest change."""
         return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
 
     @property
     def widest_cell(self) -> float:
-        """The coarsest resolution of any height map [m]; so wide a gap may be between tiles that do not overlap."""
+        """Coarsest resolution of all height maps [m], the widest gap between tiles that is bridged."""
         return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
-        """Ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
+        """Return the ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
         heights = np.full(len(points), np.nan)
         velocities = np.zeros(len(points))
@@ -89,8 +91,10 @@ class Terrain:
         return Samples(heights, velocities)
 
     def around(self, xy_w: FloatArray, time: float) -> Samples:
-        """Ground under points (N, 2) [m] as a patch that crosses from tile to tile sees it: as `at`, and in the gap of
-        a cell between tiles that do not overlap what lies between their edges. Shapes (N,)."""
+        """Return the ground under points (N, 2) [m] for patches that cross from tile to tile. Shapes (N,).
+
+        As `at`, but gaps of up to a cell between tiles are filled by interpolation between the tiles' edges.
+        """
         heights, velocities = self.at(xy_w, time)
         gap = np.flatnonzero(np.isnan(heights))
         if not gap.size:
@@ -108,7 +112,7 @@ class Terrain:
                 weight = 1.0 / beyond[near[known]]
                 total[:, near[known]] += weight, weight * edge.heights[known], weight * edge.velocities[known]
                 sides[near[known]] += 1
-        bridged = sides > 1  # beside one tile only there is nothing to reach
+        bridged = sides > 1  # interpolation needs two tiles
         heights[gap[bridged]] = total[1, bridged] / total[0, bridged]
         velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]
         return Samples(heights, velocities)

@@ -1,4 +1,4 @@
-"""The main mesh in general: any shape, any triangle pattern, vertices that move."""
+"""The general main mesh: any shape, any triangle pattern, moving vertices."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
+from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
 from smartmesh_ros.terrain.motion import (
     CLOCK,
     CLOCK_TIMES,
@@ -26,23 +27,22 @@ from smartmesh_ros.terrain.motion import (
 )
 from smartmesh_ros.terrain.moving_grid import INSTANT
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
 from smartmesh_ros.terrain.updates import CORRECTION, UNCHANGED, note_update
 
 
 class MeshSamples(NamedTuple):
-    """Vertices at a time: positions (n, 3) [m] and velocities (n, 3) [m/s]."""
+    """Vertices at one instant: positions (n, 3) [m] and velocities (n, 3) [m/s]."""
 
     positions: FloatArray
     velocities: FloatArray
 
 
 class TriangleMesh:
-    """A triangle mesh whose vertices move and whose triangles stay (the report's general case).
+    """A triangle mesh with moving vertices and constant triangles (the report's general case).
 
     ``vertices``: (V, 3) [m] in the terrain's frame. ``triangles``: (T, 3) indices, counter-clockwise seen from the side
-    that bodies are on. ``time`` [s] is the instant the vertices hold for. ``velocities`` (V, 3) [m/s] says how they
-    move; without it velocity is the difference of successive positions.
+    of the bodies. ``time`` [s]: instant of the vertices. ``velocities``: of the vertices (V, 3) [m/s]; by default the
+    difference quotient of successive positions.
     """
 
     def __init__(
@@ -56,15 +56,15 @@ class TriangleMesh:
     ) -> None:
         self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
         self.motion = motion or MotionConfig()
-        # Coordinate by coordinate, so that the search reads them in one stride each.
+        # (3, V), so that the search reads each coordinate contiguously.
         self._now = _checked_vertices(vertices, None).T.copy()
-        self._velocities = np.zeros((KEPT, *self._now.shape))  # a ring, see CLOCK
+        self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
         self._clock = np.zeros(1, CLOCK).view(np.recarray)
         self._clock["time"] = time
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)
         corners = np.argsort(self.triangles.ravel(), kind="stable")
-        self._incident = corners // 3  # triangles, sorted by the vertex they touch
+        self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
         self.version = 0
@@ -80,7 +80,7 @@ class TriangleMesh:
 
     @property
     def description(self) -> str:
-        """Size and kind, in words."""
+        """Kind and size as text."""
         return f"mesh of {self.size} vertices and {len(self.triangles)} triangles"
 
     @property
@@ -92,12 +92,12 @@ class TriangleMesh:
 
     @property
     def coordinates(self) -> FloatArray:
-        """The same, coordinate by coordinate (3, V)."""
+        """Positions at the last update, by coordinate (3, V) [m]."""
         return self._now
 
     @property
     def shape(self) -> MeshShape:
-        """What the searches may assume about the mesh; worked out again when vertices have moved sideways."""
+        """Properties that the searches rely on; recomputed after vertices have moved sideways."""
         if self._shape is None:
             self._shape = shape_of(self._now, self.triangles)
         return self._shape
@@ -111,9 +111,10 @@ class TriangleMesh:
         velocities: ArrayLike | None = None,
         check: Callable[[MeshShape], None] | None = None,
     ) -> None:
-        """Moves vertices to new positions (n, 3) [m]: all, or those of ``indices`` (n,); the others are at rest.
+        """Move all vertices, or those of ``indices`` (n,), to new positions (n, 3) [m]; the others are at rest.
 
-        Raises `InputError` and changes nothing. ``check`` may object to the shape the mesh would have, by raising too.
+        ``check`` is called with the new shape of the mesh, and may raise to refuse it. Raises `InputError` and then
+        changes nothing.
         """
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
@@ -135,7 +136,7 @@ class TriangleMesh:
         self.revision = next_revision()
 
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
-        """Notes the velocities that an update tells: those given, or the difference to the positions before."""
+        """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
         motion, newest = self.motion, self._clock[0].newest
         whole = isinstance(target, slice)
         update = note_update(
@@ -161,20 +162,20 @@ class TriangleMesh:
 
     @property
     def lifetime(self) -> float:
-        """Expected time from an update to the next [s], 0 = none is expected."""
+        """Expected time between updates [s]; 0 = no update expected."""
         return float(self._clock[0].lifetime)
 
     def moving(self, time: float) -> bool:
-        """Whether any vertex may move at ``time`` [s]."""
+        """Return True if any vertex may move at ``time`` [s]."""
         return self.lifetime > 0.0 and time - self.time < REST_AFTER * self.lifetime
 
     def shift_time(self, by: float) -> None:
-        """Moves the time of the last update by so many seconds, when the clock it is stamped with is set anew."""
+        """Add ``by`` [s] to all update times, after the clock of the stamps was reset."""
         for name in CLOCK_TIMES:
             self._clock[name] += by
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
-        """Vertices (n,) at ``time`` [s], their velocities as means over the time ``ahead`` [s]."""
+        """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
         positions, velocities = np.empty((len(indices), 3)), np.empty((len(indices), 3))
         chosen = np.asarray(indices, np.int64)
         motion = self.motion
@@ -185,13 +186,13 @@ class TriangleMesh:
         return MeshSamples(positions, velocities)
 
     def beyond(self, xy_w: FloatArray) -> FloatArray:
-        """How far points (N, 2+) lie beyond the mesh's bounds seen from above (N,) [m], zero or less inside."""
+        """Return the distance of points (N, 2+) beyond the mesh's horizontal bounds (N,) [m], zero or less inside."""
         low, high = self._now[:2].min(axis=1), self._now[:2].max(axis=1)
         xy = xy_w[:, :2]
         return np.asarray(np.maximum(low - xy, xy - high).max(axis=1))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
-        """Ground under N points (N, 2) [m] at ``time`` [s]: the highest triangle there, NaN where there is none."""
+        """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""
         points = np.atleast_2d(np.asarray(xy_w, np.float64))
         everything = self.sample(np.arange(self.size), time)
         heights = np.full(len(points), np.nan)
@@ -206,16 +207,16 @@ class TriangleMesh:
         return Samples(heights, velocities)
 
     def _over(self, positions: FloatArray, point: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Corners (n, 3) of the triangles over a point (2,), and its barycentric weights (n, 3) in them."""
+        """Return the corners (n, 3) of the triangles at a point (2,), and its barycentric weights (n, 3) in them."""
         a, b, c = (positions[self.triangles[:, corner], :2] - point for corner in range(3))
         u, v, w = _cross(b, c), _cross(c, a), _cross(a, b)
         area = u + v + w
-        # Inside where all three have the sign of the area; upright triangles have none and no height.
+        # Inside: all three have the sign of the area. Vertical triangles have no area and are skipped.
         hit = np.flatnonzero((u * area >= 0.0) & (v * area >= 0.0) & (w * area >= 0.0) & (area != 0.0))
         return self.triangles[hit], np.stack([u[hit], v[hit], w[hit]], axis=1) / area[hit, None]
 
     def triangles_within(self, vertices: IntArray) -> IntArray:
-        """Triangles (n,) all of whose corners are among ``vertices`` (k,), ascending."""
+        """Return the triangles (n,), ascending, whose corners are all among ``vertices`` (k,)."""
         starts, ends = self._incident_at[vertices], self._incident_at[vertices + 1]
         touched = np.unique(
             np.concatenate([self._incident[start:end] for start, end in zip(starts, ends, strict=True)])
@@ -226,8 +227,11 @@ class TriangleMesh:
 
 @compiled
 def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity, positions, rates):
-    """Writes ``positions`` [m] and mean ``rates`` over the time ``ahead`` [s] [m/s] (n, 3) of vertices (n,) at ``time``
-    [s]; ``now`` (3, V) as of the last update, ``velocities`` (KEPT, 3, V)."""
+    """Write ``positions`` (n, 3) [m] and ``rates`` (n, 3) [m/s] of vertices (n,) at ``time`` [s].
+
+    Rates are mean velocities over the time ``ahead`` [s]. ``now``: positions at the last update (3, V).
+    ``velocities``: ring buffer (KEPT, 3, V).
+    """
     phase = block_phase(clock[0], time, mode)
     newest = clock[0].newest
     first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
@@ -243,7 +247,7 @@ def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
-    """Triangles of a grid of rows x columns vertices, in the report's pattern (Figure 3)."""
+    """Return the triangles (T, 3) of a grid of rows x columns vertices, in the report's pattern (Figure 3)."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
     upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
@@ -270,10 +274,10 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     corners = corners.astype(np.int64)
     if corners.min() < 0 or corners.max() >= count:
         raise InputError(
-            "index", f"a triangle names vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"
+            "index", f"a triangle uses vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"
         )
     if (corners == np.roll(corners, 1, axis=1)).any():
-        raise InputError("index", "a triangle names the same vertex twice; its corners must be distinct")
+        raise InputError("index", "a triangle uses the same vertex twice; its corners must be distinct")
     return corners
 
 
@@ -299,10 +303,10 @@ def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatAr
 def _checked_indices(indices: ArrayLike, size: int) -> IntArray:
     chosen = np.asarray(indices)
     if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
-        raise InputError("length", f"indices have shape {chosen.shape}; they must be one row of whole numbers")
+        raise InputError("length", f"indices have shape {chosen.shape}; they must be a list of whole numbers")
     chosen = chosen.astype(np.int64)
     if len(chosen) and (chosen.min() < 0 or chosen.max() >= size):
-        raise InputError("index", f"an update names vertex {chosen.min()} or {chosen.max()}; there are {size}")
+        raise InputError("index", f"an update contains vertex {chosen.min()} or {chosen.max()}; there are {size}")
     if len(np.unique(chosen)) != len(chosen):
-        raise InputError("index", "an update names a vertex twice; each may move once")
+        raise InputError("index", "an update contains a vertex twice; each may move once")
     return chosen

@@ -1,4 +1,4 @@
-"""Taking new heights into a height map, and the velocities that they tell."""
+"""Updates of a height map: storing new heights and estimating velocities from them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.correction import BLOCK, BLOCK_SHIFT
-from smartmesh_ros.terrain.motion import KEPT, INTERVALS_KEPT
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, KEPT
 
-# How the newest velocities of a block are told: not at all, they stay; by the difference to the heights before; by a
-# correction of these, which is added; by the difference over the last two intervals as one; or they are given.
+# Method of computing the newest velocities of a block. UNCHANGED: keep them. DIFFERENCE: difference quotient of the
+# heights. CORRECTION: add the difference quotient of a correction. MERGED: difference quotient over the last intervals
+# as one. GIVEN: copy the given velocities.
 UNCHANGED, DIFFERENCE, CORRECTION, MERGED, GIVEN = 0, 1, 2, 3, 4
-# An update that comes sooner after the last than so many usual intervals has no velocity of its own: what little it is
-# late or early, or off by noise, would be divided by nearly nothing.
+# Minimum interval for a velocity of its own, as a fraction of the usual interval. Sooner updates are merged with the
+# interval before, because a short interval amplifies jitter and noise.
 MIN_INTERVAL_SHARE = 0.5
 
 
 class VelocityUpdate(NamedTuple):
-    """How the velocities of a block are told, ``how``: differences of heights are multiplied by ``inverse`` [1/s], and
-    added to so much of the velocity before, ``keep`` [-]."""
+    """Coefficients of a velocity update: ``keep`` [-] x old velocity + ``inverse`` [1/s] x difference of heights.
+
+    ``method``: one of the constants above.
+    """
 
     method: int
     inverse: float
@@ -29,8 +32,10 @@ class VelocityUpdate(NamedTuple):
 
 @compiled
 def usual_interval(clock):
-    """The mean of the last times between updates [s], zero where there was none. A burst and the gap after it are as
-    far apart in the mean as even updates; their median would be that of the burst."""
+    """Return the mean of the last update intervals [s], zero if there are none.
+
+    The mean is the same for bursts as for evenly spaced updates; the median would be the interval within a burst.
+    """
     total = 0.0
     for k in range(clock.count):
         total += clock.intervals[k]
@@ -39,7 +44,7 @@ def usual_interval(clock):
 
 @compiled
 def note_interval(clock, since):
-    """Notes the time ``since`` the last update [s]; the source is late after the longest of the last ones."""
+    """Store the time ``since`` the last update [s]; the longest stored interval becomes the expected one."""
     for k in range(min(clock.count, INTERVALS_KEPT - 1), 0, -1):
         clock.intervals[k] = clock.intervals[k - 1]
     clock.intervals[0] = since
@@ -51,14 +56,20 @@ def note_interval(clock, since):
 
 @compiled
 def note_update(clock, time, given, whole, min_interval, max_interval):
-    """Notes in a block's ``clock`` that it is updated at ``time`` [s], with velocities ``given`` or not, as a ``whole``
-    or in part; what is `VelocityUpdate` by that."""
+    """Store an update at ``time`` [s] in a block's ``clock``; return its `VelocityUpdate`.
+
+    ``given``: the update contains velocities. ``whole``: it covers the whole block.
+    """
     since = time - clock.time
     again = since == 0.0 or (0.0 < since < min_interval and not whole)
     recent = not again and 0.0 < since <= max_interval
     differs = clock.known > 0 and clock.middle < clock.time
     if again and not given:
-        return VelocityUpdate(CORRECTION, 0.5 / (clock.time - clock.middle), 1.0) if differs else VelocityUpdate(UNCHANGED, 0.0, 0.0)
+        return (
+            VelocityUpdate(CORRECTION, 0.5 / (clock.time - clock.middle), 1.0)
+            if differs
+            else VelocityUpdate(UNCHANGED, 0.0, 0.0)
+        )
     if again and clock.known > 0:
         return VelocityUpdate(GIVEN, 0.0, 0.0)
     before, clock.time = clock.time, time
@@ -87,7 +98,7 @@ def note_update(clock, time, given, whole, min_interval, max_interval):
 
 @compiled
 def write_velocities(velocities, heights, new, given, method, inverse, keep):
-    """Writes the velocities that a row's part tells, all (n,)."""
+    """Write the velocities of a part of a row, all (n,)."""
     for c in range(len(new)):
         if method == DIFFERENCE:
             velocities[c] = (new[c] - heights[c]) * inverse
@@ -101,13 +112,13 @@ def write_velocities(velocities, heights, new, given, method, inverse, keep):
 
 @compiled
 def take_heights(heights, velocities, clocks, row, column, new, given, time, min_interval, max_interval):
-    """Takes ``new`` heights (h, w) [m] at ``time`` [s] for the rectangle whose first sample is (``row``, ``column``),
-    and the velocities that they tell; ``given`` (h, w) [m/s] says them instead, (0, 0) = not given.
+    """Write ``new`` heights (h, w) [m] of ``time`` [s] to the rectangle whose first sample is (``row``, ``column``).
 
-    Each block keeps its newest velocities in a ring. Samples that share a block with the rectangle but lie outside it
-    are at rest for that interval. A part of a block that comes less than ``min_interval`` [s] after the last update is
-    a correction of that instant: its difference is added to the velocity. What comes so soon, or soon by the intervals
-    before (`MIN_INTERVAL_SHARE`), makes the newest velocity one over both intervals. Row by row, which reads memory in its order.
+    Velocities are difference quotients, or ``given`` (h, w) [m/s], shape (0, 0) = not given. They are written to the
+    ring buffer. Other samples of the touched blocks are at rest for that interval. An update of a part of a block less
+    than ``min_interval`` [s] after the last one corrects it: the difference quotient is added to the velocity. An
+    update so soon, or soon compared to the intervals before (`MIN_INTERVAL_SHARE`), is merged: the newest velocity then
+    is the mean over both intervals. The loop runs row by row, in memory order.
     """
     rows, columns = heights.shape
     end_row, end_column = row + new.shape[0], column + new.shape[1]
