@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -39,6 +39,11 @@ from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+ConfigT = TypeVar("ConfigT", bound="DataclassInstance")
 
 _D = Settings()
 _PHYSICS, _PATCH, _RASTER = _D.world.physics, _D.world.patch, _D.raster
@@ -173,85 +178,58 @@ SPECS = (
 NAMES = frozenset(spec.name for spec in SPECS)
 
 
+# Field of `Settings` -> the parameter that sets it, for the fields that one parameter sets as it is.
+_SETTINGS = {
+    "frame_id": "frame_id",
+    "simulation_interfaces": "simulation_interfaces",
+    "executor": "executor",
+    "deadline": "physics.deadline",
+    "durability": "terrain.durability",
+    "reliability": "terrain.reliability",
+    "input": "terrain.input",
+    "file": "terrain.file",
+    "max_samples": "terrain.max_samples",
+    "most_tiles": "terrain.max_tiles",
+    "map_depth": "terrain.map_depth",
+    "update_depth": "terrain.update_depth",
+    "most_bodies": "bodies.most",
+    "longest_name": "bodies.longest_name",
+    "longest_urdf": "bodies.longest_urdf",
+    "urdf_folders": "bodies.urdf_folders",
+    "body_timeout": "bodies.timeout",
+    "default_radius": "bodies.default_radius",
+    "spawn": "bodies.spawn",
+    "output_durability": "publish.durability",
+    "output_depth": "publish.depth",
+    "incremental": "publish.incremental",
+    "marker_namespace": "publish.marker_namespace",
+}
+
+
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings from the values of all parameters; raises `InputError` naming the first that cannot be."""
     v = declaring.checked(values, SPECS)
-    physics = PhysicsConfig(
-        rate=v["physics.rate"],
-        gravity=tuple(v["physics.gravity"]),
-        friction=v["physics.friction"],
-        restitution=v["physics.restitution"],
-        contact_erp=v["physics.contact_erp"],
-        solver_residual=v["physics.solver_residual"],
-        guard=v["physics.guard"],
-        landing=v["physics.landing"],
-    )
-    patch = PatchConfig(
-        search=v["search.method"],
-        collect=v["collect.method"],
-        kind=v["patch.kind"],
-        rings=v["patch.rings"],
-        tolerance=v["patch.tolerance"],
-        rate=v["patch.rate"],
-        edge_filter=v["patch.edge_filter"],
-        carry_velocity=v["patch.carry_velocity"],
-    )
+    v = {name: tuple(value) if isinstance(value, list) else value for name, value in v.items()}
+    v["terrain.changes"] = _changes(v["terrain.changes"], v["terrain.input"])
     return Settings(
-        world=WorldConfig(physics=physics, patch=patch, guests=GuestConfig(margin=v["bodies.peer_margin"])),
-        motion=MotionConfig(
-            mode=v["terrain.motion"],
-            max_interval=v["terrain.max_interval"],
-            max_velocity=v["terrain.max_velocity"],
-            changes=_changes(v["terrain.changes"], v["terrain.input"]),
-            settle=v["terrain.settle"],
-            noise=v["terrain.noise"],
-            min_interval=v["terrain.min_interval"],
+        world=WorldConfig(
+            physics=_config(PhysicsConfig, "physics", v),
+            patch=_config(PatchConfig, "patch", v, search="search.method", collect="collect.method"),
+            guests=GuestConfig(margin=v["bodies.peer_margin"]),
         ),
-        publish=PublishRates(**{rate.name: v[f"publish.{rate.name}"] for rate in fields(PublishRates)}),
-        frame_id=v["frame_id"],
-        max_samples=v["terrain.max_samples"],
-        durability=v["terrain.durability"],
-        reliability=v["terrain.reliability"],
-        input=v["terrain.input"],
-        file=v["terrain.file"],
-        raster=RasterConfig(
-            layer=v["raster.layer"],
-            variance_layer=v["raster.variance_layer"],
-            scale=v["raster.scale"],
-            offset=v["raster.offset"],
-            resolution=v["raster.resolution"],
-            origin=tuple(v["raster.origin"]),
-            yaw=v["raster.yaw"],
-            first_row=v["raster.first_row"],
-            zero_is_hole=v["raster.zero_is_hole"],
-        ),
+        motion=_config(MotionConfig, "terrain", v, mode="terrain.motion"),
+        publish=_config(PublishRates, "publish", v),
+        raster=_config(RasterConfig, "raster", v),
+        robot=_config(RobotConfig, "robot", v),
         **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
         peers=peer_names(v["bodies.peers"]),
-        map_depth=v["terrain.map_depth"],
-        update_depth=v["terrain.update_depth"],
-        output_durability=v["publish.durability"],
-        output_depth=v["publish.depth"],
-        incremental=v["publish.incremental"],
-        marker_namespace=v["publish.marker_namespace"],
-        most_tiles=v["terrain.max_tiles"],
-        most_bodies=v["bodies.most"],
-        longest_name=v["bodies.longest_name"],
-        longest_urdf=v["bodies.longest_urdf"],
-        urdf_folders=tuple(v["bodies.urdf_folders"]),
-        body_timeout=v["bodies.timeout"],
-        default_radius=v["bodies.default_radius"],
-        spawn=tuple(v["bodies.spawn"]),
-        deadline=v["physics.deadline"],
-        robot=RobotConfig(
-            description=v["robot.description"],
-            name=v["robot.name"],
-            xy=tuple(v["robot.xy"]),
-            above=v["robot.above"],
-            yaw=v["robot.yaw"],
-        ),
-        simulation_interfaces=v["simulation_interfaces"],
-        executor=v["executor"],
+        **{field: v[name] for field, name in _SETTINGS.items()},
     )
+
+
+def _config(kind: type[ConfigT], group: str, values: Mapping[str, Any], **names: str) -> ConfigT:
+    """Return a config whose fields are the values of the parameters ``<group>.<field>``, or ``names[field]``."""
+    return kind(**{field.name: values[names.get(field.name, f"{group}.{field.name}")] for field in fields(kind)})
 
 
 def _changes(said: str, terrain_input: str) -> Changes:
