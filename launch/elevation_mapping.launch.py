@@ -7,7 +7,7 @@ from smartmesh_ros.startup.launching import description
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The launch description."""
+    """Return the launch description."""
     return description(
         DeclareLaunchArgument(
             "grid_map", default_value="/elevation_mapping/elevation_map", description="Topic of the grid map."

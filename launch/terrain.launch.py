@@ -9,13 +9,13 @@ from smartmesh_ros.startup.launching import Values, description, is_true, node
 
 
 def source(value: Values) -> list[Any]:
-    """The source of terrain."""
+    """Return the source of terrain."""
     parameters = {"scene": value("scene"), "use_sim_time": is_true(value("use_sim_time"))}
     return [node(executable="terrain_source", output="screen", namespace=value("namespace"), parameters=[parameters])]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The launch description."""
+    """Return the launch description."""
     scene = DeclareLaunchArgument(
         "scene", default_value="waves", description="Scene of terrain_source: waves, rut, crater, heave or elevation."
     )

@@ -28,7 +28,7 @@ def stamp(time: float) -> Time:
 
 
 def heightmap(time: float) -> Any:
-    """The map so many seconds after the start."""
+    """Return the map so many seconds after the start."""
     geometry = SCENE.geometry
     return heightmap_message(
         SCENE.heights(time), resolution=geometry.resolution, origin=geometry.origin, stamp=stamp(START + time)
@@ -36,7 +36,7 @@ def heightmap(time: float) -> Any:
 
 
 def odometry(time: float) -> Odometry:
-    """The rover so many seconds after the start."""
+    """Return the rover so many seconds after the start."""
     message = Odometry(child_frame_id="base_link")
     message.header.stamp, message.header.frame_id = stamp(START + time), "map"
     message.pose.pose = pose_message((SPEED * time - 1.0, 0.5, 0.5))

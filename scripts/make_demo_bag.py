@@ -55,7 +55,7 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
 
 
 def bodies() -> list[str]:
-    """The demo's two dozen bodies and its robot, as entries of ``bodies.spawn``."""
+    """Return the demo's two dozen bodies and its robot, as entries of ``bodies.spawn``."""
     entries = []
     for index in range(BODIES):
         angle, reach = 2.0 * math.pi * index / BODIES, 5.0 + 2.0 * (index % 3)

@@ -27,7 +27,7 @@ CELLS, RATE = 40, 5.0  # a small map and a slow one [Hz], to keep the bag small
 
 
 def drive(seconds: float, seed: int) -> MappingConfig:
-    """A drive of so many seconds with a loop closed in the middle of it; it drifts in seconds as others in a minute."""
+    """Return a drive of so many seconds with a loop closed in the middle of it; it drifts in seconds as others in a minute."""
     return MappingConfig(
         duration=seconds,
         rate=RATE,
@@ -43,7 +43,7 @@ def stamp(time: float) -> Time:
 
 
 def grid_map(frame: MapFrame) -> GridMap:
-    """The message that an elevation mapper publishes."""
+    """Return the message that an elevation mapper publishes."""
     arrays = grid_map_arrays(frame)
     message = GridMap(layers=list(arrays.layers), basic_layers=["elevation"])
     message.header.stamp, message.header.frame_id = stamp(frame.stamp), "map"
@@ -56,7 +56,7 @@ def grid_map(frame: MapFrame) -> GridMap:
 
 
 def layer(cells: NDArray[np.float32]) -> Float32MultiArray:
-    """Cells (along -x, along -y), stored column by column."""
+    """Cell (along -x, along -y), stored column by column."""
     rows, columns = cells.shape
     message = Float32MultiArray(data=floats(cells.T))
     message.layout.dim = [

@@ -16,7 +16,7 @@ NUMPY_INCLUDE = re.compile(r"/opt/python/cp\d+-cp\d+/lib/python3\.\d+/site-packa
 
 
 def repair(prefix: Path) -> int:
-    """Rewrites the two paths in every ``share/**/*.cmake`` below ``prefix``; returns the number of files changed."""
+    """Rewrite the two paths in every ``share/**/*.cmake`` below ``prefix``; returns the number of files changed."""
     changed = 0
     for path in sorted((prefix / "share").rglob("*.cmake")):
         text = path.read_text(errors="surrogateescape")

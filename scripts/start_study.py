@@ -55,7 +55,7 @@ def environment(cache: Path, package: Path | None) -> dict[str, str]:
 
 
 def started(count: int, package: Path | None) -> list[Start]:
-    """Starts nodes together and waits until each has answered a call."""
+    """Start nodes together and waits until each has answered a call."""
     node = Node("start_study")
     prefix = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider"
     command = [sys.executable, "-P", "-c", START] if package else [str(prefix)]
@@ -101,7 +101,7 @@ def started(count: int, package: Path | None) -> list[Start]:
 
 
 def bare(folder: Path) -> Path:
-    """A copy of the sources without machine code."""
+    """Return a copy of the sources without machine code."""
     shutil.rmtree(folder, ignore_errors=True)
     ignored = shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME)
     shutil.copytree(ROOT / "smartmesh_ros", folder / "smartmesh_ros", ignore=ignored)
@@ -109,7 +109,7 @@ def bare(folder: Path) -> Path:
 
 
 def wheel(folder: Path) -> Path:
-    """A folder with the package as pip installs it from a wheel that was built from these sources."""
+    """Return a folder with the package as pip installs it from a wheel that was built from these sources."""
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     begin = monotonic()
     subprocess.run(
@@ -122,14 +122,14 @@ def wheel(folder: Path) -> Path:
 
 
 def report(name: str, starts: list[Start]) -> float:
-    """Prints a row of the table; returns the time until the last answer [s]."""
+    """Print a row of the table; returns the time until the last answer [s]."""
     line, answer = max(start.line for start in starts), max(start.answer for start in starts)
     print(f"| {name} | {line:.2f} s | {answer:.2f} s | {max(start.memory for start in starts):.0f} MiB |", flush=True)
     return answer
 
 
 def main() -> None:
-    """Runs the command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=3, help="starts of each case that is not compiled")
     options = parser.parse_args()

@@ -45,7 +45,7 @@ class Stage:
         self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
 
     def run(self, seconds: float) -> None:
-        """Lets the demo go on, and the page follow it."""
+        """Let the demo go on, and the page follow it."""
         end = monotonic() + seconds
         while monotonic() < end:
             self.remote.spin(0.04)
@@ -54,7 +54,7 @@ class Stage:
             self.opened.wait_for_timeout(10)
 
     def close_alerts(self) -> None:
-        """Closes the message that there is no graphics card."""
+        """Close the message that there is no graphics card."""
         for close in self.opened.get_by_role("alert").get_by_role("button").all():
             close.click()
 
@@ -70,7 +70,7 @@ class Stage:
         return bool(timings) and timings[-1][1].real_time_factor > REAL_TIME
 
     def shoot(self, path: Path, size: Any, place_camera: Callable[[], None]) -> None:
-        """Takes a picture of an instant at which the robot stands on its wheels. The page is small and cheap to draw
+        """Take a picture of an instant at which the robot stands on its wheels. The page is small and cheap to draw
         until then, and is not refreshed while the browser draws it large: drawing takes the processor from the node."""
         end = monotonic() + PATIENCE
         while not (self.on_wheels() and self.keeps_up()):
@@ -87,11 +87,11 @@ class Stage:
         self.opened.screenshot(path=path)
 
     def look_at_the_bodies(self) -> None:
-        """Turns the page's camera to all bodies."""
+        """Turn the page's camera to all bodies."""
         self.page.cameras.look(self.remote.ground, self.remote.sight)
 
     def stand_behind_the_robot(self) -> None:
-        """Turns the page's camera over the robot's shoulder to the middle of the other bodies."""
+        """Turn the page's camera over the robot's shoulder to the middle of the other bodies."""
         sight = self.remote.sight
         robot = np.array(sight.bases[ROBOT].position)
         away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
@@ -102,7 +102,7 @@ class Stage:
 
 @contextmanager
 def stage(path: str) -> Iterator[Stage]:
-    """Starts everything, and ends it."""
+    """Start everything, and ends it."""
     use_large_message_profile()
     with isolated_unless_chosen():
         rclpy.init()
@@ -121,7 +121,7 @@ def stage(path: str) -> Iterator[Stage]:
 
 
 def main() -> None:
-    """Writes both."""
+    """Write both."""
     path = find_browser()
     if path is None:
         sys.exit("no Chromium is installed (Debian: apt install chromium)")

@@ -35,7 +35,7 @@ class PatchesMessage:
 
 
 def read_patches(data: bytes) -> PatchesMessage:
-    """The message in CDR bytes. Raises `InputError` where they are none."""
+    """Return the message in CDR bytes. Raises `InputError` where they are none."""
     reader = CdrReader(data)
     sec, nanosec, frame_id = reader.number("i"), reader.number("I"), reader.text()
     incremental = bool(reader.number("B"))

@@ -38,7 +38,7 @@ class _Field(NamedTuple):
 
 
 def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: int = RIM) -> None:
-    """Makes a height field of MuJoCo, alone on a mocap body, the surface of a patch, and moves the body there.
+    """Make a height field of MuJoCo, alone on a mocap body, the surface of a patch, and moves the body there.
 
     ``field``: its name or number. ``rim``: samples that the field goes on around the patch, as high as the patch's
     edge. MuJoCo cuts each cell along the same diagonal as the node, so that the triangles are the patch's own. Holes
@@ -98,7 +98,7 @@ def _shares(heights: NDArray[np.float64], field: _Field, name: str) -> tuple[NDA
 
 
 def _find(model: Any, field: int | str) -> _Field:
-    """The height field of that name or number in a model."""
+    """Return the height field of that name or number in a model."""
     names = [model.hfield(number).name for number in range(model.nhfield)]
     if isinstance(field, str) and field not in names:
         raise InputError("parameter", f"the model has no height field {field!r}; it has {names}")

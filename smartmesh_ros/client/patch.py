@@ -55,7 +55,7 @@ class Patch:
         return (rows - 1) // 2 * columns + (columns - 1) // 2
 
     def after(self, time: float) -> Patch:
-        """The patch ``time`` [s] later (earlier if negative), every vertex moved with the twist to first order."""
+        """Return the patch ``time`` [s] later (earlier if negative), every vertex moved with the twist to first order."""
         centre, vertices = self.centre, self.vertices_w
         if time and (self.linear_w.any() or self.angular_w.any()):
             away = vertices - vertices[centre]
@@ -65,11 +65,11 @@ class Patch:
         return self._with(vertices_w=vertices, moved=self.moved + time)
 
     def aged(self, stamp: float, age: float) -> Patch:
-        """The same with another ``stamp`` [s] and ``age`` [s]."""
+        """Return the same with another ``stamp`` [s] and ``age`` [s]."""
         return self._with(stamp=stamp, age=age)
 
     def _with(self, **changes: Any) -> Patch:
-        """A copy with other values, of the same rows and columns."""
+        """Return a copy with other values, of the same rows and columns."""
         made = replace(self, **changes)
         made.__dict__.update(shape=self.shape, centre=self.centre)
         return made

@@ -66,7 +66,7 @@ class PatchClient:
         self.close()
 
     def close(self) -> None:
-        """Ends the client, and its node if that is its own."""
+        """End the client, and its node if that is its own."""
         if self._executor is None:
             self.node.destroy_subscription(self._subscription)
             self.node.destroy_publisher(self._publisher)
@@ -76,7 +76,7 @@ class PatchClient:
         rclpy.shutdown(context=self._context)
 
     def spin_once(self, timeout: float = 0.0) -> bool:
-        """Waits up to ``timeout`` [s] for a message, takes all that have arrived, and tells whether there were any. Not
+        """Wait up to ``timeout`` [s] for a message, takes all that have arrived, and tells whether there were any. Not
         for a client on a node of the caller's."""
         if self._executor is None:
             raise RuntimeError("the client's node is the caller's: spin it with the caller's executor")
@@ -88,7 +88,7 @@ class PatchClient:
         return seen > before
 
     def wait_for(self, names: Iterable[str], timeout: float = 30.0) -> dict[str, Patch]:
-        """Spins until each of ``names`` has a patch, and returns the patches; raises `TimeoutError`."""
+        """Spin until each of ``names`` has a patch, and returns the patches; raises `TimeoutError`."""
         wanted, end = set(names), monotonic() + timeout
         while not wanted <= self.patches().keys():
             if monotonic() > end:
@@ -97,11 +97,11 @@ class PatchClient:
         return self.patches()
 
     def now(self) -> float:
-        """The time of the node's ROS clock [s]: simulated time where the node's ``use_sim_time`` is set."""
+        """Return the time of the node's ROS clock [s]: simulated time where the node's ``use_sim_time`` is set."""
         return float(self.node.get_clock().now().nanoseconds * 1e-9)
 
     def patches(self, now: float | None = None) -> dict[str, Patch]:
-        """The patch of each body by its name, moved on to ``now`` [s] (None = the clock's time)."""
+        """Return the patch of each body by its name, moved on to ``now`` [s] (None = the clock's time)."""
         with self._lock:
             known, stamp = dict(self._known), self._stamp
         if stamp is None:
@@ -110,7 +110,7 @@ class PatchClient:
         return {name: self._aged(patch, stamp, age) for name, patch in known.items()}
 
     def patch(self, name: str, now: float | None = None) -> Patch | None:
-        """The patch of one body, moved on to ``now`` [s] (None = the clock's time); None = it has none."""
+        """Return the patch of one body, moved on to ``now`` [s] (None = the clock's time); None = it has none."""
         with self._lock:
             found, stamp = self._known.get(name), self._stamp
         if found is None or stamp is None:
@@ -135,14 +135,14 @@ class PatchClient:
         return bool(self._publisher.get_subscription_count() and self.node.count_publishers(patches))
 
     def track(self, links: Iterable[TrackedLink], stamp: float | None = None) -> None:
-        """Publishes where links are at ``stamp`` [s] (None = the clock's time): each gets a patch. Links left out for
+        """Publish where links are at ``stamp`` [s] (None = the clock's time): each gets a patch. Links left out for
         the node's ``bodies.timeout`` lose theirs."""
         clock = self.node.get_clock()
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
 
     def _aged(self, patch: Patch, stamp: float, age: float) -> Patch:
-        """A kept patch at its age: one that a message with increments left out holds for that message's stamp."""
+        """Return a kept patch at its age: one that a message with increments left out holds for that message's stamp."""
         return patch.after(min(max(age, -self.ahead), self.ahead)).aged(stamp, age)
 
     def _on_bytes(self, data: bytes) -> None:

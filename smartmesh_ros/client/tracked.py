@@ -27,7 +27,7 @@ class TrackedLink:
 
 
 def tracked_bodies(links: Iterable[TrackedLink], frame_id: str, stamp: Any) -> TrackedBodyArray:
-    """The message that tells where the links are at ``stamp``."""
+    """Return the message that tells where the links are at ``stamp``."""
     message = TrackedBodyArray(bodies=[_body(link) for link in links])
     message.header.frame_id, message.header.stamp = frame_id, stamp
     return message

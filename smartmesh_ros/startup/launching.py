@@ -36,7 +36,7 @@ def description(
     remap: Sequence[tuple[str, str]] = (),
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
-    """The collider with the arguments that all launch files have, and ``more`` arguments.
+    """Return the collider with the arguments that all launch files have, and ``more`` arguments.
 
     ``always``: a preset that is read before that of the user. ``remap``: pairs of a topic and the argument that names
     another. ``start``: makes further actions from the values of the arguments, by `node`.
@@ -53,7 +53,7 @@ def description(
 
 
 def fleet() -> LaunchDescription:
-    """Colliders that share one terrain and meet each other's bodies, their front, and a terrain to try them with."""
+    """Collider that share one terrain and meet each other's bodies, their front, and a terrain to try them with."""
 
     def act(context: Any) -> list[Any]:
         def value(name: str) -> str:
@@ -102,7 +102,7 @@ def _fleet_nodes(value: Values) -> list[Any]:
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
-    """A node whose executable is there; arguments as of launch_ros.
+    """Return a node whose executable is there; arguments as of launch_ros.
 
     Raises `FileNotFoundError`, which ends the launch before anything starts, with ``hint``: what would be right.
     """
@@ -116,7 +116,7 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 
 
 def is_true(text: str) -> bool:
-    """A launch argument that is a truth value."""
+    """Return a launch argument that is a truth value."""
     return text.strip().lower() in ("true", "1", "yes", "on")
 
 
@@ -137,7 +137,7 @@ def parameter_files(presets: Sequence[str], config: str) -> list[str]:
 
 
 def share() -> Path:
-    """The installed files of this package."""
+    """Return the installed files of this package."""
     return Path(get_package_share_directory(PACKAGE))
 
 

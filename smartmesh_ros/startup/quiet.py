@@ -24,7 +24,7 @@ def silence_pybullet() -> None:
 
 
 def import_pybullet_quietly() -> None:
-    """Imports PyBullet, which tells its build time then. Leaves the standard output to those who start processes."""
+    """Import PyBullet, which tells its build time then. Leaves the standard output to those who start processes."""
     sys.stderr.flush()
     kept = os.dup(STDERR)
     try:

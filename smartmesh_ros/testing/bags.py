@@ -33,7 +33,7 @@ class Record(NamedTuple):
 
 
 def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
-    """Writes (topic, time [s], message) to a new bag, the folder ``path``."""
+    """Write (topic, time [s], message) to a new bag, the folder ``path``."""
     types = get_typestore(Stores.ROS2_JAZZY)
     connections: dict[tuple[str, str], Any] = {}
     with Writer(path, version=VERSION, storage_plugin=StoragePlugin[storage.upper()]) as writer:
@@ -46,7 +46,7 @@ def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Stora
 
 
 def read(path: Path) -> Iterator[Record]:
-    """The messages of a bag, in the order in which they were recorded."""
+    """Return the messages of a bag, in the order in which they were recorded."""
     with Reader(path) as reader:
         for connection, nanoseconds, data in reader.messages():
             yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
@@ -61,7 +61,7 @@ def play(
     remap: dict[str, str] | None = None,
     qos: Any = 10,
 ) -> int:
-    """Publishes a bag from ``node`` at ``rate`` times the pace of its recording; returns the number of messages.
+    """Publish a bag from ``node`` at ``rate`` times the pace of its recording; returns the number of messages.
 
     ``spin`` is called with the seconds to wait for (`Probe.spin`). ``remap``: new names of topics. Every topic waits
     for its first subscriber before anything is published.
@@ -96,13 +96,13 @@ def type_name(message: Any) -> str:
 
 
 def message_class(name: str) -> Any:
-    """The class of ``package/msg/Name``."""
+    """Return the class of ``package/msg/Name``."""
     package, kind, message = name.split("/")
     return getattr(importlib.import_module(f"{package}.{kind}"), message)
 
 
 def _register(types: Typestore, name: str) -> None:
-    """Adds the messages of the package of ``name``, as installed, where the store does not have it."""
+    """Add the messages of the package of ``name``, as installed, where the store does not have it."""
     if name in types.types:
         return
     package, kind, _ = name.split("/")

@@ -26,7 +26,7 @@ def heightmap_message(
     velocities: ArrayLike | None = None,
     stamp: Any = None,
 ) -> Heightmap:
-    """A Heightmap message from heights (rows, columns) [m]."""
+    """Return a Heightmap message from heights (rows, columns) [m]."""
     grid = np.asarray(heights, np.float32)
     message = Heightmap(tile=tile, heights=floats(grid))
     message.header.frame_id = frame_id
@@ -44,7 +44,7 @@ def heightmap_message(
 def mesh_message(
     vertices: ArrayLike, triangles: ArrayLike, *, frame_id: str = "map", tile: str = "", stamp: Any = None
 ) -> TerrainMesh:
-    """A TerrainMesh message from vertices (V, 3) [m] and triangles (T, 3)."""
+    """Return a TerrainMesh message from vertices (V, 3) [m] and triangles (T, 3)."""
     message = TerrainMesh(tile=tile)
     message.header.frame_id = frame_id
     if stamp is not None:
@@ -57,13 +57,13 @@ def mesh_message(
 
 
 def point_message(position: Sequence[float]) -> Point:
-    """A Point [m]."""
+    """Return a Point [m]."""
     x, y, z = position
     return Point(x=float(x), y=float(y), z=float(z))
 
 
 def pose_message(position: Sequence[float]) -> Pose:
-    """A Pose at a position [m], not turned."""
+    """Return a Pose at a position [m], not turned."""
     return Pose(position=point_message(position))
 
 
@@ -80,7 +80,7 @@ def points_of(marker: Marker) -> NDArray[np.float64]:
 
 
 def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
-    """Asserts that every point (n, 3) [m] is a sample of the map: at its place, and at its height."""
+    """Assert that every point (n, 3) [m] is a sample of the map: at its place, and at its height."""
     info = message.info
     q, origin = info.origin.orientation, info.origin.position
     yaw = 2.0 * math.atan2(q.z, q.w)

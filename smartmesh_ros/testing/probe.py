@@ -94,17 +94,17 @@ class Probe:
         self.close()
 
     def close(self) -> None:
-        """Ends the probe."""
+        """End the probe."""
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
     def topic(self, name: str) -> str:
-        """A whole name: of a topic or service below the collider's, or as it is where it starts with ``/``."""
+        """Return a whole name: of a topic or service below the collider's, or as it is where it starts with ``/``."""
         return name if name.startswith("/") else f"{self.collider}/{name}"
 
     def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
-        """Subscribes to a topic; returns the list that its messages are added to."""
+        """Subscribe to a topic; returns the list that its messages are added to."""
         name = self.topic(topic)
         if name not in self._kinds:
             self._kinds[name] = kind
@@ -141,7 +141,7 @@ class Probe:
                     messages.clear()
 
     def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Any:
-        """A publisher of messages ``kind`` on ``topic`` (a name below the collider's, or a whole one) that is connected
+        """Return a publisher of messages ``kind`` on ``topic`` (a name below the collider's, or a whole one) that is connected
         with somebody, and with the collider if it listens there."""
         publisher = self.node.create_publisher(kind, self.topic(topic), qos)
         self.wait_for(lambda: publisher.get_subscription_count() and self._heard([publisher]))
@@ -176,11 +176,11 @@ class Probe:
         return {}
 
     def spin(self, seconds: float = 0.02) -> None:
-        """Handles what has arrived."""
+        """Handle what has arrived."""
         self._executor.spin_once(timeout_sec=seconds)
 
     def wait_for(self, condition: Callable[[], Any], *, timeout: float = PATIENCE, watch: Process | None = None) -> Any:
-        """Spins until the condition holds and returns its value; fails with what is known of why it does not."""
+        """Spin until the condition holds and returns its value; fails with what is known of why it does not."""
         end = monotonic() + timeout
         while not (value := condition()):
             if watch is not None and watch.process.poll() is not None:
@@ -191,7 +191,7 @@ class Probe:
         return value
 
     def latest(self, topic: str) -> Any:
-        """The newest message of an output (a name below the collider's, or a whole one) that comes from now on."""
+        """Return the newest message of an output (a name below the collider's, or a whole one) that comes from now on."""
         if topic in _MORE_OUTPUTS:
             self.listen(topic, _MORE_OUTPUTS[topic])
         messages = self.received[self.topic(topic)]
@@ -200,7 +200,7 @@ class Probe:
         return messages[-1]
 
     def client(self, service: str, kind: Any) -> Any:
-        """A client of a service of the collider (or a whole name), which is there."""
+        """Return a client of a service of the collider (or a whole name), which is there."""
         name = self.topic(service)
         if name not in self._services:
             self._services[name] = self.node.create_client(kind, name, qos_profile=_CALLS)
@@ -208,26 +208,26 @@ class Probe:
         return self._services[name]
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Calls a service of the collider (or a whole name) and returns its response."""
+        """Call a service of the collider (or a whole name) and returns its response."""
         future = self.client(service, kind).call_async(kind.Request(**fields))
         self.wait_for(future.done)
         return future.result()
 
     def publish_map(self, heights: ArrayLike, **options: Any) -> Heightmap:
-        """Publishes a map; options as `heightmap_message`."""
+        """Publish a map; options as `heightmap_message`."""
         message = heightmap_message(heights, stamp=options.pop("stamp", self.now()), **options)
         self.publishers["heightmap"].publish(message)
         return message
 
     def publish_poses(self, positions: Sequence[Sequence[float]], frame_id: str = "map") -> None:
-        """Publishes positions [m] of the bodies ``body_0``, ``body_1``, ..."""
+        """Publish positions [m] of the bodies ``body_0``, ``body_1``, ..."""
         message = PoseArray()
         message.header.stamp, message.header.frame_id = self.now(), frame_id
         message.poses = [pose_message(position) for position in positions]
         self.publishers["body_poses"].publish(message)
 
     def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "map") -> None:
-        """Publishes tracked bodies by name and position [m]."""
+        """Publish tracked bodies by name and position [m]."""
         message = TrackedBodyArray()
         message.header.stamp, message.header.frame_id = self.now(), frame_id
         message.bodies = [
@@ -236,11 +236,11 @@ class Probe:
         self.publishers["tracked_bodies"].publish(message)
 
     def now(self) -> Any:
-        """The time of the probe's clock, as a stamp."""
+        """Return the time of the probe's clock, as a stamp."""
         return self.node.get_clock().now().to_msg()
 
     def patches(self) -> dict[int, NDArray[np.float64]]:
-        """Vertices (n, 3) [m] of the newest markers, by marker id."""
+        """Vertice (n, 3) [m] of the newest markers, by marker id."""
         markers = self.latest("patches").markers
         return {marker.id: points_of(marker) for marker in markers if marker.action == Marker.ADD}
 

@@ -84,7 +84,7 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Sends a signal, waits for the end and returns the exit code.
+        """Send a signal, waits for the end and returns the exit code.
 
         It is sent again after a while: one that arrives while a node is still starting may be lost.
         """
@@ -96,7 +96,7 @@ class Process:
         return self.process.wait(PATIENCE / 3)
 
     def close(self) -> None:
-        """Ends it whatever it takes."""
+        """End it whatever it takes."""
         self._close()
 
     @property
@@ -107,7 +107,7 @@ class Process:
 def assert_cannot_start(
     parameters: dict[str, Any], words: str, *, name: str = "terrain_collider", environment: dict[str, str] | None = None
 ) -> None:
-    """Asserts that a node of this package ends at once with exit code 2 and says why, in ``words``."""
+    """Assert that a node of this package ends at once with exit code 2 and says why, in ``words``."""
     process = Process(name, parameters, environment=environment)
     try:
         assert process.process.wait(PATIENCE) == 2, process.output
@@ -118,7 +118,7 @@ def assert_cannot_start(
 
 
 def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:
-    """Kills a process that still runs, and removes its folder."""
+    """Kill a process that still runs, and removes its folder."""
     if process.poll() is None:
         process.kill()
         process.wait()
@@ -126,5 +126,5 @@ def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[s
 
 
 def _ending_with_this(command: list[str]) -> list[str]:
-    """The command, asked to end when this process does: by a Python that then becomes the command."""
+    """Return the command, asked to end when this process does: by a Python that then becomes the command."""
     return [sys.executable, "-I", "-S", "-c", _ASK, str(os.getpid()), *command] if sys.platform == "linux" else command

@@ -103,7 +103,7 @@ class Demo(Node):
         return keep
 
     def latest(self, topic: str) -> Any:
-        """The newest message of a topic."""
+        """Return the newest message of a topic."""
         message = self._latest[topic]
         return deserialize_message(message, OUTPUTS[topic]) if isinstance(message, bytes) else message
 
@@ -112,7 +112,7 @@ class Demo(Node):
         return Snapshot(time, {topic: self._latest[topic] for topic in demo_pictures.DRAWN})
 
     def wait_for(self, condition: Any, what: str) -> Any:
-        """Spins until the condition holds."""
+        """Spin until the condition holds."""
         end = monotonic() + START_LIMIT
         while not (value := condition()):
             if monotonic() > end:
@@ -121,7 +121,7 @@ class Demo(Node):
         return value
 
     def terrain(self) -> HeightMap:
-        """The newest map."""
+        """Return the newest map."""
         new = map_from(self._latest["heightmap"], 2**31)
         return HeightMap(new.heights, geometry=new.geometry)
 
@@ -141,7 +141,7 @@ class Demo(Node):
         self._spawn(terrain, ROBOT, -4.0, 0.0, 0.4, urdf=str(urdf))
 
     def drive(self) -> None:
-        """Keeps the robot going."""
+        """Keep the robot going."""
         self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
 
     def lost(self) -> int:
@@ -149,7 +149,7 @@ class Demo(Node):
         return int(self._value("bodies", "below ground")) + int(self._value("bodies", "put back onto the ground"))
 
     def _value(self, task: str, key: str) -> str:
-        """A value of the node's diagnostics."""
+        """Return a value of the node's diagnostics."""
         [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
         return next(str(pair.value) for pair in status.values if pair.key == key)
 
@@ -194,7 +194,7 @@ def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.P
 
 
 def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
-    """Runs the demo, printing a line a second; returns snapshots to draw and the most bodies lost at any time."""
+    """Run the demo, printing a line a second; returns snapshots to draw and the most bodies lost at any time."""
     snapshots: list[Snapshot] = []
     lost = 0
     start = monotonic()
@@ -213,7 +213,7 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the demo."""
+    """Run the demo."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=15.0, help="how long bodies move")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
@@ -230,7 +230,7 @@ def main(args: list[str] | None = None) -> None:
 
 
 def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
-    """Runs everything for so long; snapshots to draw, the most bodies lost at any time, and messages by output."""
+    """Run everything for so long; snapshots to draw, the most bodies lost at any time, and messages by output."""
     rclpy.init()
     demo = Demo()
     try:

@@ -112,7 +112,7 @@ class Snapshot(NamedTuple):
 
 
 def frame_of(snapshot: Snapshot) -> Frame:
-    """A frame of the newest messages."""
+    """Return a frame of the newest messages."""
     heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
     info = heightmap.info
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
@@ -126,7 +126,7 @@ def frame_of(snapshot: Snapshot) -> Frame:
 
 
 def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
-    """Writes a picture, a strip of six frames and a clip; returns their paths."""
+    """Write a picture, a strip of six frames and a clip; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
@@ -137,13 +137,13 @@ def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
 
 
 def best_of(frames: list[Frame]) -> Frame:
-    """The frame in which the bodies lie on the ground and are nearest to each other, so that they are drawn largest."""
+    """Return the frame in which the bodies lie on the ground and are nearest to each other, so that they are drawn largest."""
     fallen = [frame for frame in frames if frame.time >= FALLEN]
     return min(fallen or frames, key=lambda frame: window_of([frame]).right - window_of([frame]).left)
 
 
 def window_of(frames: list[Frame]) -> Window:
-    """The square of ground that holds every body of the frames; a map without bodies is drawn whole."""
+    """Return the square of ground that holds every body of the frames; a map without bodies is drawn whole."""
     places = np.concatenate([frame.places for frame in frames])
     if not len(places):
         places = np.array([(frames[0].x[0], frames[0].y[0]), (frames[0].x[-1], frames[0].y[-1])])
@@ -172,7 +172,7 @@ def _solid(kind: str) -> NDArray[np.float64]:
 
 
 def _picture(frame: Frame, path: Path) -> Path:
-    """The ground around the bodies in relief, and beside that a plan of the whole terrain."""
+    """Return the ground around the bodies in relief, and beside that a plan of the whole terrain."""
     figure = plt.figure(figsize=(13, 7.5), dpi=110)
     window = window_of([frame])
     # The box of a three-dimensional plot fills about two thirds of its axes, so these reach beyond the figure's part.

@@ -76,7 +76,7 @@ class TerrainSource(Node):
         self._full_due = 0.0
 
     def tick(self, _: int = 0) -> None:
-        """Publishes the terrain as it is now."""
+        """Publish the terrain as it is now."""
         now = self.get_clock().now()
         time = (now - self._start).nanoseconds * 1e-9
         listeners = self._maps.get_subscription_count()
@@ -94,11 +94,11 @@ class TerrainSource(Node):
     handled = 0  # it takes no messages
 
     def restart(self) -> None:
-        """Starts the beat anew."""
+        """Start the beat anew."""
         self.pacer.restart()
 
     def idle(self) -> None:
-        """Publishes nothing while time stands still."""
+        """Publish nothing while time stands still."""
 
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry
@@ -121,7 +121,7 @@ class TerrainSource(Node):
 
 
 def make_scene(values: dict[str, Any]) -> Scene:
-    """The scene that the parameters describe, its middle at the frame's origin."""
+    """Return the scene that the parameters describe, its middle at the frame's origin."""
     wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
     rows, columns = values["rows"], values["columns"]
     if values["scene"] == "elevation":
@@ -141,7 +141,7 @@ def make_scene(values: dict[str, Any]) -> Scene:
 
 
 def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> GridGeometry:
-    """A grid whose middle lies at the frame's origin."""
+    """Return a grid whose middle lies at the frame's origin."""
     x, y = -0.5 * (columns - 1) * resolution, -0.5 * (rows - 1) * resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
     origin = (x * cos - y * sin, x * sin + y * cos, 0.0)
@@ -149,13 +149,13 @@ def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> Grid
 
 
 def _floats(heights: Any) -> array.array[float]:
-    """A NumPy array for a float32[] field: the one way that does not convert number by number."""
+    """Return a NumPy array for a float32[] field: the one way that does not convert number by number."""
     values = array.array("f")
     values.frombytes(heights.tobytes())
     return values
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the node until SIGINT or SIGTERM."""
+    """Run the node until SIGINT or SIGTERM."""
     answer(NAME, __doc__, SPECS, args)
     run(TerrainSource, args)

@@ -49,7 +49,7 @@ class Calls:
         return await self._call(node, "remove_bodies", RemoveBodies.Request(ids=names))
 
     def give_up(self, node: str) -> None:
-        """Answers the open calls of a node that has died."""
+        """Answer the open calls of a node that has died."""
         for owner, service, future in self._open:
             if owner == node and not future.done():
                 future.set_result(_refusal(service, f"{node} died before it answered"))

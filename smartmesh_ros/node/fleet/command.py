@@ -74,13 +74,13 @@ def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.P
 
 
 def commands_of(plan: FleetPlan, folder: Path) -> dict[str, list[str]]:
-    """The commands of all processes by name."""
+    """Return the commands of all processes by name."""
     nodes = {f"node_{index}": plan.node(index, folder) for index in range(plan.count)}
     return {"source": plan.source_command(folder), "front": plan.front_command(folder), **nodes}
 
 
 def start_again(running: dict[str, subprocess.Popen[bytes]], commands: dict[str, list[str]]) -> None:
-    """Starts those that have ended again."""
+    """Start those that have ended again."""
     for name, process in list(running.items()):
         if process.poll() is not None:
             print(f"{name} ended with {process.returncode}; it is started again", flush=True)
@@ -88,7 +88,7 @@ def start_again(running: dict[str, subprocess.Popen[bytes]], commands: dict[str,
 
 
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
-    """Runs a fleet with so many bodies, printing a line a second."""
+    """Run a fleet with so many bodies, printing a line a second."""
     machine_code.prepare()  # once for all nodes, before they are waited for
     rclpy.init()
     watcher = Watcher()
@@ -114,7 +114,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nodes", type=int, default=4, help="nodes that share the terrain")
     parser.add_argument("--bodies", type=int, default=100, help="balls on it")

@@ -27,7 +27,7 @@ class FleetPlan:
     source: dict[str, Any] = field(default_factory=dict)
 
     def node(self, index: int, folder: Path) -> list[str]:
-        """The command of a node; its parameter file goes into ``folder``."""
+        """Return the command of a node; its parameter file goes into ``folder``."""
         own = layout.parameters_of(index, self.count, self.namespace)
         files = [str(_share() / "config" / f"{self.preset}.yaml")] if self.preset else []
         files.append(_file(folder / f"node_{index}.yaml", {**own, **self.parameters}))
@@ -35,13 +35,13 @@ class FleetPlan:
         return _command(layout.COLLIDER, files, names)
 
     def front_command(self, folder: Path) -> list[str]:
-        """The command of the front."""
+        """Return the command of the front."""
         own = layout.front_parameters(self.count, self.namespace)
         files = [_file(folder / "front.yaml", {**own, **self.front})]
         return _command("fleet_front", files, [("__ns", self.namespace)] if self.namespace else [])
 
     def source_command(self, folder: Path) -> list[str]:
-        """The command of the source of terrain."""
+        """Return the command of the source of terrain."""
         files = [_file(folder / "source.yaml", self.source)] if self.source else []
         return _command("terrain_source", files, layout.source_remappings(self.namespace))
 

@@ -81,7 +81,7 @@ class Front(Node):
         self.create_timer(REPORT, self._report, callback_group=self._group)
 
     async def _look(self) -> None:
-        """Looks after the nodes: spawns again what was lost with one, and has one remove what another has."""
+        """Look after the nodes: spawns again what was lost with one, and has one remove what another has."""
         for node, states in self._states.items():
             data = states.take()
             if data is None:
@@ -235,7 +235,7 @@ class Front(Node):
         self._diagnostics.publish(message)
 
     def _publish_timing(self) -> None:
-        """Listens to the nodes' timing as long as somebody listens to that of all."""
+        """Listen to the nodes' timing as long as somebody listens to that of all."""
         if not self._timing.get_subscription_count():
             for subscription in self._listening:
                 self.destroy_subscription(subscription)
@@ -260,7 +260,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Runs the front until SIGINT or SIGTERM."""
+    """Run the front until SIGINT or SIGTERM."""
     answer("fleet_front", __doc__, SPECS, None if args is None else list(args))
     rclpy.init(args=args)
     executor = SingleThreadedExecutor()

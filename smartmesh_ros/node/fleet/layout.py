@@ -45,7 +45,7 @@ def parameters_of(index: int, count: int, namespace: str = "") -> dict[str, Any]
 
 
 def marker_namespace(node: str) -> str:
-    """The ``ns`` of a node's markers on the topic that all of them share."""
+    """Return the ``ns`` of a node's markers on the topic that all of them share."""
     return node.strip("/").removesuffix(f"/{COLLIDER}")
 
 

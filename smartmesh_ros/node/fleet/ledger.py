@@ -125,7 +125,7 @@ class Ledger:
         return [name for name, entry in self.bodies.items() if entry.lost is not None]
 
     def choose(self, name: str, x: float, y: float, request: Any = None) -> str:
-        """Gives a new body that starts at ``x``, ``y`` [m] to a node, and notes it; raises `InputError` where its name
+        """Give a new body that starts at ``x``, ``y`` [m] to a node, and notes it; raises `InputError` where its name
         is taken or no node lives."""
         if name in self.bodies:
             node = self.bodies[name].node
@@ -135,41 +135,41 @@ class Ledger:
         return node
 
     def spawned(self, name: str, time: float) -> None:
-        """Notes that a body was added to its node."""
+        """Note that a body was added to its node."""
         self.bodies[name].asked = time
         if self.bodies[name].lost is not None:
             self.bodies[name].lost = None
             self.respawned += 1
 
     def not_spawned(self, name: str) -> None:
-        """Notes that a body was not added; one that was lost waits for another try."""
+        """Note that a body was not added; one that was lost waits for another try."""
         entry = self.bodies[name]
         entry.asked = -math.inf
         if entry.lost is None:
             del self.bodies[name]
 
     def node_of(self, name: str) -> str:
-        """The node that simulates a body; raises `InputError` if there is none of that name."""
+        """Return the node that simulates a body; raises `InputError` if there is none of that name."""
         if name not in self.bodies:
             raise InputError("unknown_body", f"there is no body {name!r} in the fleet")
         return self.bodies[name].node
 
     def removed(self, name: str) -> None:
-        """Notes that a body was taken out."""
+        """Note that a body was taken out."""
         self.bodies.pop(name, None)
 
     def hear(self, node: str, time: float) -> None:
-        """Notes that a node was heard at ``time`` [s]."""
+        """Note that a node was heard at ``time`` [s]."""
         member = self.members[node]
         member.returned |= time - member.heard > self.config.restart
         member.heard = time
 
     def see(self, nodes: Iterable[str]) -> None:
-        """Notes which nodes are connected, whether they were heard or not."""
+        """Note which nodes are connected, whether they were heard or not."""
         self._present = self.members.keys() & nodes
 
     def learn(self, node: str, states: StateTable) -> None:
-        """Takes the newest states of a node's bodies."""
+        """Take the newest states of a node's bodies."""
         member = self.members[node]
         if member.returned and not member.before:
             member.before = member.last
@@ -210,7 +210,7 @@ class Ledger:
         return [name for name in lost if name in self.bodies]
 
     def _compare(self, node: str, time: float, duties: Duties) -> None:
-        """Compares the bodies that a node has with those that it should have."""
+        """Compare the bodies that a node has with those that it should have."""
         member = self.members[node]
         for name in member.rows:
             entry = self.bodies.setdefault(name, Entry(node))

@@ -57,7 +57,7 @@ class PeerBodies:
             self._listen(name)
 
     def refresh(self) -> None:
-        """Takes away the guests of peers that are not heard any more, and looks for new ones now and then."""
+        """Take away the guests of peers that are not heard any more, and looks for new ones now and then."""
         now = self._session.clock.pace()
         # While this node itself stood still nobody could be heard.
         pause, self._refreshed = max(now - self._refreshed - STALL, 0.0), now
@@ -73,7 +73,7 @@ class PeerBodies:
             self._look()
 
     def forget_stamps(self) -> None:
-        """Accepts whatever stamps come next, after a reset."""
+        """Accept whatever stamps come next, after a reset."""
         for peer in self._peers.values():
             peer.clock = StampClock()
 
@@ -90,7 +90,7 @@ class PeerBodies:
         return found
 
     def silent(self) -> list[str]:
-        """Peers that are named and not heard."""
+        """Peer that are named and not heard."""
         return [name for name in self._named if self._peers[name].heard is None]
 
     def _listen(self, name: str) -> None:
@@ -101,7 +101,7 @@ class PeerBodies:
         self._peers[name] = _Peer(session.subscriptions[-1])
 
     def _look(self) -> None:
-        """Listens to nodes that are new, and no longer to those that are gone."""
+        """Listen to nodes that are new, and no longer to those that are gone."""
         node = self._session.node
         found = {
             topic.removesuffix(f"/{TOPIC}")
@@ -160,5 +160,5 @@ class PeerBodies:
 
 
 def _nobody() -> bytes:
-    """A message without bodies."""
+    """Return a message without bodies."""
     return bytes(serialize_message(TrackedBodyArray()))

@@ -15,7 +15,7 @@ TOPIC = "body_states"
 
 
 def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
-    """The entries of ``bodies.peers``, each once. Raises `InputError` where one is no full name of a node, or ``auto``
+    """Return the entries of ``bodies.peers``, each once. Raises `InputError` where one is no full name of a node, or ``auto``
     is not alone."""
     names = tuple(dict.fromkeys(entries))
     if AUTO in names and len(names) > 1:
@@ -31,5 +31,5 @@ def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
 
 
 def topic_of(peer: str) -> str:
-    """The topic of a node's body states."""
+    """Return the topic of a node's body states."""
     return f"{peer}/{TOPIC}"

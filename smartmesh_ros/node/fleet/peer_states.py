@@ -53,7 +53,7 @@ class PeerReader:
         self._names: list[str] = []
 
     def read(self, data: bytes, most: int, longest: int) -> PeerStates:
-        """A TrackedBodyArray from its bytes. Raises `InputError` where they are none, or there are more than ``most``
+        """Return a TrackedBodyArray from its bytes. Raises `InputError` where they are none, or there are more than ``most``
         bodies, a name is longer than ``longest`` characters, or two are the same."""
         reader = CdrReader(data)
         if data[1] != 1:

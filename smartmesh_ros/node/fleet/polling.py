@@ -34,7 +34,7 @@ class Polled:
         )
 
     def take(self) -> bytes | None:
-        """The newest message as bytes, None if none has come since the last call."""
+        """Return the newest message as bytes, None if none has come since the last call."""
         handle = self._subscription.handle
         with handle:
             taken = handle.take_message(self._kind, True)

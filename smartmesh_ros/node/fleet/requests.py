@@ -16,7 +16,7 @@ FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist")
 
 
 def spawn_request(body: Any) -> SpawnBody.Request:
-    """The request of a BodySpecification, or of a request itself."""
+    """Return the request of a BodySpecification, or of a request itself."""
     return SpawnBody.Request(**{name: getattr(body, name) for name in FIELDS})
 
 
@@ -44,7 +44,7 @@ def specification_of(respawning: Respawning) -> BodySpecification:
 
 
 def primitive_of(shape: Shape) -> SolidPrimitive:
-    """A shape as services take it; a capsule as the cylinder around it."""
+    """Return a shape as services take it; a capsule as the cylinder around it."""
     if isinstance(shape, Sphere):
         return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[shape.radius])
     if isinstance(shape, Box):

@@ -8,7 +8,7 @@ from smartmesh_msgs.msg import StageTiming, Timing
 
 
 def together(timings: Mapping[str, Timing]) -> Timing:
-    """Timings by the names of their nodes: the slowest one's real-time factor, deadline misses of all, and every stage
+    """Timing by the names of their nodes: the slowest one's real-time factor, deadline misses of all, and every stage
     as ``node/stage``."""
     message = Timing()
     for name, timing in timings.items():

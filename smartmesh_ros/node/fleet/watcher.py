@@ -30,7 +30,7 @@ class FleetWatcher(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> float:
-        """Handles messages until the condition holds; the time it took [s]."""
+        """Handle messages until the condition holds; the time it took [s]."""
         start = monotonic()
         while not condition():
             if monotonic() > start + PATIENCE:

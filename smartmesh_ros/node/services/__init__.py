@@ -1,1 +1,1 @@
-"""What the node answers: services for bodies and for the simulation."""
+"""Services of the node: for bodies and for the simulation."""

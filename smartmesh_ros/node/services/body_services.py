@@ -16,7 +16,7 @@ from smartmesh_ros.node.refusals import shortened
 from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.session import Session
 
-# Failures whose reasons the message of a response quotes; the response lists all of them.
+# Number of failures that a response's message quotes. The list of failures in the response is complete.
 QUOTED = 3
 
 
@@ -31,14 +31,14 @@ class BodyServices:
         session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the world, simulated or tracked."""
+        """Remove a simulated or tracked body from the world."""
         if name in self._session.tracking.names:
             self._session.tracking.forget(name)
         else:
             self._session.world.remove(name)
 
     def _spawn(self, body: Any) -> None:
-        """Adds one body; raises `InputError` and adds nothing if it cannot be."""
+        """Add one body. Raises `InputError`, and adds nothing, if the body is refused."""
         session = self._session
         state = conversions.state_from(body.pose, body.twist)
         bounds.require_name(body.id, session.settings)
@@ -87,7 +87,7 @@ class BodyServices:
         self._finish("remove_bodies", response, failures, len(request.ids))
 
     def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int) -> None:
-        """Fills in a response, and counts and logs a refusal."""
+        """Fill in a response; count and log a refusal."""
         response.success = not failures
         response.failures = failures
         if failures:
@@ -99,11 +99,11 @@ class BodyServices:
 
 
 def _failures_of(tasks: Iterable[tuple[str, Any, Callable[[Any], None]]]) -> list[BodyFailure]:
-    """Does (name, thing, act) one after the other; those whose ``act`` refused, each with its reason."""
+    """Run tasks (body name, argument, action) in order; return the tasks whose action raised `InputError`."""
     failures = []
-    for name, thing, act in tasks:
+    for name, argument, action in tasks:
         try:
-            act(thing)
+            action(argument)
         except InputError as error:
             failures.append(BodyFailure(id=shortened(name), reason=shortened(str(error))))
     return failures

@@ -1,4 +1,4 @@
-"""Which bodies an EntityFilters of simulation_interfaces means."""
+"""Bodies that pass an EntityFilters message of simulation_interfaces."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 
 def select(world: World, filters: Any, bounds: Any) -> list[str]:
-    """Names of the bodies that pass all filters. ``bounds``: the class of the bounds, for its constants.
+    """Return the names of the bodies that pass all filters. ``bounds``: the message class Bounds, for its constants.
 
-    Names are searched with Python's regular expressions, which read those of POSIX but for bracketed classes. Bounds
-    are compared with the axis-aligned bounds of bodies. Raises `InputError` for filters of what bodies do not have.
+    The name filter is a Python regular expression, a superset of POSIX except for bracketed classes. The bounds filter
+    uses the axis-aligned bounds of bodies. Raises `InputError` for filters by category or tag, which bodies lack.
     """
     if filters.categories or filters.tags.tags:
         raise InputError("unsupported", "entities have no categories and no tags here; leave those filters empty")
@@ -49,7 +49,7 @@ def _distance(world: World, name: str, point: FloatArray) -> float:
 
 
 def _bounds(world: World, name: str) -> tuple[FloatArray, FloatArray]:
-    """Corners of the axis-aligned bounds of a body, all its links together (3,) [m]."""
+    """Return the lower and upper corner (3,) [m] of the axis-aligned bounds around all links of a body."""
     body, client = world.bodies[name], world.client
     links = body.links or {-1: ""}
     corners = np.array([client.getAABB(body.uid, link) for link in links])

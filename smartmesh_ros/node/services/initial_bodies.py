@@ -1,5 +1,5 @@
-"""The bodies that parameters name: spawned at the start or as soon as there is ground for them, and again after a reset
-of everything."""
+"""Bodies named by parameters: spawned at the start or once the terrain covers their place, and again after a full
+reset."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from smartmesh_ros.node.session import Session
 
 
 class InitialBodies:
-    """Entries of ``bodies.spawn``, and others added later. ``names``: of all of them, in the world or waiting."""
+    """Entries of ``bodies.spawn``, and entries added later. ``names``: of all entries, in the world or waiting."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -24,11 +24,11 @@ class InitialBodies:
 
     @property
     def names(self) -> set[str]:
-        """Bodies that are part of the start."""
+        """Names of the initial bodies."""
         return set(self._entries)
 
     def add(self, entry: Entry) -> None:
-        """Adds an entry, or replaces that of the same name, and spawns it unless it waits for ground."""
+        """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain."""
         waiting = not spawn(self._session.world, entry)
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
@@ -36,11 +36,11 @@ class InitialBodies:
             self._waiting.append(entry.name)
 
     def replace(self, entry: Entry) -> None:
-        """Notes another entry of the same name, whose body is in the world already, or still waits."""
+        """Replace the entry of the same name without spawning: its body is in the world already, or waits."""
         self._entries[entry.name] = entry
 
     def on_terrain(self) -> None:
-        """Spawns what waited for ground."""
+        """Spawn the bodies that waited for terrain."""
         waiting, self._waiting = self._waiting, []
         if not waiting:
             return
@@ -53,7 +53,7 @@ class InitialBodies:
                     self._session.refusals.add("bodies.spawn", error)
 
     def restore(self) -> None:
-        """Spawns again those that were removed."""
+        """Spawn again the initial bodies that were removed."""
         for name in self._entries:
             if name not in self._session.world.bodies and name not in self._waiting:
                 self._waiting.append(name)

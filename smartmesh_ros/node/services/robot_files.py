@@ -1,4 +1,4 @@
-"""URDF as ROS hands it over, before the core loads it."""
+"""URDF from ROS: robot names, files, and ``package://`` paths, resolved before the core loads the robot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 
 
 def robot_name(urdf: str) -> str:
-    """The name that a URDF text gives its robot, or "". Raises `InputError` if the text is no URDF."""
+    """Return the robot's name in a URDF text, or "". Raises `InputError` if the text is no URDF."""
     try:
         root = ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
@@ -23,7 +23,7 @@ def robot_name(urdf: str) -> str:
 
 
 def urdf_text(urdf: str) -> str:
-    """The text of a URDF file, or the text itself. Raises `InputError` if there is no such file."""
+    """Return the text of a URDF file; text is returned as is. Raises `InputError` if the file cannot be read."""
     if urdf.lstrip().startswith("<"):
         return urdf
     try:
@@ -33,8 +33,8 @@ def urdf_text(urdf: str) -> str:
 
 
 def with_package_paths(urdf: str) -> str:
-    """A text or path with folders in place of ``package://<package>`` and ``file://``. Raises `InputError` naming a
-    package that is not there."""
+    """Return a URDF text or path with ``package://<package>`` and ``file://`` replaced by folders. Raises `InputError`
+    that names the package if one is not installed."""
 
     def folder(match: re.Match[str]) -> str:
         try:

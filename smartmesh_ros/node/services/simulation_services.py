@@ -1,7 +1,7 @@
-"""The standard services of simulation_interfaces, where that package is installed.
+"""The standard services of simulation_interfaces, if that package is installed.
 
-As in its definitions of 1.x (ROS 2 Jazzy) and 2.x: where they differ, both are read. Entities are the bodies of the
-world, tracked ones among them; what can be spawned are URDF robots.
+Definitions 1.x (ROS 2 Jazzy) and 2.x are both accepted. Entities are the bodies of the world, including tracked bodies.
+Only URDF robots can be spawned.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FEATURES = (
     "STEP_SIMULATION_SINGLE",
     "STEP_SIMULATION_MULTIPLE",
 )
-# Results by the reasons that input is refused for; SpawnEntity's own where its name is given.
+# Result code by the reason of an InputError. The codes of SpawnEntity and of entity states take precedence.
 _REASONS = {"unknown_body": "RESULT_NOT_FOUND", "unsupported": "RESULT_FEATURE_UNSUPPORTED"}
 _SPAWN_REASONS = {
     "duplicate_id": "NAME_NOT_UNIQUE",
@@ -55,23 +55,23 @@ _STATE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_P
 
 
 class Controls(Protocol):
-    """What the services need of the node."""
+    """Operations of the node that the services call."""
 
     def pause(self, paused: bool) -> None:
-        """Stops the physics, or lets it go on."""
+        """Pause or resume the physics."""
 
     def step(self, count: int) -> None:
-        """Runs steps while the physics is paused."""
+        """Run steps while the physics is paused."""
 
     def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
-        """Resets the time, the bodies' states, and which bodies there are."""
+        """Reset the time, the states of bodies, and the set of bodies (``spawned``)."""
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the world."""
+        """Remove a body from the world."""
 
 
 def serve_simulation_interfaces(session: Session, controls: Controls) -> bool:
-    """Serves the services; False, and a line in the log, where the package is not installed."""
+    """Create the services. Return False, and log an error, if the package is not installed."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
     if services is None or messages is None:
@@ -85,7 +85,7 @@ def serve_simulation_interfaces(session: Session, controls: Controls) -> bool:
 
 
 class SimulationServices:
-    """Answers each service from the world. ``services``, ``messages``: the package's modules."""
+    """Answers each service from the world. ``services``, ``messages``: the modules of simulation_interfaces."""
 
     def __init__(self, session: Session, controls: Controls, services: Any, messages: Any) -> None:
         self._session, self._controls = session, controls
@@ -110,7 +110,7 @@ class SimulationServices:
         serve(services.SetEntityState, "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
     def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], None], reasons: dict[str, str]) -> None:
-        """Serves ``~/service``; what ``act`` refuses ends in the result that ``reasons`` name."""
+        """Serve ``~/service`` by ``act``. ``reasons``: result code by the reason of the InputError that ``act`` raises."""
         session, results = self._session, self._results
 
         def handle(request: Any, response: Any) -> None:
@@ -139,7 +139,7 @@ class SimulationServices:
     def _state(self) -> int:
         if not self._session.paused:
             return int(self._states.STATE_PLAYING)
-        # Whoever has stepped or played since by other services has started it.
+        # Stepping or playing by another service since the stop has started the simulation again.
         stopped = self._stopped and self._session.world.time == 0.0
         return int(self._states.STATE_STOPPED if stopped else self._states.STATE_PAUSED)
 
@@ -149,7 +149,7 @@ class SimulationServices:
     def _set_state(self, request: Any, _: Any) -> None:
         states, wanted = self._states, request.state.state
         if wanted == self._state():
-            raise InputError("in_state", "the simulation is in that state already")
+            raise InputError("in_state", "the simulation is in this state already")
         if wanted == states.STATE_QUITTING:
             signal.raise_signal(signal.SIGINT)  # ends the node's loop once this call is answered
         elif wanted == states.STATE_PLAYING:
@@ -182,7 +182,7 @@ class SimulationServices:
         given = _urdf_of(getattr(request, "entity_resource", request))
         urdf = checked_urdf(given, bounds.urdf_rules(session.settings))
         if request.entity_namespace:
-            raise InputError("unsupported", "entities have no namespace here; their topics name them")
+            raise InputError("unsupported", "entity_namespace is not supported; leave it empty")
         session.require_frame(request.initial_pose.header.frame_id)
         state = conversions.state_from(request.initial_pose.pose)
         name = request.name or robot_name(urdf_text(urdf))
@@ -227,7 +227,7 @@ class SimulationServices:
 
 
 def _urdf_of(resource: Any) -> str:
-    """The URDF text of a resource: a URI, or the text itself."""
+    """Return the path of a resource's URI, or else its URDF text. Raises `InputError` if neither is URDF."""
     if not resource.uri:
         if not resource.resource_string:
             raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
@@ -235,5 +235,5 @@ def _urdf_of(resource: Any) -> str:
         return with_package_paths(resource.resource_string)
     path = with_package_paths(resource.uri)
     if not path.endswith(".urdf"):
-        raise InputError("urdf_format", f"{resource.uri!r} does not end in .urdf, the one format there is")
+        raise InputError("urdf_format", f"{resource.uri!r} does not end in .urdf, the only supported format")
     return path

@@ -1,9 +1,9 @@
-"""Bodies named by parameter: one YAML mapping each.
+"""Bodies of the parameter ``bodies.spawn``: one YAML mapping each.
 
 ``{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0, 0], above: 0.5}``, with ``shape`` sphere [radius],
-box [x, y, z], cylinder [radius, height] or capsule [radius, height] in metres; or ``urdf`` with a file. ``xyz``
-places it in the terrain's frame; ``xy`` and ``above`` place its centre above the ground as soon as there is ground.
-``yaw`` [rad] turns it.
+box [x, y, z], cylinder [radius, height] or capsule [radius, height] in metres; or ``urdf`` with a file. ``xyz`` is the
+position in the terrain's frame. With ``xy`` and ``above`` the centre starts that far above the ground, once the terrain
+covers that place. ``yaw`` [rad] is the turn about z.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from smartmesh_ros.physics.state import BodyState, Vector
 from smartmesh_ros.physics.world import World
 
 _SHAPES: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
-# The C parser takes a tenth of the time, which counts where a thousand bodies are named.
+# The C parser takes a tenth of the time, which matters for a thousand bodies.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "yaw"}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A body to spawn: a shape of ``mass`` [kg] or a URDF, at ``xyz`` [m], or ``above`` the ground at ``xy`` [m],
-    turned by ``yaw`` [rad]."""
+    """A body to spawn: a shape of ``mass`` [kg] or a URDF, at ``xyz`` [m], or ``above`` the ground at ``xy`` [m], with
+    ``yaw`` [rad] about z."""
 
     name: str
     shape: Shape | None = None
@@ -41,7 +41,7 @@ class Entry:
 
 
 def entry_from_text(text: str) -> Entry:
-    """The entry of a YAML mapping. Raises `InputError` if it is none."""
+    """Return the entry of a YAML mapping. Raises `InputError` if the text is no valid entry."""
     try:
         entry = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
@@ -61,11 +61,12 @@ def entry_from_text(text: str) -> Entry:
     except (TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError("spawn", f"bodies.spawn entry {text!r} has a mass or yaw that is no number") from None
+        raise InputError("spawn", f"bodies.spawn entry {text!r}: mass and yaw must be numbers") from None
 
 
 def spawn(world: World, entry: Entry) -> bool:
-    """Spawns the body of an entry; False if it waits for ground. Raises `InputError` if it cannot be."""
+    """Spawn the body of an entry. Return False if the terrain does not cover its place yet. Raises `InputError` if the
+    world refuses the body."""
     position = entry.xyz
     if position is None:
         x, y = entry.xy
