@@ -7,8 +7,8 @@ from statistics import median
 from time import monotonic
 from typing import Any
 
-from smartmesh_ros.node.fleet.commands import FleetPlan
 from smartmesh_ros.node.fleet.layout import WAVES
+from smartmesh_ros.node.fleet.plan import FleetPlan
 from studies.fleet.watcher import Site, load, site
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of

@@ -16,8 +16,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Timing, TrackedBodyArray
 
-from smartmesh_ros.node.fleet.commands import FleetPlan
 from smartmesh_ros.node.fleet.layout import node_names
+from smartmesh_ros.node.fleet.plan import FleetPlan
 from smartmesh_ros.node.fleet.watcher import FleetWatcher
 from studies.fleet.network import Machine
 

@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout as layout
-from smartmesh_ros.node.fleet.peer_bodies import NEWEST
+from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
 from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
 
@@ -135,7 +135,7 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
 
 def test_peers_that_simulate_otherwise_are_refused_by_reason(fleet: Fleet) -> None:
     probe = fleet.probe
-    publisher = probe.node.create_publisher(TrackedBodyArray, "/other/body_states", NEWEST)
+    publisher = probe.node.create_publisher(TrackedBodyArray, "/other/body_states", NEWEST_QOS)
 
     def refused(one: Process, said: TrackedBodyArray, words: str) -> bool:
         said.header.stamp = probe.node.get_clock().now().to_msg()

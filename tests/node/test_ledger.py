@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.ledger import Duties, Last, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.ledger import Duties, LastState, Ledger, LedgerConfig, Respawning
 from smartmesh_ros.node.fleet.requests import specification_of
 from smartmesh_ros.physics.shapes import SolidKind
 from smartmesh_ros.physics.state_table import StateTable
@@ -38,8 +38,8 @@ class World:
             self.time += 0.25
             for node in sorted(self.alive):
                 self.ledger.hear(node, self.time)
-                self.ledger.learn(node, table(self.bodies[node]))
-            self.do(self.ledger.look(self.time))
+                self.ledger.update_states(node, table(self.bodies[node]))
+            self.do(self.ledger.check(self.time))
 
     def do(self, duties: Duties) -> None:
         self.lost |= duties.lost
@@ -80,7 +80,7 @@ def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_
     states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
     states.kinds[0] = SolidKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
-    again = specification_of(Respawning("robot", "/a", None, Last(states)))
+    again = specification_of(Respawning("robot", "/a", None, LastState(states)))
     position = again.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 
@@ -149,7 +149,7 @@ def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
     world = World()
     world.spawn("body")
     world.go_on(1.0)
-    duties = world.ledger.look(world.time + 30.0)
+    duties = world.ledger.check(world.time + 30.0)
     assert duties == Duties([], [], [], [], {})
     world.time += 30.0
     world.go_on(1.0)
@@ -186,15 +186,15 @@ def test_without_a_node_that_lives_nothing_is_spawned_but_nothing_is_forgotten()
 
 def test_nodes_that_are_connected_and_not_heard_yet_are_starting() -> None:
     ledger = Ledger(NODES)
-    ledger.see(["a", "b", "/somebody/else"])
+    ledger.set_connected(["a", "b", "/somebody/else"])
     assert sorted(ledger.starting) == ["a", "b"]
     with pytest.raises(InputError, match="a, b are starting"):
         ledger.choose("body", 0.0, 0.0)
     ledger.hear("a", 0.0)
-    ledger.look(0.1)
+    ledger.check(0.1)
     assert ledger.starting == ["b"]
     assert ledger.choose("body", 0.0, 0.0) == "a"
-    ledger.look(10.0)
+    ledger.check(10.0)
     assert ledger.starting == ["b"], "who was heard before is not heard any more"
 
 

@@ -1,1 +1,2 @@
-"""Several nodes on one terrain as one: a front that gives each body to a node, and keeps them when a node dies."""
+"""A fleet: several nodes on one terrain behind one front, which assigns bodies to nodes and respawns the bodies of a
+node that dies."""

@@ -1,4 +1,4 @@
-"""Calls of the nodes of a fleet, which end when their node dies."""
+"""Service calls to the nodes of a fleet. A call fails if its node dies before it answers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KINDS = {
 
 
 class Calls:
-    """Clients of the services of some nodes. Answers of a node that dies meanwhile are refusals."""
+    """Clients of the body services of all nodes. A call to a node that dies returns a refusal."""
 
     def __init__(self, front: Node, nodes: Iterable[str], group: Any) -> None:
         self._clients = {
@@ -33,23 +33,23 @@ class Calls:
         self._open: list[tuple[str, str, Any]] = []  # node, service, future
 
     async def spawn(self, node: str, body: Any) -> Any:
-        """Has a node add a body."""
+        """Ask a node to add a body; return its response."""
         return await self._call(node, "spawn_body", spawn_request(body))
 
     async def spawn_all(self, node: str, bodies: list[BodySpecification]) -> Any:
-        """Has a node add bodies: all or none."""
+        """Ask a node to add all bodies or none; return its response."""
         return await self._call(node, "spawn_bodies", SpawnBodies.Request(bodies=bodies))
 
     async def remove(self, node: str, name: str) -> Any:
-        """Has a node remove a body."""
+        """Ask a node to remove a body; return its response."""
         return await self._call(node, "remove_body", RemoveBody.Request(id=name))
 
     async def remove_all(self, node: str, names: list[str]) -> Any:
-        """Has a node remove bodies: all or none."""
+        """Ask a node to remove all bodies or none; return its response."""
         return await self._call(node, "remove_bodies", RemoveBodies.Request(ids=names))
 
     def give_up(self, node: str) -> None:
-        """Answer the open calls of a node that has died."""
+        """End the open calls to a node that died with refusals."""
         for owner, service, future in self._open:
             if owner == node and not future.done():
                 future.set_result(_refusal(service, f"{node} died before it answered"))

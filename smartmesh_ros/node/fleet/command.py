@@ -1,6 +1,6 @@
 """``smartmesh-fleet``: several nodes on one moving terrain, their front, and bodies, without a ROS installation.
 
-A node that dies is started again. Ends with Ctrl-C, or after --seconds.
+A process that ends is restarted. Stop the fleet with Ctrl-C, or set --seconds.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import rclpy
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros import machine_code
-from smartmesh_ros.node.fleet.commands import FleetPlan
 from smartmesh_ros.node.fleet.layout import WAVES, front_of
+from smartmesh_ros.node.fleet.plan import FleetPlan
 from smartmesh_ros.node.fleet.watcher import FleetWatcher
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 
-# Bodies start in rows so far apart, so high [m].
-APART, HIGH = 0.9, 0.8
+# Spacing of the bodies' square grid and start height of the bodies [m].
+SPACING, START_HEIGHT = 0.9, 0.8
 
 
 class Watcher(FleetWatcher):
-    """Spawns bodies and says how the fleet is."""
+    """Spawns bodies and summarises the fleet's state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,19 +37,21 @@ class Watcher(FleetWatcher):
         self.create_subscription(Timing, f"{front_of()}/timing", self._on_timing, 10)
 
     def living(self) -> int:
-        """How many nodes the front hears."""
+        """Return the number of nodes that the front hears."""
         return sum(value.endswith("bodies") for key, value in self.front.items() if key)
 
     def spawn(self, count: int) -> None:
-        """Has the fleet spawn so many balls in a square."""
+        """Spawn ``count`` balls in a square grid."""
         side = max(round(count**0.5), 1)
-        places = ((APART * (index % side - 0.5 * side), APART * (index // side - 0.5 * side)) for index in range(count))
-        self.spawn_balls(((f"ball_{index}", x, y, HIGH) for index, (x, y) in enumerate(places)), 0.25)
+        cells = ((index % side - 0.5 * side, index // side - 0.5 * side) for index in range(count))
+        self.spawn_balls(
+            ((f"ball_{index}", SPACING * x, SPACING * y, START_HEIGHT) for index, (x, y) in enumerate(cells)), 0.25
+        )
 
     def line(self) -> str:
-        """How the fleet is, in one line."""
-        said = {key.removesuffix("/terrain_collider"): value for key, value in self.front.items() if key}
-        counts = "  ".join(f"{name}: {value}" for name, value in said.items())
+        """Return the real-time factor and the front's diagnostics in one line."""
+        values = {key.removesuffix("/terrain_collider"): value for key, value in self.front.items() if key}
+        counts = "  ".join(f"{name}: {value}" for name, value in values.items())
         return f"real-time {self.factor:.2f}  {counts}"
 
     def _on_timing(self, message: Timing) -> None:
@@ -58,7 +60,7 @@ class Watcher(FleetWatcher):
 
 @contextmanager
 def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """The fleet as processes by name, which end with the block."""
+    """Run commands by name as processes for the length of the block; yield the processes."""
     running = {name: subprocess.Popen(command) for name, command in commands.items()}
     try:
         yield running
@@ -79,17 +81,17 @@ def commands_of(plan: FleetPlan, folder: Path) -> dict[str, list[str]]:
     return {"source": plan.source_command(folder), "front": plan.front_command(folder), **nodes}
 
 
-def start_again(running: dict[str, subprocess.Popen[bytes]], commands: dict[str, list[str]]) -> None:
-    """Start those that have ended again."""
+def restart_ended(running: dict[str, subprocess.Popen[bytes]], commands: dict[str, list[str]]) -> None:
+    """Restart the processes that ended."""
     for name, process in list(running.items()):
         if process.poll() is not None:
-            print(f"{name} ended with {process.returncode}; it is started again", flush=True)
+            print(f"{name} ended with exit code {process.returncode}; restarting it", flush=True)
             running[name] = subprocess.Popen(commands[name])
 
 
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
-    """Run a fleet with so many bodies, printing a line a second."""
-    machine_code.prepare()  # once for all nodes, before they are waited for
+    """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
+    machine_code.prepare()  # once for all nodes, and outside the time limit for their start
     rclpy.init()
     watcher = Watcher()
     try:
@@ -100,7 +102,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
             end, due = monotonic() + seconds, 0.0
             while monotonic() < end:
                 rclpy.spin_once(watcher, timeout_sec=0.1)
-                start_again(running, commands)
+                restart_ended(running, commands)
                 if monotonic() >= due:
                     due = monotonic() + 1.0
                     print(watcher.line(), flush=True)
@@ -118,8 +120,10 @@ def main(args: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nodes", type=int, default=4, help="nodes that share the terrain")
     parser.add_argument("--bodies", type=int, default=100, help="balls on it")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="how long; else until Ctrl-C")
-    parser.add_argument("--spread", choices=("fewest", "tiles"), default="fewest", help="how bodies are spread")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="duration; default: until Ctrl-C")
+    parser.add_argument(
+        "--spread", choices=("fewest", "tiles"), default="fewest", help="rule that assigns bodies to nodes"
+    )
     parser.add_argument("--respawn", choices=("elsewhere", "same"), default="elsewhere", help="bodies of a dead node")
     options = parser.parse_args(args)
     use_large_message_profile()

@@ -1,8 +1,8 @@
-"""The node ``fleet_front``: several terrain_collider nodes on one terrain as one.
+"""The node ``fleet_front``: one interface for several terrain_collider nodes on one terrain.
 
-It gives each body that ~/spawn_body or ~/spawn_bodies asks for to one of the nodes, finds the node of a body that is to
-be removed, and spawns the bodies of a node that dies again, in their last known states. ~/timing is of all nodes
-together; the nodes themselves publish on the one topic of patches.
+The front assigns each body of ~/spawn_body and ~/spawn_bodies to a node, and forwards ~/remove_body and ~/remove_bodies
+to the body's node. When a node dies, the front respawns its bodies in their last known states. ~/timing covers all
+nodes. The nodes themselves publish on one shared topic of patches.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ from smartmesh_ros.node.session import SERVICES
 _D = LedgerConfig()
 SPECS = (
     Spec("nodes", node_names(2), "Full names of the nodes of the fleet.", read_only=True),
-    Spec("spread", _D.spread, "Which node a new body goes to: that with the fewest, or that of the tile it starts on.",
+    Spec("spread", _D.spread, "Node of a new body: the node with the fewest bodies, or the node of its start tile.",
          choices=("fewest", "tiles"), read_only=True),
     Spec("tile_size", _D.tile_size, "Side of a tile [m].", 0.1, 1e6, read_only=True),
-    Spec("timeout", _D.timeout, "A node that is not heard for so long is dead [s].", 0.1, 3600.0, read_only=True),
-    Spec("respawn", _D.respawn, "Bodies of a dead node are spawned again elsewhere, or on it once it is back.",
-         choices=("elsewhere", "same"), read_only=True),
+    Spec("timeout", _D.timeout, "Silence after which a node counts as dead [s].", 0.1, 3600.0, read_only=True),
+    Spec("respawn", _D.respawn, "Where bodies of a dead node are respawned: elsewhere, or on the same node once it is "
+         "back.", choices=("elsewhere", "same"), read_only=True),
 )  # fmt: skip
-# How often the nodes are looked after, and how often the diagnostics and the timing are published [s].
-LOOK, REPORT = 0.25, 1.0
-# Bodies and characters of a name that a node may tell of; it keeps narrower bounds itself.
-MOST, LONGEST = 1_000_000, 65_535
-# Bodies named in a log line.
+# Period of the checks of the nodes, and of publishing diagnostics and timing [s].
+CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0
+# Upper bounds of bodies in a node's message and of characters in a name. The nodes have narrower bounds.
+MAX_BODIES, MAX_NAME = 1_000_000, 65_535
+# Maximum number of body names in a log line.
 MOST_NAMED = 10
 
 
 class Front(Node):
-    """Speaks for the nodes of a fleet."""
+    """Assigns bodies to the nodes of a fleet and reports on all nodes."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(FRONT, **node_options)
@@ -77,22 +77,22 @@ class Front(Node):
         self._patches = self.create_publisher(MarkerArray, "~/patches", QoSProfile(depth=10))
         self._timing = self.create_publisher(Timing, "~/timing", QoSProfile(depth=10))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        self.create_timer(LOOK, self._look, callback_group=self._group)
-        self.create_timer(REPORT, self._report, callback_group=self._group)
+        self.create_timer(CHECK_PERIOD, self._check_nodes, callback_group=self._group)
+        self.create_timer(REPORT_PERIOD, self._report, callback_group=self._group)
 
-    async def _look(self) -> None:
-        """Look after the nodes: spawns again what was lost with one, and has one remove what another has."""
+    async def _check_nodes(self) -> None:
+        """Check the nodes: respawn the bodies of dead nodes, and remove duplicate bodies."""
         for node, states in self._states.items():
             data = states.take()
             if data is None:
                 continue
             self.ledger.hear(node, monotonic())
             try:
-                self.ledger.learn(node, self._readers[node].read(data, MOST, LONGEST).bodies)
+                self.ledger.update_states(node, self._readers[node].read(data, MAX_BODIES, MAX_NAME).bodies)
             except InputError as error:
                 self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=5.0)
-        duties = self.ledger.look(monotonic())
-        self._say(duties)
+        duties = self.ledger.check(monotonic())
+        self._log_changes(duties)
         for node in duties.died:
             self._calls.give_up(node)
         for target in {respawning.node for respawning in duties.spawn}:
@@ -101,7 +101,7 @@ class Front(Node):
             await self._calls.remove(node, name)
 
     async def _respawn(self, node: str, lost: list[Respawning]) -> None:
-        """Has a node spawn lost bodies, and those that it does not object to if it does to some."""
+        """Respawn lost bodies on a node. If the node refuses some, try once more with the others."""
         refused: set[str] = set()
         success = False
         for _ in range(2):
@@ -113,26 +113,26 @@ class Front(Node):
             refused |= {failure.id for failure in response.failures}
             self.get_logger().warning(f"not spawned again yet: {response.message}", throttle_duration_sec=5.0)
         for one in lost:
-            self._note(success and one.name not in refused, one.name)
+            self._record(success and one.name not in refused, one.name)
         if again := [one.name for one in lost if success and one.name not in refused]:
             self.get_logger().info(f"spawned again on {node}: {_listed(again)}")
 
-    def _say(self, duties: Duties) -> None:
+    def _log_changes(self, duties: Duties) -> None:
         for node in duties.joined:
-            self.get_logger().info(f"{node} is there")
+            self.get_logger().info(f"{node} joined the fleet")
         for node in duties.died:
             lost = duties.lost.get(node, [])
-            bodies = f"to be spawned again {self._where()}: {_listed(lost)}" if lost else "it had no bodies"
+            bodies = f"to be spawned again {self._respawn_place()}: {_listed(lost)}" if lost else "it had no bodies"
             self.get_logger().error(f"{node} died: not heard for {self.ledger.config.timeout:g} s; {bodies}")
-            # Nobody else takes its markers away.
+            # A dead node cannot delete its markers itself.
             gone = Marker(ns=marker_namespace(node), action=Marker.DELETEALL)
             self._patches.publish(MarkerArray(markers=[gone]))
 
         for node in duties.lost.keys() - set(duties.died):
             bodies = _listed(duties.lost[node])
-            self.get_logger().error(f"{node} was started anew without its bodies; to be spawned again: {bodies}")
+            self.get_logger().error(f"{node} restarted without its bodies; to be spawned again: {bodies}")
 
-    def _where(self) -> str:
+    def _respawn_place(self) -> str:
         return "elsewhere" if self.ledger.config.respawn == "elsewhere" else "when it is back"
 
     async def _on_spawn(self, request: Any, response: Any) -> Any:
@@ -142,7 +142,7 @@ class Front(Node):
             response.message = str(error)
             return response
         answered = await self._calls.spawn(node, request)
-        self._note(answered.success, request.id)
+        self._record(answered.success, request.id)
         return answered
 
     async def _on_spawn_all(self, request: Any, response: Any) -> Any:
@@ -162,7 +162,7 @@ class Front(Node):
                 if not success and not answered.failures:
                     failures += [BodyFailure(id=body.id, reason=answered.message) for body in bodies]
             for body in bodies:
-                self._note(success, body.id)
+                self._record(success, body.id)
                 if success:
                     added.append((node, body.id))
         if failures:  # all or none
@@ -202,7 +202,7 @@ class Front(Node):
             response.message = f"{len(response.failures)} bodies are refused: {response.failures[0].reason}"
         return response
 
-    def _note(self, success: bool, name: str) -> None:
+    def _record(self, success: bool, name: str) -> None:
         if success:
             self.ledger.spawned(name, monotonic())
         else:
@@ -210,7 +210,7 @@ class Front(Node):
 
     def _report(self) -> None:
         self._publish_timing()
-        self.ledger.see(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
+        self.ledger.set_connected(f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces())
         counts: dict[str, int] = dict.fromkeys(self.ledger.members, 0)
         for entry in self.ledger.bodies.values():
             counts[entry.node] += 1
@@ -235,7 +235,7 @@ class Front(Node):
         self._diagnostics.publish(message)
 
     def _publish_timing(self) -> None:
-        """Listen to the nodes' timing as long as somebody listens to that of all."""
+        """Publish the timing of all nodes. Subscribe to the nodes' timing only while ~/timing has subscribers."""
         if not self._timing.get_subscription_count():
             for subscription in self._listening:
                 self.destroy_subscription(subscription)
@@ -247,14 +247,14 @@ class Front(Node):
                 take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
                 self._listening.append(self.create_subscription(Timing, f"{node}/timing", take, 10))
         if self._timings:
-            message = timing.together(self._timings)
+            message = timing.merge(self._timings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._timing.publish(message)
             self._timings.clear()
 
 
 def _listed(names: Sequence[str]) -> str:
-    """How many bodies these are, and the names of the first of them."""
+    """Return the number of bodies and the first `MOST_NAMED` names."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return f"{len(names)} bodies ({', '.join(names[:MOST_NAMED])}{more})"
 

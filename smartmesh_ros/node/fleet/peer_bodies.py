@@ -1,4 +1,4 @@
-"""Bodies of other nodes on the same terrain, taken from their ``~/body_states`` as guests of this one's world."""
+"""Bodies of other nodes on the same terrain, read from their ``~/body_states`` and simulated here as guests."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from smartmesh_ros.node.inputs.conversions import stamp_seconds
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
 
-# Only the newest states count.
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-# How often peers are looked for [s].
-LOOKING = 1.0
-# A loop that took longer for a step has stood still [s].
+# Best effort and depth 1, because only the newest states are used.
+NEWEST_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Period of the search for new peers [s].
+DISCOVERY_PERIOD = 1.0
+# Time between refreshes above which this node itself has stalled [s].
 STALL = 0.1
-# Single precision keeps gravity and rate to this share.
-SAME = 1e-5
-KIND = "smartmesh_msgs/msg/TrackedBodyArray"
+# Relative tolerance for equal gravity and rate, which messages hold in single precision.
+RELATIVE_TOLERANCE = 1e-5
+STATES_TYPE = "smartmesh_msgs/msg/TrackedBodyArray"
 
 
 class _Peer:
-    """One other node: what reads and dates its messages, and when one was taken last on the loop's clock [s]."""
+    """Another node. ``reader``, ``clock``: parse its messages and place their stamps in simulated time. ``heard``: time
+    of its last accepted message on the loop's clock [s], None = not heard. ``refused``: reason of its last refusal."""
 
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
@@ -41,7 +42,7 @@ class _Peer:
 
 
 class PeerBodies:
-    """Listens to the peers that ``bodies.peers`` names, or to all there are."""
+    """Subscribes to the peers in ``bodies.peers``, or, with ``auto``, to all that it discovers."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -50,35 +51,35 @@ class PeerBodies:
         self._named = [name for name in session.settings.peers if name not in (AUTO, self._own)]
         self._peers: dict[str, _Peer] = {}
         self._due = 0.0
-        self._refreshed = math.inf
+        self._last_refresh = math.inf
         if session.settings.peers:
-            PeerReader().read(_nobody(), 0, 0)  # compiled before the first message comes
+            PeerReader().read(_empty_message(), 0, 0)  # compile before the first message arrives
         for name in self._named:
             self._listen(name)
 
     def refresh(self) -> None:
-        """Take away the guests of peers that are not heard any more, and looks for new ones now and then."""
+        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`."""
         now = self._session.clock.pace()
-        # While this node itself stood still nobody could be heard.
-        pause, self._refreshed = max(now - self._refreshed - STALL, 0.0), now
+        # A stall of this node itself does not count as silence of its peers.
+        pause, self._last_refresh = max(now - self._last_refresh - STALL, 0.0), now
         for name, peer in self._peers.items():
             if peer.heard is not None and pause:
                 peer.heard += pause
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
                 peer.heard, peer.clock = None, StampClock()
                 self._session.world.guests.forget(name)
-                self._session.node.get_logger().warning(f"{name} is not heard any more; its bodies are gone from here")
+                self._session.node.get_logger().warning(f"{name} is not heard any more; its bodies were removed here")
         if self._auto and monotonic() >= self._due:
-            self._due = monotonic() + LOOKING
-            self._look()
+            self._due = monotonic() + DISCOVERY_PERIOD
+            self._discover()
 
     def forget_stamps(self) -> None:
-        """Accept whatever stamps come next, after a reset."""
+        """Accept any next stamp of each peer, after a reset."""
         for peer in self._peers.values():
             peer.clock = StampClock()
 
     def summaries(self) -> dict[str, str]:
-        """What there is to say of each peer, by its name."""
+        """Return the diagnostics text of each peer by name."""
         counts = self._session.world.guests.counts
         found = {}
         for name, peer in self._peers.items():
@@ -90,24 +91,24 @@ class PeerBodies:
         return found
 
     def silent(self) -> list[str]:
-        """Peer that are named and not heard."""
+        """Return the peers named in ``bodies.peers`` that are not heard."""
         return [name for name in self._named if self._peers[name].heard is None]
 
     def _listen(self, name: str) -> None:
         session = self._session
         session.listen(
-            TrackedBodyArray, topic_of(name), partial(self._on_states, name), NEWEST, raw=True, private=False
+            TrackedBodyArray, topic_of(name), partial(self._on_states, name), NEWEST_QOS, raw=True, private=False
         )
         self._peers[name] = _Peer(session.subscriptions[-1])
 
-    def _look(self) -> None:
-        """Listen to nodes that are new, and no longer to those that are gone."""
+    def _discover(self) -> None:
+        """Subscribe to new nodes, and unsubscribe from nodes that are gone."""
         node = self._session.node
         found = {
             topic.removesuffix(f"/{TOPIC}")
             for topic, kinds in node.get_topic_names_and_types()
             if topic.endswith(f"/{TOPIC}")
-            and KIND in kinds
+            and STATES_TYPE in kinds
             and node.count_publishers(topic)
             and topic not in self._session.topics.published
         }
@@ -127,7 +128,7 @@ class PeerBodies:
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)
-                if peer.clock.is_late(stamp, math.inf):  # overtaken by the one before
+                if peer.clock.is_late(stamp, math.inf):  # older than the message before
                     return
                 time = peer.clock.place(stamp, session.clock_now(), session.time_at)
                 objections = self._session.world.guests.take(name, new.bodies, time + new.ahead)
@@ -140,8 +141,8 @@ class PeerBodies:
             session.refusals.add(topic_of(name), objection)
 
     def _fits(self, name: str, new: PeerStates) -> bool:
-        """Whether a peer is on the same terrain and simulates as this node does; raises `InputError` if it is to be a
-        peer and does not."""
+        """Return True if a peer has this node's terrain frame; False for a discovered node of another frame. Raises
+        `InputError` if a named peer has another frame, or a peer another rate or gravity."""
         physics = self._session.settings.world.physics
         try:
             self._session.require_frame(new.frame_id)
@@ -149,9 +150,9 @@ class PeerBodies:
             if self._auto:
                 return False
             raise
-        if not math.isclose(new.rate, physics.rate, rel_tol=SAME):
+        if not math.isclose(new.rate, physics.rate, rel_tol=RELATIVE_TOLERANCE):
             raise InputError("rate", f"{name} steps at {new.rate:g} Hz, this node at {physics.rate:g} Hz; set one rate")
-        if math.dist(new.gravity, physics.gravity) > SAME * max(1.0, math.hypot(*physics.gravity)):
+        if math.dist(new.gravity, physics.gravity) > RELATIVE_TOLERANCE * max(1.0, math.hypot(*physics.gravity)):
             theirs, ours = (", ".join(f"{value:g}" for value in values) for values in (new.gravity, physics.gravity))
             raise InputError(
                 "gravity", f"{name} has gravity ({theirs}) m/s^2, this node ({ours}) m/s^2; set one physics.gravity"
@@ -159,6 +160,6 @@ class PeerBodies:
         return True
 
 
-def _nobody() -> bytes:
-    """Return a message without bodies."""
+def _empty_message() -> bytes:
+    """Return the bytes of a message without bodies."""
     return bytes(serialize_message(TrackedBodyArray()))

@@ -1,4 +1,4 @@
-"""Names of the nodes whose bodies meet those of this one."""
+"""Names of the peers: nodes whose bodies collide with the bodies of this node."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError
 
-# Instead of names: all that are found.
+# Entry that stands for all nodes that are discovered.
 AUTO = "auto"
 TOPIC = "body_states"
 
 
 def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
-    """Return the entries of ``bodies.peers``, each once. Raises `InputError` where one is no full name of a node, or ``auto``
-    is not alone."""
+    """Return the entries of ``bodies.peers`` without duplicates. Raises `InputError` if an entry is no full node name,
+    or if ``auto`` is not the only entry."""
     names = tuple(dict.fromkeys(entries))
     if AUTO in names and len(names) > 1:
         raise InputError("parameter", f"bodies.peers is {list(names)}; it must be 'auto' alone, or names")

@@ -1,5 +1,5 @@
-"""Body states of another node, straight from the bytes of its messages: an object for each body would take more of the
-step than simulating it."""
+"""Body states of another node, read directly from the message's bytes, because a Python object per body would cost
+more time than simulating the body."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.physics.state_table import StateTable
 
 Bytes = NDArray[np.uint8]
-# What follows the name of a TrackedBody, from the next multiple of eight bytes on.
-BODY = np.dtype(
+# Fields of a TrackedBody after its name; they start at the next multiple of eight bytes.
+BODY_RECORD = np.dtype(
     {
         "names": ["numbers", "radius", "shape", "dimensions", "centre", "mass"],
         "formats": [("<f8", (13,)), "<f4", "u1", ("<f4", (3,)), ("<f4", (3,)), "<f4"],
@@ -24,16 +24,16 @@ BODY = np.dtype(
         "itemsize": 140,
     }
 )
-BODY_BYTES = BODY.itemsize
-# The least that a TrackedBody takes: its name's length and closing zero, and the above.
-LEAST = 5 + BODY_BYTES
-# States are published in the step that made them: they hold for no instant farther from their stamp than this [s].
-MOST_AHEAD = 1.0
+BODY_BYTES = BODY_RECORD.itemsize
+# Minimum size of a TrackedBody [bytes]: length and closing zero of the name, and the fields after the name.
+MIN_BODY_BYTES = 5 + BODY_BYTES
+# Maximum time between a stamp and the instant its states hold for [s]; states are published in the step that made them.
+MAX_AHEAD = 1.0
 
 
 class PeerStates(NamedTuple):
-    """A message: stamp (seconds and nanoseconds), frame, by how much the states hold later [s], steps per second [Hz],
-    gravity [m/s^2], and the bodies."""
+    """Content of a TrackedBodyArray: stamp (``sec``, ``nanosec``), frame, ``ahead``: time from the stamp to the instant
+    of the states [s], physics ``rate`` [Hz], ``gravity`` [m/s^2], and the bodies."""
 
     sec: int
     nanosec: int
@@ -45,34 +45,36 @@ class PeerStates(NamedTuple):
 
 
 class PeerReader:
-    """Reads the messages of one node; names are made anew only when they changed."""
+    """Reads the messages of one node. Reuses the list of names while the names do not change."""
 
     def __init__(self) -> None:
         self._data: Bytes = np.zeros(0, np.uint8)
         self._spans = np.zeros((0, 2), np.int64)
         self._names: list[str] = []
 
-    def read(self, data: bytes, most: int, longest: int) -> PeerStates:
-        """Return a TrackedBodyArray from its bytes. Raises `InputError` where they are none, or there are more than ``most``
-        bodies, a name is longer than ``longest`` characters, or two are the same."""
+    def read(self, data: bytes, max_bodies: int, max_name: int) -> PeerStates:
+        """Return the content of a TrackedBodyArray's bytes. Raises `InputError` if the message is malformed, has more
+        than ``max_bodies`` bodies or a name of more than ``max_name`` characters, or two bodies of one name."""
         reader = CdrReader(data)
         if data[1] != 1:
             raise InputError("malformed", "big-endian body states; only little-endian ones are read")
         sec, nanosec, frame_id = reader.number("i"), reader.number("I"), reader.text()
         ahead, rate, *gravity = reader.numbers("f", 5)
-        count = reader.count(LEAST)
-        if count > most:
-            raise InputError("size", f"{count} bodies are more than bodies.most = {most}")
+        count = reader.count(MIN_BODY_BYTES)
+        if count > max_bodies:
+            raise InputError("size", f"{count} bodies are more than bodies.most = {max_bodies}")
         if not np.isfinite([ahead, rate, *gravity]).all():
             raise InputError("non_finite", f"ahead, rate, gravity are {ahead}, {rate}, {gravity}; all must be finite")
-        if abs(ahead) > MOST_AHEAD:
-            raise InputError("stamp", f"states hold {ahead} s after their stamp; at most {MOST_AHEAD:g} s can be")
+        if abs(ahead) > MAX_AHEAD:
+            raise InputError(
+                "stamp", f"ahead is {ahead} s; it must be at most {MAX_AHEAD:g} s before or after the stamp"
+            )
         content = np.frombuffer(data, np.uint8)[4:]
         spans, rows = np.empty((count, 2), np.int64), np.empty((count, BODY_BYTES), np.uint8)
         if not split(content, reader.at, spans, rows):
             raise InputError("malformed", f"the message ends after {len(data)} bytes; {count} bodies need more")
-        names = self._take_names(content, spans, longest)
-        bodies = rows.view(BODY)[:, 0]
+        names = self._read_names(content, spans, max_name)
+        bodies = rows.view(BODY_RECORD)[:, 0]
         table = StateTable(
             names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64), bodies["shape"],
             bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
@@ -81,14 +83,14 @@ class PeerReader:
         x, y, z = gravity
         return PeerStates(sec, nanosec, frame_id, ahead, rate, (x, y, z), table)
 
-    def _take_names(self, content: Bytes, spans: NDArray[np.int64], longest: int) -> list[str]:
+    def _read_names(self, content: Bytes, spans: NDArray[np.int64], max_name: int) -> list[str]:
         if not same_texts(self._data, self._spans, content, spans):
-            self._names = _names_in(content.tobytes(), spans, longest)
+            self._names = _names_in(content.tobytes(), spans, max_name)
         self._data, self._spans = content, spans
         return self._names
 
 
-def _names_in(content: bytes, spans: NDArray[np.int64], longest: int) -> list[str]:
+def _names_in(content: bytes, spans: NDArray[np.int64], max_name: int) -> list[str]:
     try:
         names = [content[start:end].decode() for start, end in spans.tolist()]
     except UnicodeDecodeError:
@@ -98,15 +100,15 @@ def _names_in(content: bytes, spans: NDArray[np.int64], longest: int) -> list[st
     for name in names:
         if not name or "/" in name or "\0" in name:
             raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
-        if len(name) > longest:
-            raise InputError("size", f"a name of {len(name)} characters; bodies.longest_name allows {longest}")
+        if len(name) > max_name:
+            raise InputError("size", f"a name of {len(name)} characters; bodies.longest_name allows {max_name}")
     return names
 
 
 @compiled
 def split(content: Bytes, at: int, spans: NDArray[np.int64], rows: Bytes) -> bool:
-    """Where the names of bodies begin and end in a message's ``content`` (n, 2), from the byte ``at`` on, and what
-    follows them (n, bytes of a body); False where the content ends too soon."""
+    """Split the bodies in a message's ``content`` that start at byte ``at``. Write the start and end of each name into
+    ``spans`` (n, 2) and the fields after it into ``rows`` (n, BODY_BYTES). Return False if the content is too short."""
     size = len(content)
     for i in range(len(spans)):
         at = (at + 3) // 4 * 4
@@ -129,7 +131,7 @@ def split(content: Bytes, at: int, spans: NDArray[np.int64], rows: Bytes) -> boo
 
 @compiled
 def same_texts(one: Bytes, spans: NDArray[np.int64], other: Bytes, other_spans: NDArray[np.int64]) -> bool:
-    """Whether two contents have the same bytes in their spans (n, 2)."""
+    """Return True if two contents have equal bytes in their spans (n, 2)."""
     if len(spans) != len(other_spans):
         return False
     for i in range(len(spans)):

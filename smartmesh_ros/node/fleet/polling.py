@@ -1,4 +1,4 @@
-"""Topics whose newest message is taken when it is wanted, rather than every message when it comes."""
+"""Topics that are polled: only the newest message is read, and only on request."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
-from smartmesh_ros.node.fleet.peer_bodies import NEWEST
+from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
 
 
 class _Never(CallbackGroup):
-    """Has an executor leave subscriptions alone: to wake it for a message costs more than the message."""
+    """Callback group that an executor never runs, because waking the executor costs more than reading a message."""
 
     def can_execute(self, entity: Any) -> bool:
         return False
@@ -20,21 +20,21 @@ class _Never(CallbackGroup):
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Nothing was begun."""
+        """Do nothing: no execution ever begins."""
 
 
 class Polled:
-    """A topic of ``kind``, of which DDS keeps the newest message."""
+    """A subscription of message type ``kind`` for which DDS keeps only the newest message."""
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:
         self._kind = kind
         self._group = _Never()
         self._subscription = node.create_subscription(
-            kind, topic, _ignore, NEWEST, callback_group=self._group, raw=True
+            kind, topic, _ignore, NEWEST_QOS, callback_group=self._group, raw=True
         )
 
     def take(self) -> bytes | None:
-        """Return the newest message as bytes, None if none has come since the last call."""
+        """Return the newest message as bytes; None if no message arrived since the last call."""
         handle = self._subscription.handle
         with handle:
             taken = handle.take_message(self._kind, True)
@@ -42,4 +42,4 @@ class Polled:
 
 
 def _ignore(_: bytes) -> None:
-    """Is never called."""
+    """Do nothing. Never called; a subscription needs a callback."""

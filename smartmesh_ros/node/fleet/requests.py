@@ -1,4 +1,4 @@
-"""Requests to spawn bodies again as they were."""
+"""Requests that respawn bodies in their last known states."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist")
 
 
 def spawn_request(body: Any) -> SpawnBody.Request:
-    """Return the request of a BodySpecification, or of a request itself."""
+    """Return the SpawnBody request for a BodySpecification or for another request."""
     return SpawnBody.Request(**{name: getattr(body, name) for name in FIELDS})
 
 
 def specification_of(respawning: Respawning) -> BodySpecification:
-    """What spawns a body where it was last; joints of a robot start at zero."""
+    """Return the specification that spawns a body in its last state. The joints of a robot start at zero."""
     states, row = respawning.last
     known = respawning.request
     if states is None:
@@ -32,7 +32,7 @@ def specification_of(respawning: Respawning) -> BodySpecification:
     else:
         request.shape, request.mass = primitive_of(states.shape(row)), float(states.masses[row])
     numbers = states.numbers[row].tolist()
-    if not request.urdf:  # a box is spawned about its middle
+    if not request.urdf:  # shapes are spawned at their geometric centre
         away = rotate(numbers[3:7], states.centres[row].tolist())
         numbers[:3] = [value + by for value, by in zip(numbers[:3], away, strict=True)]
     position, orientation = request.pose.position, request.pose.orientation
@@ -44,7 +44,7 @@ def specification_of(respawning: Respawning) -> BodySpecification:
 
 
 def primitive_of(shape: Shape) -> SolidPrimitive:
-    """Return a shape as services take it; a capsule as the cylinder around it."""
+    """Return a shape as SolidPrimitive. A capsule becomes its bounding cylinder."""
     if isinstance(shape, Sphere):
         return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[shape.radius])
     if isinstance(shape, Box):
@@ -54,5 +54,5 @@ def primitive_of(shape: Shape) -> SolidPrimitive:
 
 
 def place_of(request: Any) -> tuple[float, float]:
-    """Where a body is to start [m]."""
+    """Return the start position (x, y) [m] of a spawn request."""
     return request.pose.position.x, request.pose.position.y

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from smartmesh_msgs.msg import StageTiming, Timing
 
 
-def together(timings: Mapping[str, Timing]) -> Timing:
-    """Timing by the names of their nodes: the slowest one's real-time factor, deadline misses of all, and every stage
-    as ``node/stage``."""
+def merge(timings: Mapping[str, Timing]) -> Timing:
+    """Return one message for timings by node name: the lowest real-time factor, the sum of the deadline misses, and
+    every stage as ``node/stage``."""
     message = Timing()
     for name, timing in timings.items():
         message.window_s = max(message.window_s, timing.window_s)

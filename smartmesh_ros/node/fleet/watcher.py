@@ -1,4 +1,4 @@
-"""What the front of a fleet says, and how it is asked for bodies."""
+"""A node that reads the diagnostics of a fleet's front and spawns bodies through the front."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from smartmesh_msgs.srv import SpawnBodies
 
 from smartmesh_ros.node.fleet.layout import front_of
 
-# Waits for anything [s]: a shared machine may be slow.
-PATIENCE = 120.0
+# Limit of every wait [s], generous for a busy machine.
+TIMEOUT = 120.0
 MASS = 5.0  # of a ball [kg]
 
 
 class FleetWatcher(Node):
-    """``front``: its diagnostics by their keys, and their message by an empty one."""
+    """Follows a fleet's front. ``front``: values of its diagnostics by key; the status message has the key ""."""
 
     def __init__(self) -> None:
         super().__init__("fleet_watcher")
@@ -30,16 +30,16 @@ class FleetWatcher(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> float:
-        """Handle messages until the condition holds; the time it took [s]."""
+        """Handle messages until the condition holds; return the time waited [s]. Raises `TimeoutError`."""
         start = monotonic()
         while not condition():
-            if monotonic() > start + PATIENCE:
-                raise TimeoutError(f"no {what} after {PATIENCE:.0f} s; the front says {self.front}")
+            if monotonic() > start + TIMEOUT:
+                raise TimeoutError(f"no {what} after {TIMEOUT:.0f} s; the front says {self.front}")
             rclpy.spin_once(self, timeout_sec=0.05)
         return monotonic() - start
 
     def spawn_balls(self, balls: Iterable[tuple[str, float, float, float]], radius: float) -> None:
-        """Has the front spawn balls of a ``radius`` [m]: the name and the place of each [m]."""
+        """Spawn balls (name, x, y, z) [m] of a ``radius`` [m] through the front. Raises `RuntimeError` if refused."""
         request = SpawnBodies.Request()
         shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[radius])
         for name, x, y, z in balls:

@@ -110,7 +110,7 @@ class SimulationServices:
         serve(services.SetEntityState, "set_entity_state", self._set_entity_state, _STATE_REASONS)
 
     def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], None], reasons: dict[str, str]) -> None:
-        """Serve ``~/service`` by ``act``. ``reasons``: result code by the reason of the InputError that ``act`` raises."""
+        """Serve ``~/service`` by ``act``. ``reasons``: result code by reason of an `InputError` of ``act``."""
         session, results = self._session, self._results
 
         def handle(request: Any, response: Any) -> None:

@@ -1,4 +1,4 @@
-"""The processes of a fleet: what each is started with, without a ROS installation as with one."""
+"""The commands that start the processes of a fleet, with or without a ROS installation."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ PACKAGE = "smartmesh_ros"
 
 @dataclass(frozen=True, kw_only=True)
 class FleetPlan:
-    """A fleet of ``count`` nodes in a ``namespace``, with a ``preset`` (empty = none) and further ``parameters`` of all
-    nodes, and parameters of the ``front`` and of the ``source`` of terrain."""
+    """A fleet of ``count`` nodes in a ``namespace``. ``preset`` (empty = none) and ``parameters`` are for all nodes,
+    ``front`` and ``source`` are parameters of the front and of terrain_source."""
 
     count: int
     namespace: str = ""
@@ -27,7 +27,7 @@ class FleetPlan:
     source: dict[str, Any] = field(default_factory=dict)
 
     def node(self, index: int, folder: Path) -> list[str]:
-        """Return the command of a node; its parameter file goes into ``folder``."""
+        """Return the command of node ``index``; write its parameter file into ``folder``."""
         own = layout.parameters_of(index, self.count, self.namespace)
         files = [str(_share() / "config" / f"{self.preset}.yaml")] if self.preset else []
         files.append(_file(folder / f"node_{index}.yaml", {**own, **self.parameters}))
@@ -41,7 +41,7 @@ class FleetPlan:
         return _command("fleet_front", files, [("__ns", self.namespace)] if self.namespace else [])
 
     def source_command(self, folder: Path) -> list[str]:
-        """Return the command of the source of terrain."""
+        """Return the command of terrain_source."""
         files = [_file(folder / "source.yaml", self.source)] if self.source else []
         return _command("terrain_source", files, layout.source_remappings(self.namespace))
 
@@ -51,7 +51,8 @@ def _share() -> Path:
 
 
 def _file(path: Path, parameters: dict[str, Any]) -> str:
-    plain = {name: value for name, value in parameters.items() if value != []}  # a list of no type means nothing
+    # ROS cannot tell the type of an empty list in YAML.
+    plain = {name: value for name, value in parameters.items() if value != []}
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
     return str(path)
 
