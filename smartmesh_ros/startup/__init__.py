@@ -1,1 +1,1 @@
-"""Starting: executables, launch files, DDS settings and domains."""
+"""Start of the nodes: executables, launch files, DDS settings and domains."""

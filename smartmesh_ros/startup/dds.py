@@ -1,20 +1,20 @@
-"""The Fast DDS settings that large maps need, and those of a node that must not wait for its peers."""
+"""Fast DDS settings: for large maps, and for sending without blocking."""
 
 import os
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
-# Has the profile's memory policy respected: buffers as large as the messages, and only while they are needed.
+# Makes rmw_fastrtps apply the profile's memory policy: buffers have the size of their message and are freed after use.
 POLICY_VARIABLE = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 TRANSPORTS_VARIABLE = "FASTDDS_BUILTIN_TRANSPORTS"
 
 
 def use_large_message_profile() -> None:
-    """Has this process and those it starts use the package's ``config/fastdds.xml``, unless another profile is set.
+    """Set the package's ``config/fastdds.xml`` for this process and its children, unless another profile is set.
 
-    Works before the first node is made only, because Fast DDS reads its settings once.
+    Takes effect only before the first node is created, because Fast DDS reads its settings once.
     """
     if VARIABLE in os.environ:
         return
@@ -23,10 +23,9 @@ def use_large_message_profile() -> None:
 
 
 def send_without_waiting() -> None:
-    """Has this process drop datagrams that the network does not take at once; what is reliable is sent again later.
+    """Make this process drop datagrams that the network does not accept at once; DDS resends reliable messages later.
 
-    Otherwise a send to a machine that was cut off waits until the kernel gives it up, for seconds, and the physics with
-    it. Left as it is where the variable is set, or a profile has transports of its own. Works before the first node is
-    made only.
+    Otherwise a send to a disconnected machine blocks the physics for seconds, until the kernel gives up. No effect if the variable is set already or a profile has its own transports. Takes effect only before the first
+    node is created.
     """
     os.environ.setdefault(TRANSPORTS_VARIABLE, "DEFAULT?non_blocking=true")

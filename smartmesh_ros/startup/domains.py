@@ -1,7 +1,7 @@
-"""DDS domains that nobody else on this machine uses.
+"""DDS domains that no other process on this machine uses.
 
-Nodes in one domain hear each other; a demo or a test in a domain of its own neither disturbs other nodes of the machine
-nor is disturbed by them.
+Nodes discover each other only within a domain. A demo or test in a free domain is isolated from the machine's other
+nodes.
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 DOMAIN, DISCOVERY = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
-# Not 0, which is everybody's, and none whose ports Linux gives to other connections.
-CHOICE = range(1, 100)
-# The RTPS standard gives each domain these UDP ports, of which a participant on this machine holds some.
+# Domains to choose from: not 0, the default domain, and none whose ports are in Linux's ephemeral range.
+CANDIDATES = range(1, 100)
+# First UDP port of domain 0 and number of UDP ports of each domain (RTPS standard). Participants bind some of them.
 FIRST_PORT, PORTS = 7400, 250
-# A port that is held as long as a domain is in use here keeps it from others that choose at the same time.
-LOCKS = 24700
+# First TCP port of the locks, one per domain. A process binds it while it uses the domain, so that processes that
+# choose at the same time choose different domains.
+LOCK_PORT = 24700
 
 
 @contextmanager
 def isolated() -> Iterator[int]:
-    """A free DDS domain for this process and those it starts, limited to this machine; as before at the end.
+    """Use a free DDS domain, limited to this machine, in this process and its children; yield its number.
 
-    Raises `RuntimeError` if there is none.
+    Restores the environment at the end. Raises `RuntimeError` if no domain is free.
     """
     lock, number = _lock_free_domain()
     saved = {name: os.environ.get(name) for name in (DOMAIN, DISCOVERY)}
@@ -41,7 +42,7 @@ def isolated() -> Iterator[int]:
 
 @contextmanager
 def isolated_unless_chosen() -> Iterator[int]:
-    """As `isolated`, but the domain of ``ROS_DOMAIN_ID`` where the user has set it. Prints which it is."""
+    """Use the domain of ``ROS_DOMAIN_ID`` if it is set, or else a free one as `isolated` does; print and yield it."""
     if os.environ.get(DOMAIN):
         os.environ.setdefault(DISCOVERY, "LOCALHOST")
         print(f"DDS domain {os.environ[DOMAIN]}, from {DOMAIN}", flush=True)
@@ -53,7 +54,7 @@ def isolated_unless_chosen() -> Iterator[int]:
 
 
 def in_use(number: int) -> bool:
-    """Whether a DDS participant on this machine is in the domain: it holds a UDP port of it."""
+    """Return True if a process on this machine holds a UDP port of the domain, as a DDS participant does."""
     first = FIRST_PORT + PORTS * number
     return not all(_is_free(port) for port in range(first, first + PORTS))
 
@@ -68,14 +69,14 @@ def _is_free(port: int) -> bool:
 
 
 def _lock_free_domain() -> tuple[socket.socket, int]:
-    for number in CHOICE:
+    for number in CANDIDATES:
         lock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            lock.bind(("127.0.0.1", LOCKS + number))
+            lock.bind(("127.0.0.1", LOCK_PORT + number))
         except OSError:
             lock.close()
             continue
         if not in_use(number):
             return lock, number
         lock.close()
-    raise RuntimeError(f"every DDS domain from {CHOICE.start} to {CHOICE.stop - 1} is in use on this machine")
+    raise RuntimeError(f"every DDS domain from {CANDIDATES.start} to {CANDIDATES.stop - 1} is in use on this machine")

@@ -1,4 +1,4 @@
-"""The executables that need ROS. Those that import PyBullet are quiet first: it prints when it is imported."""
+"""Entry points of the executables that need ROS. PyBullet is silenced before its import, because the import prints."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from importlib.util import find_spec
 from smartmesh_ros import machine_code
 from smartmesh_ros.startup.quiet import import_pybullet_quietly, silence_pybullet
 
-# Arguments that a node answers without starting.
+# Arguments that make a node print something and exit without starting.
 QUESTIONS = {"-h", "--help", "--print-parameters"}
 
 
 def terrain_collider() -> None:
-    """The node."""
+    """Run the node terrain_collider."""
     if not QUESTIONS & {*sys.argv}:
-        machine_code.announce()  # before the imports below, which take a second
+        machine_code.announce()  # before the slow imports, which take a second
     silence_pybullet()
     _start("terrain_collider", "smartmesh_ros.node.terrain_collider")
 
 
 def terrain_source() -> None:
-    """A node that publishes terrain to try things with."""
+    """Run the node that publishes demo terrain."""
     _start("terrain_source", "smartmesh_ros.node.demo.terrain_source")
 
 
 def fleet_front() -> None:
-    """The node that speaks for several."""
+    """Run the front of a fleet."""
     silence_pybullet()
     _start("fleet_front", "smartmesh_ros.node.fleet.front")
 
 
 def fleet() -> None:
-    """Several nodes and their front."""
+    """Run several nodes and their front."""
     _start("smartmesh-fleet", "smartmesh_ros.node.fleet.command")
 
 
 def demo() -> None:
-    """The demo."""
+    """Run the demo."""
     import_pybullet_quietly()
     _start("smartmesh-demo", "smartmesh_ros.node.demo.demo")
 
 
 def view() -> None:
-    """The page in the browser."""
+    """Run the page in the browser."""
     import_pybullet_quietly()
     _start("smartmesh-view", "smartmesh_ros.view.main")
 

@@ -1,7 +1,7 @@
-"""What the launch files of this package share: arguments of the same names and defaults, and the nodes they start.
+"""Shared parts of this package's launch files: common arguments with their defaults, and the nodes to start.
 
-Files, packages and executables are looked up before any node starts. ROS launch finds them one by one, and where the
-last is missing it would leave the nodes running that it started before.
+Files, packages and executables are checked before any node starts. ROS launch itself checks each one only when it
+starts it, and if the last is missing, the nodes started before keep running.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from launch import LaunchDescription
 from smartmesh_ros.node.fleet import layout as fleet_layout
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
-# Topics of the RViz view, which follow the node into its namespace.
-SHOWN = ("patches",)
+# Topics of the RViz view that are remapped into the node's namespace.
+RVIZ_TOPICS = ("patches",)
 # As in `smartmesh_ros.startup.dds`, which cannot be imported without rclpy.
 PROFILE, POLICY = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
-# Files in config/ that are no parameter files of terrain_collider.
+# Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
 
 Values = Callable[[str], str]
@@ -36,10 +36,10 @@ def description(
     remap: Sequence[tuple[str, str]] = (),
     start: Callable[[Values], list[Any]] | None = None,
 ) -> LaunchDescription:
-    """Return the collider with the arguments that all launch files have, and ``more`` arguments.
+    """Return a launch description of the collider with the common arguments and ``more`` arguments.
 
-    ``always``: a preset that is read before that of the user. ``remap``: pairs of a topic and the argument that names
-    another. ``start``: makes further actions from the values of the arguments, by `node`.
+    ``always``: a preset that is read before the user's preset. ``remap``: pairs of a topic and the argument that holds
+    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
     """
 
     def act(context: Any) -> list[Any]:
@@ -53,7 +53,7 @@ def description(
 
 
 def fleet() -> LaunchDescription:
-    """Collider that share one terrain and meet each other's bodies, their front, and a terrain to try them with."""
+    """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
 
     def act(context: Any) -> list[Any]:
         def value(name: str) -> str:
@@ -64,10 +64,10 @@ def fleet() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=words)
         for name, default, words in (
-            ("nodes", "4", "How many colliders share the terrain."),
-            ("spread", "fewest", "Which node a new body goes to: fewest, or tiles."),
-            ("respawn", "elsewhere", "Bodies of a node that dies are spawned again elsewhere, or on the same."),
-            ("scene", "waves", "Scene of terrain_source; empty = the terrain is yours."),
+            ("nodes", "4", "Number of colliders that share the terrain."),
+            ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
+            ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
+            ("scene", "waves", "Scene of terrain_source; empty = no terrain_source, publish your own terrain."),
         )
     ]
     return LaunchDescription([*_arguments(preset=fleet_layout.PRESET), *arguments, OpaqueFunction(function=act)])
@@ -102,9 +102,9 @@ def _fleet_nodes(value: Values) -> list[Any]:
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
-    """Return a node whose executable is there; arguments as of launch_ros.
+    """Return a launch_ros node after checking that its executable is installed; ``more`` is passed to launch_ros.
 
-    Raises `FileNotFoundError`, which ends the launch before anything starts, with ``hint``: what would be right.
+    Raises `FileNotFoundError`, which ends the launch before any node starts. The message ends with the remedy ``hint``.
     """
     try:
         there = (Path(get_package_prefix(package)) / "lib" / package / executable).is_file()
@@ -116,14 +116,14 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 
 
 def is_true(text: str) -> bool:
-    """Return a launch argument that is a truth value."""
+    """Return True if the text of a launch argument means true."""
     return text.strip().lower() in ("true", "1", "yes", "on")
 
 
 def parameter_files(presets: Sequence[str], config: str) -> list[str]:
-    """Files of presets' names and of a path, any of which may be empty; the later ones win.
+    """Return the parameter files of presets and of the path ``config``; empty names are skipped. Later files win.
 
-    Raises `FileNotFoundError` with the path of one that is not there, which ends the launch.
+    Raises `FileNotFoundError`, which ends the launch and names the file, if one is missing.
     """
     folder = share() / "config"
     files = [folder / f"{preset}.yaml" for preset in presets if preset]
@@ -137,7 +137,7 @@ def parameter_files(presets: Sequence[str], config: str) -> list[str]:
 
 
 def share() -> Path:
-    """Return the installed files of this package."""
+    """Return the share folder of this package."""
     return Path(get_package_share_directory(PACKAGE))
 
 
@@ -147,12 +147,12 @@ def _arguments(preset: str = "") -> list[Any]:
         DeclareLaunchArgument(name, default_value=default, description=words)
         for name, default, words in (
             ("preset", preset, "Name of a parameter file in config/; empty = the node's own defaults."),
-            ("config", "", "Path of a parameter file of yours, read after the preset."),
+            ("config", "", "Path of your own parameter file, read after the preset."),
             ("namespace", "", "Namespace of the nodes."),
-            ("use_sim_time", "false", "Whether the time is that of /clock."),
+            ("use_sim_time", "false", "true = take the time from /clock."),
             ("log_level", "info", "debug, info, warn or error."),
-            ("rviz", "false", "Whether to start RViz with a view of the patches."),
-            ("dds", profile, "Fast DDS settings for large maps, an XML file; empty = none."),
+            ("rviz", "false", "true = start RViz with a view of the patches."),
+            ("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
         )
     ]
 
@@ -191,6 +191,6 @@ def _rviz(value: Values, shown: str = NODE) -> list[Any]:
             hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
             arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
             parameters=[{"use_sim_time": is_true(value("use_sim_time"))}],
-            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
+            remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in RVIZ_TOPICS],
         )
     ]

@@ -1,4 +1,4 @@
-"""Keeps PyBullet's own words, which it prints past Python, from between the node's."""
+"""Silences PyBullet, whose C++ code prints directly to standard output and standard error."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# Has ROS log to the standard output, which then stays as it is.
+# If set to 1, ROS logs to standard output, which is then not silenced.
 LOGS_TO_STDOUT = "RCUTILS_LOGGING_USE_STDOUT"
 STDOUT, STDERR = 1, 2
 
 
 def silence_pybullet() -> None:
-    """From now on only Python prints to the standard output. Works before PyBullet is imported only, because it tells
-    its build time then, to the standard error."""
+    """Discard what C++ code prints to standard output; Python still prints there. Then import PyBullet quietly. Call
+    this before the first import of PyBullet, which prints its build time to standard error."""
     if os.environ.get(LOGS_TO_STDOUT, "0") != "1":
         sys.stdout.flush()
         sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
@@ -24,7 +24,8 @@ def silence_pybullet() -> None:
 
 
 def import_pybullet_quietly() -> None:
-    """Import PyBullet, which tells its build time then. Leaves the standard output to those who start processes."""
+    """Import PyBullet with standard error discarded, because the import prints its build time. Standard output stays
+    usable for child processes."""
     sys.stderr.flush()
     kept = os.dup(STDERR)
     try:

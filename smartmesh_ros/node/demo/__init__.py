@@ -1,1 +1,1 @@
-"""A source of terrain, and the demo."""
+"""The terrain source and the demo."""

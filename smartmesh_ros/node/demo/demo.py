@@ -1,7 +1,7 @@
 """``make demo``: the whole system on a real elevation model with a wave over it, for about 15 seconds.
 
-Terrain source and collider run in processes of their own; this one spawns bodies, drives a robot, watches the topics,
-and draws what it saw. Exits 0 only if no body was lost and every output was received.
+Terrain source and collider run as separate processes. The demo's own process spawns bodies, drives a robot, records
+topics and draws them. It exits with 0 only if no body was lost and every output was received.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
     "wave.amplitude": 0.1, "wave.number": 1.2, "wave.frequency": 4.0,
 }  # fmt: skip
-# As often as this watcher looks, so that two cores suffice for three processes.
+# Outputs whose rate is lowered to 10 Hz, so that two cores suffice for three processes.
 WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
-# The bound is that of a map with a centimetre of noise: patches of every kind can be seen.
+# The tolerance suits a map with a centimetre of noise: patches of every kind appear.
 COLLIDER = {"patch.tolerance": 0.015, **{f"publish.{topic}": 10.0 for topic in WATCHED}}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
@@ -73,20 +73,20 @@ OUTPUTS = {
     "odometry": Odometry,
     "body_descriptions": BodyDescriptionArray,
 }
-# Kept for whoever listens later, as body_descriptions are.
+# QoS of body_descriptions, which late subscribers receive as well.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-START_LIMIT = 60.0
+START_TIMEOUT = 60.0  # [s]
 
 
 class Demo(Node):
-    """Spawns, drives and watches."""
+    """Spawns bodies, drives the robot and records topics."""
 
     def __init__(self) -> None:
         super().__init__("demo")
         self._latest: dict[str, Any] = {}
         self.counts: dict[str, int] = dict.fromkeys([*OUTPUTS, "diagnostics"], 0)
         for topic, kind in OUTPUTS.items():
-            # As bytes: most are only counted, and those that are drawn are converted then.
+            # Raw bytes, because most messages are only counted; drawing converts those that it needs.
             qos = LATCHED if topic == "body_descriptions" else 10
             self.create_subscription(kind, f"terrain_collider/{topic}", self._keeper(topic), qos, raw=True)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._keeper("diagnostics"), 10)
@@ -108,15 +108,15 @@ class Demo(Node):
         return deserialize_message(message, OUTPUTS[topic]) if isinstance(message, bytes) else message
 
     def snapshot(self, time: float) -> Snapshot:
-        """What there is to be seen now."""
+        """Return the newest messages to draw, at ``time`` [s] of the demo."""
         return Snapshot(time, {topic: self._latest[topic] for topic in demo_pictures.DRAWN})
 
     def wait_for(self, condition: Any, what: str) -> Any:
-        """Spin until the condition holds."""
-        end = monotonic() + START_LIMIT
+        """Spin until the condition holds; return its value. Raises `TimeoutError`, which names ``what``."""
+        end = monotonic() + START_TIMEOUT
         while not (value := condition()):
             if monotonic() > end:
-                raise TimeoutError(f"no {what} after {START_LIMIT:.0f} s")
+                raise TimeoutError(f"no {what} after {START_TIMEOUT:.0f} s")
             rclpy.spin_once(self, timeout_sec=0.1)
         return value
 
@@ -126,10 +126,10 @@ class Demo(Node):
         return HeightMap(new.heights, geometry=new.geometry)
 
     def spawn_all(self) -> None:
-        """Two dozen mixed bodies in a ring, and a wheeled robot beside them."""
+        """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
         self.wait_for(lambda: "heightmap" in self._latest, "map")
         self.wait_for(self._spawner.service_is_ready, "spawn service")
-        # Without ground in the node the bodies would fall, and be found below it when it comes.
+        # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
         self.wait_for(lambda: "diagnostics" in self._latest and int(self._value("terrain", "tiles")), "map in the node")
         terrain = self.terrain()
         for index in range(BODIES):
@@ -141,20 +141,20 @@ class Demo(Node):
         self._spawn(terrain, ROBOT, -4.0, 0.0, 0.4, urdf=str(urdf))
 
     def drive(self) -> None:
-        """Keep the robot going."""
+        """Command the robot's wheels."""
         self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
 
     def lost(self) -> int:
-        """Bodies and links whose centre is below the ground, by the node's own diagnostics, or off the terrain."""
+        """Return the number of bodies and links below the ground or put back onto it, from the node's diagnostics."""
         return int(self._value("bodies", "below ground")) + int(self._value("bodies", "put back onto the ground"))
 
     def _value(self, task: str, key: str) -> str:
-        """Return a value of the node's diagnostics."""
+        """Return the value of a key in a task of the node's diagnostics."""
         [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
         return next(str(pair.value) for pair in status.values if pair.key == key)
 
     def line(self) -> str:
-        """How things are, in one line."""
+        """Return numbers of bodies and patches, real-time factor and stage times in one line."""
         timing = self.latest("timing")
         stages = "  ".join(f"{stage.stage} {stage.p50_us:.0f}" for stage in timing.stages)
         shown = sum(marker.action == Marker.ADD for marker in self.latest("patches").markers)
@@ -176,9 +176,9 @@ class Demo(Node):
 
 @contextmanager
 def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
-    """An installed executable of the package in a process of its own, started as ``ros2 run`` does.
+    """Run an installed executable of the package as a process for the length of the block; yield the process.
 
-    Whatever it has to compile is compiled before, since those who wait for it do not wait so long.
+    Machine code is compiled before the start, because compiling takes longer than callers wait for the node.
     """
     machine_code.prepare()
     path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
@@ -194,7 +194,7 @@ def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.P
 
 
 def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
-    """Run the demo, printing a line a second; returns snapshots to draw and the most bodies lost at any time."""
+    """Run the demo and print a line a second. Return snapshots to draw and the largest number of lost bodies."""
     snapshots: list[Snapshot] = []
     lost = 0
     start = monotonic()
@@ -215,7 +215,7 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
 def main(args: list[str] | None = None) -> None:
     """Run the demo."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=15.0, help="how long bodies move")
+    parser.add_argument("--seconds", type=float, default=15.0, help="duration of the recording")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
     options = parser.parse_args(args)
     use_large_message_profile()
@@ -230,7 +230,8 @@ def main(args: list[str] | None = None) -> None:
 
 
 def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
-    """Run everything for so long; snapshots to draw, the most bodies lost at any time, and messages by output."""
+    """Start the processes and run the demo for ``seconds`` [s]. Return snapshots to draw, the largest number of lost
+    bodies, and the number of messages by output."""
     rclpy.init()
     demo = Demo()
     try:

@@ -22,16 +22,17 @@ from matplotlib.colors import LightSource
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-# Ground that is drawn beyond the outermost bodies [m], and the most quadrilaterals along a side of the ground in the
-# picture: matplotlib sorts and fills each of them.
+# Width of the ground drawn beyond the outermost bodies [m], and maximum number of quadrilaterals along a side of the
+# ground; raising it costs time, because matplotlib sorts and fills each one.
 MARGIN, MOST_CELLS = 2.0, 150
-# The picture shows the time after which bodies have fallen onto the ground [s].
+# Time by which all bodies have fallen onto the ground [s]; the picture shows a later frame.
 FALLEN = 2.5
-# Patches are drawn so far above the ground that they lie on [m].
+# Height above the ground at which patches are drawn [m].
 LIFT = 0.05
 COLOURS = plt.get_cmap("gist_earth")
-# The colour map's lower part is blue, which would look like water [share of the range of heights].
-BELOW = 0.6
+# Extension of the colour range below the lowest height, as a fraction of the height range. It skips the blue part of
+# the colour map, which would look like water.
+BLUE_SHARE = 0.6
 PATCH_COLOUR = "#f28c28"
 BODY_COLOURS = {"ball": "#1f4e9c", "box": "#7a1f6b", "can": "#0b6b4f", "husky": "#c1121f"}
 OTHER_COLOUR, EDGES = "#202020", "#4d2600"
@@ -44,7 +45,7 @@ class Placed(NamedTuple):
     orientation: tuple[float, float, float, float]
 
     def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (..., 3) of the body's own frame in the terrain's."""
+        """Transform points (..., 3) [m] from the body's frame to the terrain's frame."""
         x, y, z, w = self.orientation
         turn = np.array(
             [
@@ -67,7 +68,7 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Frame:
-    """What was seen at one time: ground, patches' triangles (T, 3, 3) [m], and bodies by name."""
+    """The recorded scene at one time: ground, triangles of the patches (T, 3, 3) [m], and bodies by name."""
 
     time: float
     heights: NDArray[np.float32]
@@ -92,7 +93,7 @@ class Frame:
         return np.array([body.position[:2] for body in self.bodies.values()]).reshape(-1, 2)
 
     def within(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """x (m,) and y (n,) [m] and heights (n, m) of the ground in a window, at most `MOST_CELLS` along a side."""
+        """Return x (m,), y (n,) and heights (n, m) [m] of the ground in a window, at most `MOST_CELLS` along a side."""
         columns = np.flatnonzero((self.x >= window.left) & (self.x <= window.right))
         rows = np.flatnonzero((self.y >= window.low) & (self.y <= window.high))
         stride = math.ceil(max(len(columns), len(rows)) / MOST_CELLS)
@@ -100,7 +101,7 @@ class Frame:
         return self.x[columns], self.y[rows], self.heights[np.ix_(rows, columns)]
 
 
-# Topics below the node that are drawn.
+# Topics below the node's name that are drawn.
 DRAWN = {"heightmap": Heightmap, "patches": MarkerArray, "body_states": TrackedBodyArray}
 
 
@@ -112,7 +113,7 @@ class Snapshot(NamedTuple):
 
 
 def frame_of(snapshot: Snapshot) -> Frame:
-    """Return a frame of the newest messages."""
+    """Return the frame of a snapshot."""
     heightmap, patches, states = (deserialize_message(snapshot.messages[topic], kind) for topic, kind in DRAWN.items())
     info = heightmap.info
     heights = np.frombuffer(heightmap.heights, np.float32).reshape(info.height, info.width)
@@ -126,7 +127,7 @@ def frame_of(snapshot: Snapshot) -> Frame:
 
 
 def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
-    """Write a picture, a strip of six frames and a clip; returns their paths."""
+    """Write a picture, a strip of six frames and a clip; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     frames = [frame_of(snapshot) for snapshot in snapshots]
     return [
@@ -137,13 +138,13 @@ def draw(snapshots: list[Snapshot], folder: Path) -> list[Path]:
 
 
 def best_of(frames: list[Frame]) -> Frame:
-    """Return the frame in which the bodies lie on the ground and are nearest to each other, so that they are drawn largest."""
+    """Return the frame after `FALLEN` in which the bodies span the least ground, so that they are drawn largest."""
     fallen = [frame for frame in frames if frame.time >= FALLEN]
     return min(fallen or frames, key=lambda frame: window_of([frame]).right - window_of([frame]).left)
 
 
 def window_of(frames: list[Frame]) -> Window:
-    """Return the square of ground that holds every body of the frames; a map without bodies is drawn whole."""
+    """Return the square of ground around all bodies of the frames, or the whole map if there are no bodies."""
     places = np.concatenate([frame.places for frame in frames])
     if not len(places):
         places = np.array([(frames[0].x[0], frames[0].y[0]), (frames[0].x[-1], frames[0].y[-1])])
@@ -153,7 +154,7 @@ def window_of(frames: list[Frame]) -> Window:
 
 
 def _solid(kind: str) -> NDArray[np.float64]:
-    """Faces (F, 4, 3) [m] of a body of the demo, in its own frame."""
+    """Return the faces (F, 4, 3) [m] of a body of the demo, in the body's frame."""
     if kind == "ball":
         polar, around = np.linspace(0.0, np.pi, 9), np.linspace(0.0, 2 * np.pi, 13)
         p, a = np.meshgrid(polar, around, indexing="ij")
@@ -172,7 +173,7 @@ def _solid(kind: str) -> NDArray[np.float64]:
 
 
 def _picture(frame: Frame, path: Path) -> Path:
-    """Return the ground around the bodies in relief, and beside that a plan of the whole terrain."""
+    """Draw the ground around the bodies in relief, beside a plan of the whole terrain; return ``path``."""
     figure = plt.figure(figsize=(13, 7.5), dpi=110)
     window = window_of([frame])
     # The box of a three-dimensional plot fills about two thirds of its axes, so these reach beyond the figure's part.
@@ -192,8 +193,8 @@ def _picture(frame: Frame, path: Path) -> Path:
 
 
 def _relief(axes: Any, frame: Frame, window: Window) -> None:
-    """The ground of a window, the patches on it and the bodies on these. Nearer ground hides neither: matplotlib sorts
-    faces by their middles, and would hide halves of what lies on the ground."""
+    """Draw the ground of a window, then its patches, then the bodies, each over the layer before. Ground in front hides
+    no patch or body: matplotlib sorts faces by their centres, and would hide halves of patches and bodies."""
     x, y, z = frame.within(window)
     shade = _shade(z, float(x[1] - x[0]))
     grid = np.stack([*np.meshgrid(x, y), z], axis=-1)
@@ -212,13 +213,13 @@ def _relief(axes: Any, frame: Frame, window: Window) -> None:
 
 
 def _add(axes: Any, faces: NDArray[np.float64], colours: Any, edges: str | None) -> None:
-    """Faces (F, K, 3) [m], drawn back to front over what was added before."""
+    """Draw faces (F, K, 3) [m] back to front, over all earlier faces."""
     made = Poly3DCollection([*faces], facecolors=colours, edgecolors=edges or colours, linewidths=0.25, clip_on=False)
     axes.add_collection3d(made)
 
 
 def _whole(axes: Any, frame: Frame, window: Window) -> None:
-    """A plan of the whole terrain with every body, and the part of it that is drawn in relief."""
+    """Draw a plan of the whole terrain with every body and the outline of the relief's window."""
     whole = Window(frame.x[0], frame.x[-1], frame.y[0], frame.y[-1])
     _ground_plan(axes, frame, whole)
     for name, body in frame.bodies.items():
@@ -229,7 +230,7 @@ def _whole(axes: Any, frame: Frame, window: Window) -> None:
 
 
 def _ground_plan(axes: Any, frame: Frame, window: Window) -> None:
-    """The ground of a window from above."""
+    """Draw the ground of a window from above."""
     x, y, z = frame.within(window)
     image = _shade(z, float(x[1] - x[0]))
     axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
@@ -239,19 +240,19 @@ def _ground_plan(axes: Any, frame: Frame, window: Window) -> None:
 
 
 def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
-    """Colours (n, m, 4) of ground whose samples are ``step`` [m] apart, in the light of a low sun."""
+    """Return colours (n, m, 4) of heights (n, m) [m] at spacing ``step`` [m], lit from the north-west."""
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    base = low - BELOW * max(high - low, 0.1)
+    base = low - BLUE_SHARE * max(high - low, 0.1)
     return np.asarray(LightSource(315, 45).shade(heights, COLOURS, vert_exag=2.0, dx=step, dy=step, vmin=base))
 
 
 def _kind(name: str) -> str:
-    """What a body of the demo is, from its name."""
+    """Return the kind of a body of the demo: its name up to the underscore."""
     return name.split("_")[0]
 
 
 def _lit(faces: NDArray[np.float64], colour: str) -> NDArray[np.float64]:
-    """Colours (F, 4) of faces lit from above."""
+    """Return colours (F, 4) of faces (F, 4, 3) lit from above."""
     normal = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
     length = np.linalg.norm(normal, axis=1)
     up = np.divide(np.abs(normal[:, 2]), length, out=np.zeros_like(length), where=length > 0.0)
@@ -261,7 +262,7 @@ def _lit(faces: NDArray[np.float64], colour: str) -> NDArray[np.float64]:
 
 
 def _plan(axes: Any, frame: Frame, window: Window) -> None:
-    """The ground, the patches and the bodies in a window, from above."""
+    """Draw the ground, the patches and the bodies of a window from above."""
     _ground_plan(axes, frame, window)
     outlines = frame.triangles[:, :, :2]
     axes.add_collection(

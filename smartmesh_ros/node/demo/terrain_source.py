@@ -1,4 +1,4 @@
-"""The node ``terrain_source``: publishes moving terrain as a simulator would."""
+"""The node ``terrain_source``: publishes moving terrain like a simulator."""
 
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ from smartmesh_ros.terrain.grid import GridGeometry
 
 NAME = "terrain_source"
 SCENES = ("waves", "rut", "crater", "heave", "elevation")
-# A map that late joiners wait for at the most, in region mode [s].
+# Maximum time between whole maps in region mode [s]; a late subscriber waits no longer for one.
 FULL_PERIOD = 5.0
 
 _WAVE = Wave()
 SPECS = (
-    Spec("scene", "waves", "What the terrain does.", choices=SCENES, read_only=True),
-    Spec("mode", "full", "Whole maps, or the regions that change.", choices=("full", "regions"), read_only=True),
+    Spec("scene", "waves", "Motion of the terrain.", choices=SCENES, read_only=True),
+    Spec("mode", "full", "Publish whole maps, or only regions that change.", choices=("full", "regions"),
+         read_only=True),
     Spec("rate", 30.0, "Maps or regions per second [Hz].", 0.1, 1000.0, read_only=True),
-    Spec("rows", 201, "Rows of the map; an elevation model brings its own.", 3, 16384, read_only=True),
-    Spec("columns", 201, "Columns of the map; an elevation model brings its own.", 3, 16384, read_only=True),
+    Spec("rows", 201, "Rows of the map; ignored for scene elevation.", 3, 16384, read_only=True),
+    Spec("columns", 201, "Columns of the map; ignored for scene elevation.", 3, 16384, read_only=True),
     Spec("resolution", 0.25, "Distance between samples [m].", 0.001, 1000.0, read_only=True),
-    Spec("yaw", 0.0, "Turn of the map about z [rad].", -math.pi, math.pi, read_only=True),
+    Spec("yaw", 0.0, "Rotation of the map about z [rad].", -math.pi, math.pi, read_only=True),
     Spec("relief", 10.0, "Height of the elevation model from its lowest to its highest sample [m].", 0.0, 1.0e4,
          read_only=True),
     Spec("wave.amplitude", _WAVE.amplitude, "Amplitude of the waves [m].", 0.0, 100.0, read_only=True),
@@ -50,7 +51,7 @@ SPECS = (
 
 @dataclass(frozen=True)
 class SourceSettings:
-    """What `running.run` wants to know."""
+    """Settings that `running.run` reads."""
 
     executor: ExecutorKind = "single_threaded"
 
@@ -76,7 +77,7 @@ class TerrainSource(Node):
         self._full_due = 0.0
 
     def tick(self, _: int = 0) -> None:
-        """Publish the terrain as it is now."""
+        """Publish the terrain at the present time."""
         now = self.get_clock().now()
         time = (now - self._start).nanoseconds * 1e-9
         listeners = self._maps.get_subscription_count()
@@ -88,17 +89,17 @@ class TerrainSource(Node):
         self._listeners = listeners
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """As rclpy's, but a refusal says what would be right."""
+        """Set parameters like rclpy, with refusals that say what would be right."""
         return objection(self, parameter_list, SPECS) or super().set_parameters_atomically(parameter_list)
 
-    handled = 0  # it takes no messages
+    handled = 0  # number of messages handled: the node has no subscriptions
 
     def restart(self) -> None:
-        """Start the beat anew."""
+        """Restart the pacer."""
         self.pacer.restart()
 
     def idle(self) -> None:
-        """Publish nothing while time stands still."""
+        """Do nothing while time stands still."""
 
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry
@@ -121,7 +122,7 @@ class TerrainSource(Node):
 
 
 def make_scene(values: dict[str, Any]) -> Scene:
-    """Return the scene that the parameters describe, its middle at the frame's origin."""
+    """Return the scene that the parameters describe, centred on the frame's origin."""
     wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
     rows, columns = values["rows"], values["columns"]
     if values["scene"] == "elevation":
@@ -141,7 +142,7 @@ def make_scene(values: dict[str, Any]) -> Scene:
 
 
 def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> GridGeometry:
-    """Return a grid whose middle lies at the frame's origin."""
+    """Return a grid centred on the frame's origin. ``resolution`` [m], ``yaw`` [rad]."""
     x, y = -0.5 * (columns - 1) * resolution, -0.5 * (rows - 1) * resolution
     cos, sin = math.cos(yaw), math.sin(yaw)
     origin = (x * cos - y * sin, x * sin + y * cos, 0.0)
@@ -149,7 +150,7 @@ def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> Grid
 
 
 def _floats(heights: Any) -> array.array[float]:
-    """Return a NumPy array for a float32[] field: the one way that does not convert number by number."""
+    """Return a NumPy float32 array as an array for a float32[] field, without converting element by element."""
     values = array.array("f")
     values.frombytes(heights.tobytes())
     return values
