@@ -22,10 +22,10 @@ PATIENCE = 300.0
 # A caller in one file and the function that it calls in another.
 GAP = """
 import numpy as np
-from smartmesh_ros.patches import facets, touchable
+from smartmesh_ros.patches import facets, contact_candidates
 from smartmesh_ros import machine_code
 corner = np.array([0.0, 0.0, 0.05])
-print(touchable.gap_to_corner(corner) if hasattr(touchable, "gap_to_corner") else "missing")
+print(contact_candidates.gap_to_corner(corner) if hasattr(contact_candidates, "gap_to_corner") else "missing")
 """
 CALLEE = """
 
@@ -73,10 +73,13 @@ def run(
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A copy of the package in which a function of `touchable` calls one of `facets`."""
+    """A copy of the package in which a function of `contact_candidates` calls one of `facets`."""
     copy = tmp_path / "copy" / "smartmesh_ros"
     shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME))
-    for name, more in (("facets", CALLEE), ("touchable", "\nfrom smartmesh_ros.patches import facets\n" + CALLER)):
+    for name, more in (
+        ("facets", CALLEE),
+        ("contact_candidates", "\nfrom smartmesh_ros.patches import facets\n" + CALLER),
+    ):
         with (copy / "patches" / f"{name}.py").open("a") as file:
             file.write(more)
     return copy

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.limits import FARTHEST, MASSES, SIZES
+from smartmesh_ros.physics.limits import FARTHEST_BODY, MASSES, SIZES
 
 # Schemes that a file name may carry; what follows is looked for beside the description and in the folders above it.
 _SCHEMES = ("package://", "model://", "file://")
@@ -94,8 +94,8 @@ def _check_numbers(element: ElementTree.Element) -> None:
                 raise InputError("urdf", f"{key} is more than {_LARGEST_INERTIA:g} kg m^2")
     if tag in ("origin", "axis"):
         for key in ("xyz", "rpy"):
-            if any(abs(value) > FARTHEST for value in _numbers(element, key)):
-                raise InputError("urdf", f"{key} of an {tag} is more than {FARTHEST:g}")
+            if any(abs(value) > FARTHEST_BODY for value in _numbers(element, key)):
+                raise InputError("urdf", f"{key} of an {tag} is more than {FARTHEST_BODY:g}")
     if tag == "mesh" and any(not 1e-6 <= abs(value) <= 1e6 for value in _numbers(element, "scale")):
         raise InputError("urdf", "the scale of a mesh must be 1e-6 to 1e6")
 

@@ -20,7 +20,6 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
-from smartmesh_ros.physics.limits import FARTHEST
 from smartmesh_ros.physics.world import World
 
 # Calls that may wait, and answers that are kept until they are delivered: by default ROS loses all but ten.
@@ -163,7 +162,9 @@ class Session:
     def note_lost(self) -> None:
         """Counts and logs the bodies that the world took out because they had left everything."""
         for name in self.world.lost:
-            error = InputError("lost", f"{name!r} was at no place or farther away than {FARTHEST:g} m, and was removed")
+            error = InputError(
+                "lost", f"{name!r} was at no place or farther away than {FARTHEST_BODY:g} m, and was removed"
+            )
             self.refusals.add("physics", error)
         self.world.lost.clear()
 

@@ -95,7 +95,7 @@ class TerrainCollider(Node):
             if session.paused:
                 session.world.refresh()
             else:
-                session.world.behind = self.pacer.late
+                session.world.behind_real_time = self.pacer.late
                 session.world.skip(skipped)
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()

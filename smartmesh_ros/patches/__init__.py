@@ -1,1 +1,2 @@
-"""Patches: which samples make the local collider of a body. Needs the terrain and search rooms only."""
+"""Patches: which samples of the terrain form the local collider of a body. Imports the terrain and search rooms
+only."""

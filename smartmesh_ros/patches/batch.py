@@ -1,4 +1,4 @@
-"""Patches as outputs and mesh colliders read them: worked out from the supports once somebody asks."""
+"""Patches for outputs and mesh colliders, computed from the supports on demand."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from smartmesh_ros.terrain.trimesh import grid_triangles
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PatchBatch:
-    """Patches of n bodies that share a tile, a collider's kind and their triangles.
+    """Patches of n bodies that share a tile, a collider kind and their triangles.
 
-    ``bodies``: indices of the bodies (n,). ``triangles``: corners (T, 3) among the K vertices of a patch. ``rows``,
-    ``columns``: the sample in the patch's middle (n,); on a general mesh row 0 and the nearest vertex. ``stride``:
-    samples of the map from one sample of the patch to the next (n,). ``vertices_w`` (n, K, 3) [m]; z is NaN where there
-    is no ground. ``centres_w``: the middle sample (n, 3) [m]. ``linear_w``, ``angular_w``: velocity of the ground there
-    [m/s] and its turning [rad/s], (n, 3). ``deviation``: how far the collider may lie from the main mesh where the body
-    can touch it (n,) [m], NaN = unknown.
+    ``bodies``: indices of the bodies (n,). ``triangles``: corners (T, 3) as indices into the K vertices of a patch.
+    ``rows``, ``columns``: the sample in the patch's middle (n,); on a general mesh row 0 and the nearest vertex.
+    ``stride``: distance between neighbouring samples of the patch, in samples of the map (n,). ``vertices_w`` (n, K, 3)
+    [m]; z is NaN at holes. ``centres_w``: the middle sample (n, 3) [m]. ``linear_w`` [m/s], ``angular_w`` [rad/s]:
+    velocity and angular velocity of the ground at the middle sample (n, 3). ``deviation``: bound on the distance
+    between the collider and the main mesh where the body can touch it (n,) [m], NaN = unknown.
     """
 
     tile: str
@@ -43,23 +43,24 @@ class PatchBatch:
     centres_w: FloatArray
     linear_w: FloatArray
     angular_w: FloatArray
-    vertices: IntArray | None = None  # of a general mesh: the patch's vertices in it (K,)
+    vertices: IntArray | None = None  # on a general mesh: the patch's vertices as indices into the mesh (K,)
 
     @cached_property
     def may_have_holes(self) -> bool:
-        """Whether any vertex is without ground."""
+        """Return True if any vertex is a hole."""
         return bool(np.isnan(self.vertices_w[..., 2]).any())
 
     def of(self, members: IntArray) -> PatchBatch:
-        """Only the patches ``members`` (m,) of it."""
+        """Return a batch of the patches ``members`` (m,) only."""
         names = ("bodies", "rows", "columns", "stride", "deviation", "vertices_w", "centres_w", "linear_w", "angular_w")
         return replace(self, **{name: getattr(self, name)[members] for name in names})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeshPatch:
-    """The patch of one body on a general mesh: its ``vertices`` (K,) in the mesh and where they are, ``positions_w``
-    (K, 3) [m]; triangles (T, 3) among them; the nearest vertex and its index among them."""
+    """The patch of one body on a general mesh: indices of its ``vertices`` (K,) in the mesh and their ``positions_w``
+    (K, 3) [m]; triangles (T, 3) as indices into ``vertices``; ``nearest``, the nearest vertex of the mesh, and
+    ``centre``, its index in ``vertices``."""
 
     vertices: IntArray
     positions_w: FloatArray
@@ -69,7 +70,7 @@ class MeshPatch:
 
 
 def rectangle_samples(supports: Any) -> tuple[IntArray, IntArray]:
-    """Rows and columns (n, K) on their map of the samples of n rectangles of one size."""
+    """Rows and columns (n, K) of the samples of n rectangles of equal size, on their map."""
     high, wide = int(supports["rows"][0]), int(supports["columns"][0])
     r, c = np.divmod(np.arange(high * wide), wide)
     stride = supports["stride"][:, None]
@@ -79,8 +80,8 @@ def rectangle_samples(supports: Any) -> tuple[IntArray, IntArray]:
 def samples_across(
     terrain: Terrain, heightmap: HeightMap, rows: IntArray, columns: IntArray, time: float, ahead: float = INSTANT
 ) -> Samples:
-    """Samples (n, K) of a map at ``time`` [s], with mean velocities over the time ``ahead`` [s]; beyond its edge those
-    of the tiles beside it, NaN = none."""
+    """Samples (n, K) of a map at ``time`` [s], with mean velocities over the time ``ahead`` [s]. Samples beyond the
+    map's edge are read from its neighbour tiles, NaN = no tile."""
     geometry = heightmap.geometry
     inside = (rows >= 0) & (columns >= 0) & (rows < geometry.rows) & (columns < geometry.columns)
     indices = np.where(inside, rows * geometry.columns + columns, 0)
@@ -102,7 +103,7 @@ def grid_batches(
     time: float,
     config: PatchConfig,
 ) -> Iterator[PatchBatch]:
-    """Patches of ``bodies`` (n,) on the height map ``name``, with their ``supports`` (n,), as of ``time`` [s]."""
+    """Yield the patches of ``bodies`` (n,) with ``supports`` (n,) on the height map ``name`` at ``time`` [s]."""
     heightmap = terrain.tiles[name]
     assert isinstance(heightmap, HeightMap)
     keys = np.stack([supports["state"], supports["rows"], supports["columns"]], axis=1)
@@ -127,7 +128,7 @@ def grid_batches(
 
 
 def mesh_batch(name: str, body: int, support: Any, patch: MeshPatch, config: PatchConfig) -> PatchBatch:
-    """The patch of a body on a general mesh, with its support (1,)."""
+    """The patch of one body with a ``support`` (1,) on a general mesh."""
     centres = patch.positions_w[patch.centre][None]
     linear, angular = twists_at(support, centres)
     return PatchBatch(
@@ -139,9 +140,9 @@ def mesh_batch(name: str, body: int, support: Any, patch: MeshPatch, config: Pat
 
 
 def twists_at(supports: Any, points_w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Velocity of the ground of supports (n,) at points (n, 3) [m/s] and its turning [rad/s], (n, 3) each.
+    """Velocity [m/s] and angular velocity [rad/s] of the ground of supports (n,) at points (n, 3), (n, 3) each.
 
-    Ground rises and falls where it is: a point above or below the foot moves as one at its height.
+    Ground moves in vertical columns, so the result does not depend on a point's height above the foot.
     """
     linear, angular = np.zeros((2, len(supports), 3))
     away_x, away_y = points_w[:, 0] - supports["foot_x"], points_w[:, 1] - supports["foot_y"]

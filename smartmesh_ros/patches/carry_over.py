@@ -1,4 +1,4 @@
-"""What is remembered about each body when bodies come and go."""
+"""Keep the data of each body when bodies are added or removed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ T = TypeVar("T", bound=NDArray[Any])
 
 
 def carried_over(old: T, kept: IntArray, new: T) -> T:
-    """The rows ``new`` (N, ...) that bodies start with, with what is known of those that stay; ``kept`` (N,): each
-    body's row in ``old``, -1 = it is new."""
+    """Copy the rows of bodies that stay from ``old`` into ``new`` (N, ...), which holds initial values, and return it;
+    ``kept`` (N,): each body's row in ``old``, -1 = new."""
     known = kept >= 0
     new[known] = old[kept[known]]
     return new
 
 
 def kept_rows(before: list[Any], now: list[Any]) -> IntArray:
-    """Each item's place among those ``before`` (N,), -1 = it is new."""
+    """Return the previous index of each item of ``now`` in ``before`` (N,), -1 = new."""
     places = {id(item): index for index, item in enumerate(before)}
     return np.array([places.get(id(item), -1) for item in now], np.int64)

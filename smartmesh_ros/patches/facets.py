@@ -1,4 +1,4 @@
-"""Triangles against convex shapes: how far apart they are, and how far a triangle lies from a plane near a shape.
+"""Triangles and convex shapes: the gap between them, and a triangle's deviation from a plane near a shape.
 
 Lengths are in metres; all arguments are in one frame with z up. Sources: closest point of a triangle, Ericson,
 *Real-Time Collision Detection* (2005), 5.1.5; separating axes of a box and a triangle, Akenine-Möller, *Fast 3D
@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from smartmesh_ros.compiled import compiled
 
-# Cross products of nearly parallel edges are no separating axes: below this squared length they are noise [m^2].
+# Smallest squared length of a cross product of edges that counts as a separating axis [m^2]. Cross products of nearly
+# parallel edges are rounding noise.
 PARALLEL = 1e-12
 
 
@@ -25,7 +26,7 @@ class Point(NamedTuple):
 
 
 class Facet(NamedTuple):
-    """A triangle, counter-clockwise seen from the side that bodies are on."""
+    """A triangle, counter-clockwise as seen from the side of the bodies."""
 
     a: Point
     b: Point
@@ -41,10 +42,10 @@ class Plane(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """A ball, or a box as it is turned.
+    """A ball, or an oriented box.
 
-    ``ball``: whether it is one, of ``radius``; else ``u``, ``v``, ``w`` are the unit axes of a box and ``half`` its
-    half extents along them. ``centre``: its middle.
+    ``ball``: True for a ball of ``radius``; otherwise ``u``, ``v``, ``w`` are the unit axes of a box and ``half`` its
+    half extents along them. ``centre``: middle of the solid.
     """
 
     ball: bool
@@ -57,8 +58,8 @@ class Solid(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """How far a solid is from a facet, negative where they overlap, at most as far as it truly is; the direction from
-    the facet to the solid (unit); and the facet's point nearest to the solid's centre."""
+    """``distance``: a lower bound on the distance between a facet and a solid, negative if they overlap. ``normal``:
+    unit direction from the facet to the solid. ``nearest``: the facet's point nearest to the solid's centre."""
 
     distance: float
     normal: Point
@@ -97,7 +98,7 @@ def scaled(a: Point, factor: float) -> Point:
 
 @compiled
 def facet_normal(facet: Facet) -> Point:
-    """Unit normal, towards the side that bodies are on; zero for a facet without area."""
+    """Unit normal towards the side of the bodies; zero for a facet without area."""
     n = cross(minus(facet.b, facet.a), minus(facet.c, facet.a))
     length = math.sqrt(dot(n, n))
     return scaled(n, 1.0 / length) if length > 0.0 else Point(0.0, 0.0, 0.0)
@@ -105,7 +106,7 @@ def facet_normal(facet: Facet) -> Point:
 
 @compiled
 def closest_point(facet: Facet, p: Point) -> Point:
-    """The point of a facet that is closest to ``p``."""
+    """The point of a facet closest to ``p``."""
     ab, ac, ap = minus(facet.b, facet.a), minus(facet.c, facet.a), minus(p, facet.a)
     d1, d2 = dot(ab, ap), dot(ac, ap)
     if d1 <= 0.0 and d2 <= 0.0:
@@ -133,7 +134,7 @@ def closest_point(facet: Facet, p: Point) -> Point:
 
 @compiled
 def ball_gap(facet: Facet, centre: Point, radius: float) -> Gap:
-    """The gap between a facet and a ball, exactly."""
+    """The exact gap between a facet and a ball."""
     nearest = closest_point(facet, centre)
     away = minus(centre, nearest)
     distance = math.sqrt(dot(away, away))
@@ -144,7 +145,8 @@ def ball_gap(facet: Facet, centre: Point, radius: float) -> Gap:
 
 @compiled
 def separation(axis: Point, a: Point, b: Point, c: Point, half: Point) -> tuple[float, float]:
-    """How far a triangle (in the box's frame) is from the box along a unit axis, and on which side of it the box is."""
+    """Signed distance between a triangle (in the box's frame) and the box along a unit axis, and the side of the
+    triangle on which the box lies (-1 or 1)."""
     p, q, r = dot(axis, a), dot(axis, b), dot(axis, c)
     low, high = min(p, q, r), max(p, q, r)
     reach = half.x * abs(axis.x) + half.y * abs(axis.y) + half.z * abs(axis.z)
@@ -155,20 +157,20 @@ def separation(axis: Point, a: Point, b: Point, c: Point, half: Point) -> tuple[
 
 @compiled
 def in_frame(solid: Solid, p: Point) -> Point:
-    """A point in the solid's own frame."""
+    """Transform a point into the solid's own frame."""
     away = minus(p, solid.centre)
     return Point(dot(solid.u, away), dot(solid.v, away), dot(solid.w, away))
 
 
 @compiled
 def out_of_frame(solid: Solid, p: Point) -> Point:
-    """A vector of the solid's own frame in the outer one."""
+    """Rotate a vector from the solid's own frame into the outer frame."""
     return along(along(scaled(solid.u, p.x), p.y, solid.v), p.z, solid.w)
 
 
 @compiled
 def box_gap(facet: Facet, solid: Solid) -> Gap:
-    """The gap between a facet and a box: the widest separation along any of their 13 axes, zero where they touch."""
+    """The gap between a facet and a box: the largest separation along their 13 axes."""
     a, b, c = in_frame(solid, facet.a), in_frame(solid, facet.b), in_frame(solid, facet.c)
     half = solid.half
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
@@ -211,7 +213,7 @@ def moved_by(solid: Solid, path: Point, share: float) -> Solid:
 
 @compiled
 def plane_of(facet: Facet) -> Plane:
-    """The plane of a facet that is not upright."""
+    """The plane of a facet that is not vertical."""
     n = cross(minus(facet.b, facet.a), minus(facet.c, facet.a))
     slope_x, slope_y = -n.x / n.z, -n.y / n.z
     return Plane(facet.a.z - slope_x * facet.a.x - slope_y * facet.a.y, slope_x, slope_y)
@@ -219,7 +221,7 @@ def plane_of(facet: Facet) -> Plane:
 
 @compiled
 def height_of(plane: Plane, x: float, y: float) -> float:
-    """Height of a plane over (x, y)."""
+    """Height of a plane at (x, y)."""
     return plane.height + plane.slope_x * x + plane.slope_y * y
 
 
@@ -232,7 +234,7 @@ def plane_normal(plane: Plane) -> Point:
 
 @compiled
 def reach_along(solid: Solid, direction: Point) -> float:
-    """How far a solid reaches from its centre along a unit direction."""
+    """Distance from a solid's centre to its surface's farthest point along a unit direction."""
     if solid.ball:
         return solid.radius
     return (
@@ -244,11 +246,12 @@ def reach_along(solid: Solid, direction: Point) -> float:
 
 @compiled
 def deviation_near(facet: Facet, plane: Plane, solid: Solid, gap: Gap, margin: float) -> float:
-    """How far a facet lies from a plane, vertically, where a solid grown by ``margin`` can touch the facet, at most.
+    """Bound on the vertical distance between a facet and a plane where a solid grown by ``margin`` can touch the facet.
 
-    Their difference is linear, so it is at most what it is at the facet's corners. It is also at most what it is over
-    the part that the solid can reach: for a ball, the points of the facet no further from its nearest one than the
-    chord allows (projection onto a convex set); for a box, its extent along the difference's gradient.
+    The difference of the two is linear, so its maximum is at one of the facet's corners. A second bound covers only the
+    part that the solid can reach. For a ball, this part is the points of the facet within the chord around the facet's
+    nearest point (projection onto a convex set). For a box, it is the box's extent along the gradient of the
+    difference.
     """
     a = facet.a.z - height_of(plane, facet.a.x, facet.a.y)
     b = facet.b.z - height_of(plane, facet.b.x, facet.b.y)

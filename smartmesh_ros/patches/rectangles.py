@@ -1,4 +1,5 @@
-"""The smallest rectangle of samples that holds what a body can touch, at the coarsest stride that is near enough."""
+"""The smallest rectangle of samples that contains all contact candidates, at the coarsest stride within the
+tolerance."""
 
 from __future__ import annotations
 
@@ -6,20 +7,22 @@ import math
 from typing import NamedTuple
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.touchable import Touch, Window
+from smartmesh_ros.patches.contact_candidates import Candidates, Window
 from smartmesh_ros.terrain.moving_grid import triangle_weights
 
-# Cells on a side of a rectangle; few sizes, because a collider cannot change its own.
+# Allowed numbers of cells on a side of a rectangle. Few sizes let colliders be reused, because a collider cannot change
+# its size.
 SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 # Strides, coarsest first [samples].
 STRIDES = (16, 8, 4, 2, 1)
-# A body keeps the size it has while that has no more cells than this multiple of what it needs.
-ROOM = 3.0
+# A body keeps a rectangle with up to this multiple of the cells it needs. Raising the ratio replaces colliders less
+# often, but makes them larger.
+SHRINK_RATIO = 3.0
 
 
 class Rectangle(NamedTuple):
-    """First sample (``row``, ``column``) in a window, cells ``high`` x ``wide`` of ``stride`` samples each, and how far
-    its surface lies from the ground where it can be touched [m]."""
+    """First sample (``row``, ``column``) in a window, ``high`` x ``wide`` cells of ``stride`` samples each, and
+    ``deviation`` [m], a bound on the distance between its surface and the ground over the contact candidates."""
 
     row: int
     column: int
@@ -31,7 +34,7 @@ class Rectangle(NamedTuple):
 
 @compiled
 def next_size(cells: int) -> int:
-    """The smallest size that has room for so many cells."""
+    """The smallest allowed size of at least ``cells`` cells."""
     for size in SIZES:
         if size >= cells:
             return size
@@ -39,17 +42,20 @@ def next_size(cells: int) -> int:
 
 
 @compiled
-def stride_deviation(window: Window, touch: Touch, row: int, column: int, high: int, wide: int, stride: int) -> float:
-    """How far a rectangle's surface lies from the ground over the touchable cells, vertically [m], at most; infinite
-    where it leaves the window. The cells of the ground lie within its cells, so they differ most at samples."""
+def stride_deviation(
+    window: Window, candidates: Candidates, row: int, column: int, high: int, wide: int, stride: int
+) -> float:
+    """Largest vertical distance between a rectangle's surface and the ground over the candidate cells [m]; infinite if
+    the rectangle leaves the window. Only samples are compared: ground cells lie within the rectangle's cells, so the
+    distance is largest at a sample."""
     rows, columns = window.heights.shape
     if stride == 1:
         return 0.0
     if row < 0 or column < 0 or row + high * stride >= rows or column + wide * stride >= columns:
         return math.inf
     worst = 0.0
-    for a in range(touch.top, touch.bottom + 2):
-        for b in range(touch.left, touch.right + 2):
+    for a in range(candidates.top, candidates.bottom + 2):
+        for b in range(candidates.left, candidates.right + 2):
             z = window.heights[a, b]
             r, c, v, u, upper = triangle_weights((a - row) / stride, (b - column) / stride, high + 1, wide + 1)
             r, c = row + r * stride, column + c * stride
@@ -68,74 +74,81 @@ def stride_deviation(window: Window, touch: Touch, row: int, column: int, high: 
 
 @compiled
 def start_of(first: int, need: int, total: int, least: int, most: int) -> int:
-    """Where a side of ``total`` samples starts that holds ``need`` from ``first`` on, in its middle but within
-    ``least`` to ``most`` if there is room."""
+    """First sample of a side of ``total`` samples, centred on the ``need`` samples from ``first`` on, and clamped to
+    the bounds ``least`` to ``most`` if it fits between them."""
     start = first - (total - need) // 2
     return max(min(start, most - total), least) if most - least >= total else start
 
 
 @compiled
 def placed(
-    window: Window, touch: Touch, high: int, wide: int, stride: int, bounds: tuple[int, int, int, int]
+    window: Window, candidates: Candidates, high: int, wide: int, stride: int, bounds: tuple[int, int, int, int]
 ) -> Rectangle:
-    """A rectangle of ``high`` x ``wide`` cells around the touchable ones, within ``bounds`` (first and last row, first
-    and last column) where these have room."""
-    row = start_of(touch.top, touch.bottom - touch.top + 1, high * stride, bounds[0], bounds[1])
-    column = start_of(touch.left, touch.right - touch.left + 1, wide * stride, bounds[2], bounds[3])
-    return Rectangle(row, column, high, wide, stride, stride_deviation(window, touch, row, column, high, wide, stride))
-
-
-@compiled
-def holds(rectangle: Rectangle, touch: Touch) -> bool:
-    """Whether a rectangle holds all touchable cells."""
-    last_row = rectangle.row + rectangle.high * rectangle.stride
-    last_column = rectangle.column + rectangle.wide * rectangle.stride
-    return (
-        rectangle.row <= touch.top
-        and last_row > touch.bottom
-        and rectangle.column <= touch.left
-        and last_column > touch.right
+    """Return a rectangle of ``high`` x ``wide`` cells centred on the candidate cells, and clamped to ``bounds`` (first
+    and last row, first and last column) if it fits."""
+    row = start_of(candidates.top, candidates.bottom - candidates.top + 1, high * stride, bounds[0], bounds[1])
+    column = start_of(candidates.left, candidates.right - candidates.left + 1, wide * stride, bounds[2], bounds[3])
+    return Rectangle(
+        row, column, high, wide, stride, stride_deviation(window, candidates, row, column, high, wide, stride)
     )
 
 
 @compiled
-def cells_needed(touch: Touch, stride: int) -> tuple[int, int]:
-    """Cells of a stride that the touchable ones need, along rows and along columns."""
-    high, wide = touch.bottom - touch.top + 1, touch.right - touch.left + 1
+def holds(rectangle: Rectangle, candidates: Candidates) -> bool:
+    """Return True if a rectangle contains all candidate cells."""
+    last_row = rectangle.row + rectangle.high * rectangle.stride
+    last_column = rectangle.column + rectangle.wide * rectangle.stride
+    return (
+        rectangle.row <= candidates.top
+        and last_row > candidates.bottom
+        and rectangle.column <= candidates.left
+        and last_column > candidates.right
+    )
+
+
+@compiled
+def cells_needed(candidates: Candidates, stride: int) -> tuple[int, int]:
+    """Number of cells of a stride that cover the candidate cells, along rows and along columns."""
+    high, wide = candidates.bottom - candidates.top + 1, candidates.right - candidates.left + 1
     return next_size((high + stride - 1) // stride), next_size((wide + stride - 1) // stride)
 
 
 @compiled
 def smallest_rectangle(
-    window: Window, touch: Touch, before: Rectangle, tolerance: float, most: int, bounds: tuple[int, int, int, int]
+    window: Window,
+    candidates: Candidates,
+    before: Rectangle,
+    tolerance: float,
+    most: int,
+    bounds: tuple[int, int, int, int],
 ) -> Rectangle:
-    """The rectangle for what a body can touch; the one it had ``before`` (no cells = none) where that still holds it
-    within the ``tolerance`` [m]. It has no more than ``most`` cells; where that leaves only strides that are not near
-    enough, the finest of them."""
+    """Return the rectangle for a body's candidates. The previous one, ``before`` (``high`` 0 = none), is reused if it
+    still contains them within the ``tolerance`` [m]. A rectangle has at most ``most`` cells; if only strides beyond the
+    tolerance allow this, the finest of these strides is used."""
     if before.high > 0:
-        high, wide = cells_needed(touch, before.stride)
-        if before.high * before.wide <= ROOM * high * wide:
-            if holds(before, touch):
+        high, wide = cells_needed(candidates, before.stride)
+        if before.high * before.wide <= SHRINK_RATIO * high * wide:
+            if holds(before, candidates):
                 off = stride_deviation(
-                    window, touch, before.row, before.column, before.high, before.wide, before.stride
+                    window, candidates, before.row, before.column, before.high, before.wide, before.stride
                 )
                 if off <= tolerance:
                     return Rectangle(before.row, before.column, before.high, before.wide, before.stride, off)
             if before.high >= high and before.wide >= wide:
-                moved = placed(window, touch, before.high, before.wide, before.stride, bounds)
+                moved = placed(window, candidates, before.high, before.wide, before.stride, bounds)
                 if moved.deviation <= tolerance:
                     return moved
     for stride in STRIDES:
-        high, wide = cells_needed(touch, stride)
-        if stride > 1 and max(touch.bottom - touch.top, touch.right - touch.left) + 1 <= stride:
-            continue  # as many cells as with half of it
+        high, wide = cells_needed(candidates, stride)
+        if stride > 1 and max(candidates.bottom - candidates.top, candidates.right - candidates.left) + 1 <= stride:
+            continue  # half the stride needs no more cells
         if high * wide <= most:
-            found = placed(window, touch, high, wide, stride, bounds)
+            found = placed(window, candidates, high, wide, stride, bounds)
             if found.deviation <= tolerance:
                 return found
     stride = 1
-    high, wide = cells_needed(touch, stride)
+    high, wide = cells_needed(candidates, stride)
     while high * wide > most:
         stride *= 2
-        high, wide = cells_needed(touch, stride)
-    return placed(window, touch, high, wide, stride, bounds)
+        high, wide = cells_needed(candidates, stride)
+    return placed(window, candidates, high, wide, stride, bounds)

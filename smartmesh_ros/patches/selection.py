@@ -1,4 +1,4 @@
-"""One compiled pass that finds, for each body, exactly the ground it can touch until the next update."""
+"""One compiled pass that selects, for each body, exactly the ground that it can touch until the next update."""
 
 from __future__ import annotations
 
@@ -9,33 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.buried import below, is_buried, lifted_by
+from smartmesh_ros.patches.buried import candidate_above, candidate_below, is_buried
+from smartmesh_ros.patches.contact_candidates import (
+    Candidates,
+    Travel,
+    Window,
+    candidate_facets,
+    fitted_planes,
+    nearest_planes,
+    plane_deviation,
+)
 from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, moved_by, plane_normal, reach_along
 from smartmesh_ros.patches.rectangles import Rectangle, smallest_rectangle
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.patches.touchable import (
-    Touch,
-    Travel,
-    Window,
-    fitted_planes,
-    nearest_planes,
-    plane_deviation,
-    touched_facets,
-)
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, read_window, slide_at, to_grid
 
 
 class Rules(NamedTuple):
-    """How supports are chosen: `SelectionConfig` and the settings of patches as compiled functions take them.
+    """`SelectionConfig` and the user's patch settings for compiled functions.
 
-    ``tolerance`` [m]; ``hysteresis``: share of it that a plane must keep to take the place of something else; ``leave``
-    [m]: how far above the ground a body loses its collider, beyond what it can reach; ``planes``, ``any_plane``:
-    whether planes are tried, and taken whatever they deviate; ``always``: whether bodies near the ground have a field
-    even if they touch nothing; ``most_cells``: of a field; ``most_samples``: of a window, on a side;
-    ``fastest`` [m/s]; ``gravity`` [m/s^2]; ``across``: whether bodies whose window leaves the map are left to be
-    chosen by the samples of several tiles.
+    ``tolerance`` [m]; ``hysteresis``, ``leave``, ``most_cells``, ``most_samples``, ``fastest``: see `SelectionConfig`;
+    ``planes``: try planes; ``any_plane``: accept a plane of any deviation; ``always``: give bodies near the ground a
+    field even if they can touch nothing; ``gravity`` [m/s^2]; ``across``: mark bodies whose window leaves the map as
+    ACROSS, to be chosen from the samples of several tiles.
     """
 
     tolerance: float
@@ -52,7 +50,7 @@ class Rules(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a window lies on its map: first sample, samples on its sides, and the stride between them."""
+    """Position of a window on its map: first sample, number of samples on its sides, and the stride between them."""
 
     row: int
     column: int
@@ -63,7 +61,8 @@ class Place(NamedTuple):
 
 @compiled
 def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
-    """A body (13,) in the moving frame of the grid: x along columns, y along rows, from sample (0, 0) and z = 0."""
+    """Write a body (13,) to ``out`` in the moving frame of the grid: x along columns, y along rows, origin at sample
+    (0, 0) and z = 0."""
     row, column = to_grid(grid, body[0], body[1])
     out[0], out[1], out[2] = column * grid.resolution, row * grid.resolution, body[2]
     half = 0.5 * math.atan2(grid.sin, grid.cos)
@@ -81,8 +80,7 @@ def local_body(grid: MovingGrid, body: FloatArray, out: FloatArray) -> None:
 
 @compiled
 def acceleration_by_turning(grid: MovingGrid, body: FloatArray) -> float:
-    """How fast the velocity of a body (13,) that flies straight on changes, at most, as seen from a grid that turns
-    [m/s^2]: its path bends there."""
+    """Bound on the apparent acceleration [m/s^2] of a free body (13,) in the frame of a rotating grid."""
     if grid.spin == 0.0:
         return 0.0
     slide_x, slide_y = slide_at(grid, body[0], body[1])
@@ -94,8 +92,8 @@ def acceleration_by_turning(grid: MovingGrid, body: FloatArray) -> float:
 def travel_of(
     body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules, bend: float = 0.0
 ) -> Travel:
-    """How far a body (13,) with a bounding ``radius`` [m] goes in a ``duration`` [s]: its velocity, its spin, its
-    fall, and what the frame of a grid that turns makes of its path, an acceleration ``bend`` [m/s^2]."""
+    """Predicted motion of a body (13,) with a bounding ``radius`` [m] in a ``duration`` [s], from its velocity, spin
+    and fall, and from ``bend`` [m/s^2], the apparent acceleration in a rotating grid."""
     speed = math.sqrt(body[7] * body[7] + body[8] * body[8] + body[9] * body[9])
     share = duration if speed <= rules.fastest else duration * rules.fastest / speed
     spin = math.sqrt(body[10] * body[10] + body[11] * body[11] + body[12] * body[12])
@@ -108,7 +106,7 @@ def travel_of(
 
 @compiled
 def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) -> Place:
-    """The window of samples over which a solid can get."""
+    """Return the window of samples that a solid can reach."""
     reach_x = reach_along(solid, Point(1.0, 0.0, 0.0)) + abs(travel.x) + travel.more + rules.leave
     reach_y = reach_along(solid, Point(0.0, 1.0, 0.0)) + abs(travel.y) + travel.more + rules.leave
     row = math.floor((solid.centre.y - reach_y) / resolution)
@@ -120,17 +118,17 @@ def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) 
 
 
 @compiled
-def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, touched):
-    """Chooses supports of the bodies in ``chosen`` (n,) on a tile, until ``duration`` [s] after ``time`` [s].
+def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, marks):
+    """Choose the supports of the bodies in ``chosen`` (n,) on a tile, for ``duration`` [s] from ``time`` [s] on.
 
-    ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, in and out.
-    ``heights``, ``rises``, ``touched``: memory for windows (S, S).
+    ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, read and
+    written. ``heights``, ``rises``, ``marks``: scratch memory for windows (S, S).
     """
     local = np.empty(13)
     for k in range(len(chosen)):
         i = chosen[k]
         supports[i].tile, supports[i].first = tile, -1
-        if not there(bodies[i]):
+        if not is_finite(bodies[i]):
             supports[i].state = Support.NONE
             continue
         local_body(grid, bodies[i], local)
@@ -143,12 +141,12 @@ def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, 
             continue
         h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]
         read_window(grid, place.row, place.column, place.stride, time, duration, h, r)
-        choose(grid, place, h, r, solid, travel, duration, rules, supports[i], touched)
+        choose(grid, place, h, r, solid, travel, duration, rules, supports[i], marks)
 
 
 @compiled
-def there(body: FloatArray) -> bool:
-    """Whether a body (13,) is anywhere: none of its numbers is not finite."""
+def is_finite(body: FloatArray) -> bool:
+    """Return True if all numbers of a body (13,) are finite."""
     total = 0.0
     for k in range(13):
         total += body[k]
@@ -157,7 +155,7 @@ def there(body: FloatArray) -> bool:
 
 @compiled
 def leaves_map(grid: MovingGrid, place: Place) -> bool:
-    """Whether a window has samples beyond the map's edge."""
+    """Return True if a window has samples beyond the map's edge."""
     rows, columns = grid.heights.shape
     last_row = place.row + (place.high - 1) * place.stride
     last_column = place.column + (place.wide - 1) * place.stride
@@ -165,19 +163,19 @@ def leaves_map(grid: MovingGrid, place: Place) -> bool:
 
 
 @compiled
-def select_across(grid, place, heights, rises, shape, body, duration, rules, support, touched):
-    """Chooses the support of one body whose window (h, w) at ``place`` was read from several tiles."""
+def select_across(grid, place, heights, rises, shape, body, duration, rules, support, marks):
+    """Choose the support of one body from a window (h, w) at ``place`` that was read from several tiles."""
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape[0], local)
     travel = travel_of(local, solid, shape[0].radius, duration, rules, acceleration_by_turning(grid, body))
-    h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]  # of one type with those of `select`
-    choose(grid, place, h, r, solid, travel, duration, rules, support[0], touched)
+    h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]  # slices: the array type of `select`
+    choose(grid, place, h, r, solid, travel, duration, rules, support[0], marks)
 
 
 @compiled
 def window_of(grid, shape, body, duration, rules):
-    """The place of a body's window on the grid."""
+    """Return the place of a body's window on the grid."""
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape[0], local)
@@ -187,13 +185,13 @@ def window_of(grid, shape, body, duration, rules):
 
 @compiled
 def in_window(grid: MovingGrid, place: Place, solid: Solid) -> Solid:
-    """A solid of the grid's frame, seen from the first sample of a window."""
+    """A solid of the grid's frame, relative to the first sample of a window."""
     return moved_by(solid, Point(place.column * grid.resolution, place.row * grid.resolution, 0.0), -1.0)
 
 
 @compiled
-def choose(grid, place, heights, rises, solid, travel, duration, rules, support, touched):
-    """Chooses the support of one solid from a window of samples."""
+def choose(grid, place, heights, rises, solid, travel, duration, rules, support, marks):
+    """Choose the support of one solid from a window of samples."""
     before = support.state
     spacing = grid.resolution * place.stride
     own = in_window(grid, place, solid)
@@ -201,31 +199,31 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     leave = rules.leave if before != Support.NONE else 0.0
     travel = Travel(travel.x, travel.y, travel.z, travel.more + leave)
     support.margin = math.sqrt(travel.x * travel.x + travel.y * travel.y + travel.z * travel.z) + travel.more
-    touch = touched_facets(window, own, travel, touched)
-    if touch.facets == 0:
-        touch = below(window, own, touch)
-        if not rules.always or touch.facets == 0:
+    candidates = candidate_facets(window, own, travel, marks)
+    if candidates.facets == 0:
+        candidates = candidate_below(window, own, candidates)
+        if not rules.always or candidates.facets == 0:
             support.state, support.gap, support.deviation = Support.NONE, math.inf, math.nan
             return
     buried = rules.planes and is_buried(window, own)
     if buried:
-        touch = lifted_by(window, own, touch)
+        candidates = candidate_above(window, own, candidates)
     if own.ball or buried:
-        plane, rise = nearest_planes(window, touch)
+        plane, rise = nearest_planes(window, candidates)
     else:
-        plane, rise = fitted_planes(window, own, touch, touched)
+        plane, rise = fitted_planes(window, own, candidates, marks)
     deviation = math.inf
     if buried:
         deviation = math.nan
     elif rules.planes:
         limit = rules.tolerance if before == Support.PLANE else rules.hysteresis * rules.tolerance
         deviation = plane_deviation(
-            window, own, travel, touch, touched, plane, rise, math.inf if rules.any_plane else limit
+            window, own, travel, candidates, marks, plane, rise, math.inf if rules.any_plane else limit
         )
         if rules.any_plane and not deviation < math.inf:
             deviation = math.nan
     support.state = Support.FIELD if deviation == math.inf else Support.PLANE
-    rectangle = rectangle_of(grid, place, window, touch, rules, support, before)
+    rectangle = rectangle_of(grid, place, window, candidates, rules, support, before)
     stride = rectangle.stride * place.stride
     support.row, support.column = (
         place.row + rectangle.row * place.stride,
@@ -236,13 +234,13 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
         support.deviation = deviation
     else:
         support.deviation = rectangle.deviation if place.stride == 1 else math.nan
-    support.gap, support.margin = touch.gap.distance, max(support.margin, touch.margin)
-    describe(grid, place, own, touch, plane, rise, duration, support)
+    support.gap, support.margin = candidates.gap.distance, max(support.margin, candidates.margin)
+    describe(grid, place, own, candidates, plane, rise, duration, support)
 
 
 @compiled
-def rectangle_of(grid, place, window, touch, rules, support, before):
-    """The rectangle of a field; for a plane the touchable cells at a stride that leaves few."""
+def rectangle_of(grid, place, window, candidates, rules, support, before):
+    """Return the rectangle of a field; for a plane, a rectangle of 2 x 2 coarse cells over the candidates."""
     rows, columns = grid.heights.shape
     bounds = (-place.row, rows - 1 - place.row, -place.column, columns - 1 - place.column)
     if rules.across:
@@ -251,10 +249,10 @@ def rectangle_of(grid, place, window, touch, rules, support, before):
     if place.stride > 1:
         bounds = (0, window.heights.shape[0] - 1, 0, window.heights.shape[1] - 1)
     if support.state == Support.PLANE:
-        need = max(touch.bottom - touch.top, touch.right - touch.left) + 1
+        need = max(candidates.bottom - candidates.top, candidates.right - candidates.left) + 1
         stride = (need + 1) // 2
-        row = max(min(touch.top, bounds[1] - 2 * stride), bounds[0])
-        column = max(min(touch.left, bounds[3] - 2 * stride), bounds[2])
+        row = max(min(candidates.top, bounds[1] - 2 * stride), bounds[0])
+        column = max(min(candidates.left, bounds[3] - 2 * stride), bounds[2])
         return Rectangle(row, column, 2, 2, stride, 0.0)
     had = Rectangle(0, 0, 0, 0, 1, math.inf)
     if before == Support.FIELD and support.stride % place.stride == 0:
@@ -263,23 +261,30 @@ def rectangle_of(grid, place, window, touch, rules, support, before):
         aligned = (support.row - place.row) % place.stride == 0 and (support.column - place.column) % place.stride == 0
         row, column = (support.row - place.row) // place.stride, (support.column - place.column) // place.stride
         had = Rectangle(row if aligned else -(1 << 40), column, high, wide, stride, math.inf)
-    return smallest_rectangle(window, touch, had, rules.tolerance, rules.most_cells, bounds)
+    return smallest_rectangle(window, candidates, had, rules.tolerance, rules.most_cells, bounds)
 
 
 @compiled
 def describe(
-    grid: MovingGrid, place: Place, solid: Solid, touch: Touch, plane: Plane, rise: Plane, duration: float, support
+    grid: MovingGrid,
+    place: Place,
+    solid: Solid,
+    candidates: Candidates,
+    plane: Plane,
+    rise: Plane,
+    duration: float,
+    support,
 ) -> None:
-    """Writes the foot, normals and motion of the ground under a solid, in the terrain's frame."""
+    """Write the foot, the normals and the motion of the ground under a solid, in the terrain's frame."""
     facet = plane_normal(plane)
-    if solid.ball and touch.gap.distance < math.inf:
-        foot = touch.gap.nearest
+    if solid.ball and candidates.gap.distance < math.inf:
+        foot = candidates.gap.nearest
     else:
         above = (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * facet.z
         foot = Point(
             solid.centre.x - above * facet.x, solid.centre.y - above * facet.y, solid.centre.z - above * facet.z
         )
-    normal = touch.gap.normal
+    normal = candidates.gap.normal
     cos, sin = grid.cos, grid.sin
     x, y = foot.x + place.column * grid.resolution, foot.y + place.row * grid.resolution
     support.foot_x, support.foot_y, support.foot_z = grid.x + x * cos - y * sin, grid.y + x * sin + y * cos, foot.z
@@ -289,7 +294,7 @@ def describe(
     support.facet_z = facet.z
     inverse = 1.0 / duration
     support.rise = height_of(rise, foot.x, foot.y) * inverse
-    # A point at (x, y) of ground that turns with w rises at w_x y - w_y x.
+    # A point (x, y) of ground with angular velocity w rises at w_x y - w_y x.
     turn_x, turn_y = rise.slope_y * inverse, -rise.slope_x * inverse
     support.turn_x, support.turn_y = turn_x * cos - turn_y * sin, turn_x * sin + turn_y * cos
     support.slide_x, support.slide_y = slide_at(grid, support.foot_x, support.foot_y)
@@ -300,5 +305,6 @@ WindowMemory = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]
 
 
 def window_memory(samples: int) -> WindowMemory:
-    """Memory for windows of so many samples on a side: heights, rises, and marks of touchable facets."""
+    """Allocate scratch memory for windows of ``samples`` x ``samples``: heights, rises, and marks of candidate
+    facets."""
     return np.empty((samples, samples)), np.empty((samples, samples)), np.zeros((samples, samples), np.uint8)

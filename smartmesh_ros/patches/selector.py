@@ -1,4 +1,4 @@
-"""The supports of all bodies on a terrain of one or several tiles, kept up with the bodies and the ground."""
+"""Supports of all bodies on a terrain of one or more tiles, updated as bodies and ground move."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NO_SAMPLES = np.empty(0)
 
 
 def rules_for(config: PatchConfig, more: SelectionConfig, gravity: float, *, across: bool) -> Rules:
-    """The settings as compiled functions take them."""
+    """Return both configs as one record for compiled functions."""
     return Rules(
         config.tolerance, more.hysteresis, more.leave, config.kind != "heightfield", config.kind == "plane",
         config.kind == "heightfield", more.most_cells, more.most_samples, more.fastest, gravity, across,
@@ -39,10 +39,11 @@ def rules_for(config: PatchConfig, more: SelectionConfig, gravity: float, *, acr
 
 
 class Selector:
-    """Supports by the bodies' indices, as of the last update.
+    """Chooses a support for each body. Bodies are addressed by index.
 
-    ``supports`` (N,): records of ``SUPPORT``; ``samples``: heights [m] of those fields that are not read from one map,
-    each from its record's ``first`` on. Bodies that are not ``solid`` get patches of fixed extent, once asked for.
+    ``supports`` (N,): records of ``SUPPORT`` as of the last update. ``samples``: heights [m] of the fields that cannot
+    be read from a single map; a support's ``first`` is the index of its first height. Bodies that are not ``solid`` get
+    patches of fixed extent, computed on demand.
     """
 
     def __init__(self, terrain: Terrain, config: PatchConfig, stopwatch: Stopwatch | None = None) -> None:
@@ -56,7 +57,7 @@ class Selector:
         self.gravity = 9.81  # [m/s^2]
         self._shapes = np.zeros(0, SHAPE).view(np.recarray)
         self._solid = np.empty(0, bool)
-        self._everybody = np.empty(0, np.int64)  # solid bodies
+        self._solid_bodies = np.empty(0, np.int64)  # solid bodies
         self._only_grid: HeightMap | None = None  # the one tile, if it is a height map
         self._bodies, self._time, self._duration = np.empty((0, BODY_COLUMNS)), 0.0, 1.0
         self._layout = -1
@@ -65,15 +66,15 @@ class Selector:
         self._meshes: dict[str, MeshPatches] = {}
         self._memory = window_memory(SELECTION.most_samples + 3)
         self._batches: list[PatchBatch] | None = None
-        self._parts: list[FloatArray] = []  # of the samples
-        self._count = 0  # of all of them
-        self._tracked_due = False
+        self._parts: list[FloatArray] = []  # of `samples`, one for each field
+        self._count = 0  # heights in `_parts`
+        self._tracked_due = False  # patches of bodies that are not solid are still to be computed
 
     def adopt(self, shapes: Any, solid: BoolArray, kept: IntArray) -> None:
-        """Says which bodies there are: their ``shapes`` (N,), which are ``solid`` (N,), and each one's index before,
-        -1 = new (N,)."""
+        """Replace the list of bodies: their ``shapes`` (N,), whether each is ``solid`` (N,), and its previous index
+        ``kept`` (N,), -1 = new."""
         self._shapes, self._solid = shapes, solid
-        self._everybody = np.flatnonzero(solid)
+        self._solid_bodies = np.flatnonzero(solid)
         self.supports = carried_over(self.supports, kept, no_supports(len(kept)))
         self._plain = self.supports.view(np.ndarray)
         places = {int(old): new for new, old in enumerate(kept.tolist()) if old >= 0}
@@ -85,39 +86,39 @@ class Selector:
         self._batches = None
 
     def configure(self, config: PatchConfig) -> None:
-        """Takes other settings; bodies are chosen for anew."""
+        """Replace the settings; the next update chooses every support anew."""
         self.config = config
         self.forget(slice(None))
 
     @property
     def names(self) -> list[str]:
-        """The tiles, by the index that supports know them by."""
+        """Names of the tiles; a support's ``tile`` is an index into this list."""
         return self._names
 
     def forget(self, bodies: IntArray | slice) -> None:
-        """Has bodies chosen for as if they were new."""
+        """Discard the supports of ``bodies``; the next update treats these bodies as new."""
         self.supports["state"][bodies] = Support.NONE
         self._fixed.forget(bodies)
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        """Chooses the supports of ``bodies`` (N, 13) for the ``duration`` [s] from ``time`` [s] on."""
+        """Choose the supports of ``bodies`` (N, 13) for the ``duration`` [s] from ``time`` [s] on."""
         if self._layout != self.terrain.layout_revision:
-            self._take_tiles()
+            self._update_tiles()
         before = self.batches() if self.config.search == "ray_cast" else []
         self._bodies, self._time, self._duration, self._batches = bodies, time, duration, None
-        self._tracked_due = len(self._everybody) < len(bodies)
+        self._tracked_due = len(self._solid_bodies) < len(bodies)
         self._parts, self._count = [], 0
-        if self._only_grid is not None and self.config.chooses:  # off the map nothing is touchable
-            self._choose_on_grid(self._only_grid, 0, self._everybody)
+        if self._only_grid is not None and self.config.chooses:  # beyond the map's edge no ground is in reach
+            self._choose_on_grid(self._only_grid, 0, self._solid_bodies)
         else:
-            self._choose(self._everybody, before)
+            self._choose(self._solid_bodies, before)
         self.samples = np.concatenate(self._parts) if self._parts else NO_SAMPLES
 
     def batches(self) -> list[PatchBatch]:
-        """Patches of all bodies as of the last update."""
+        """Return the patches of all bodies as of the last update."""
         if self._batches is None:
             if self._layout != self.terrain.layout_revision:
-                self._take_tiles()
+                self._update_tiles()
             if self._tracked_due:
                 self._tracked_due = False
                 self._choose_fixed(np.flatnonzero(~self._solid), [])
@@ -138,7 +139,7 @@ class Selector:
                 yield from grid_batches(self.terrain, name, chosen, self.supports[chosen], self._time, self.config)
 
     def _choose(self, chosen: IntArray, before: list[PatchBatch]) -> None:
-        """Chooses for solid bodies."""
+        """Choose supports for solid bodies."""
         if not self.config.chooses:
             self._choose_fixed(chosen, before)
             return
@@ -150,7 +151,7 @@ class Selector:
                 self._choose_on_mesh(name, bodies, fixed=False)
 
     def _choose_on_grid(self, heightmap: HeightMap, tile: int, bodies: IntArray) -> None:
-        """Gives bodies what they can touch of a height map."""
+        """Choose the ground that bodies can touch on a height map."""
         across = len(self._names) > 1
         rules = rules_for(self.config, SELECTION, self.gravity, across=across)
         grid = heightmap.moved_to(self._time)
@@ -164,7 +165,7 @@ class Selector:
                     self._choose_across(heightmap, grid, body, rules)
 
     def _choose_across(self, heightmap: HeightMap, grid: Any, body: int, rules: Rules) -> None:
-        """Chooses for a body whose window reaches over the edge of its tile."""
+        """Choose the support of a body whose window extends beyond the edge of its tile."""
         one, support = self._shapes[body : body + 1], self.supports[body : body + 1]
         place = window_of(grid, one, self._bodies[body], self._duration, rules)
         r, c = np.divmod(np.arange(place.high * place.wide), place.wide)
@@ -186,13 +187,13 @@ class Selector:
         return heights
 
     def _add_samples(self, body: int, heights: FloatArray) -> None:
-        """Keeps the heights (K,) [m] of a field that is not read from one map."""
+        """Store the heights (K,) [m] of a field that cannot be read from a single map."""
         self._plain["first"][body] = self._count
         self._count += len(heights)
         self._parts.append(heights)
 
     def _choose_fixed(self, chosen: IntArray, before: list[PatchBatch]) -> None:
-        """Gives bodies patches of fixed extent."""
+        """Select patches of fixed extent for bodies."""
         for name, bodies in self._on_tiles(chosen):
             mesh = self.terrain.tiles[name]
             if isinstance(mesh, HeightMap):
@@ -206,19 +207,19 @@ class Selector:
                 self._choose_on_mesh(name, bodies, fixed=True)
 
     def _choose_on_mesh(self, name: str, chosen: IntArray, *, fixed: bool) -> None:
-        """Gives bodies patches of a general mesh; ``fixed``: also those that cannot touch it."""
+        """Select patches of a general mesh for bodies; ``fixed``: include bodies that cannot touch the mesh."""
         self.mesh_patches |= self._meshes[name].select(
             chosen, self._shapes, self._bodies, self._reach(chosen), self._time, self._duration, self.config,
             self.supports, self.mesh_patches, self.gravity, fixed=fixed,
         )  # fmt: skip
 
     def _reach(self, chosen: IntArray) -> FloatArray:
-        """How far from where they are bodies get, by their velocity (n,) [m]."""
+        """Return the radius within which each body can touch ground until the next update, from its speed (n,) [m]."""
         speeds = np.linalg.norm(self._bodies[chosen, 7:10], axis=1)
         return np.asarray(self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration)
 
-    def _take_tiles(self) -> None:
-        """Notices tiles that came, went or were replaced; bodies on them look for their tile anew."""
+    def _update_tiles(self) -> None:
+        """Handle tiles that were added, removed or replaced; their bodies are assigned to tiles anew."""
         names = list(self.terrain.tiles)
         known = dict.fromkeys(names)
         places = np.array([names.index(name) if name in known else -1 for name in self._names] + [-1])
@@ -237,8 +238,8 @@ class Selector:
         self._layout = self.terrain.layout_revision
 
     def _on_tiles(self, chosen: IntArray) -> list[tuple[str, IntArray]]:
-        """Bodies by the tile they are on: they stay on theirs as long as they are over it, else they go to the first
-        that they are over, or the one that they reach most nearly."""
+        """Group bodies by tile. A body stays on its tile while it is above it; otherwise it moves to the first tile
+        below it, or to the nearest one within its reach."""
         tiles, supports = self._plain["tile"], self._plain
         there = np.isfinite(self._bodies[chosen]).all(axis=1)
         supports["state"][chosen[~there]] = Support.NONE
@@ -252,7 +253,7 @@ class Selector:
         stray = tiles[chosen] < 0
         columns = np.arange(len(chosen))
         stray |= beyond[np.maximum(tiles[chosen], 0), columns] > 0.0
-        # A body beyond its reach touches nothing, but in a gap of a cell between tiles there is ground.
+        # A body further from a tile than its radius cannot touch it, but a gap of one cell between tiles is ground.
         least = np.maximum(self._shapes["radius"][chosen], self.terrain.widest_cell if len(self._names) > 1 else 0.0)
         over = np.where(beyond <= 0.0, 0.0, beyond)
         nearest = over.argmin(axis=0)

@@ -1,4 +1,4 @@
-"""Shapes of bodies as compiled functions know them, and how bodies move."""
+"""Shapes and poses of bodies for compiled functions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from smartmesh_ros.patches.facets import Point, Solid, along, cross, scaled
 
 
 class ShapeKind(IntEnum):
-    """What a shape is: a ball; a box; or round about its z axis (cylinder, capsule), which is a box that may be turned
-    about that axis so that one of its sides is as level as can be."""
+    """Kind of a shape: a ball; a box; or a body of revolution about its z axis (cylinder, capsule). ROUND is treated as
+    a box that is rotated about this axis until one of its sides is as level as possible."""
 
     BALL = 0
     BOX = 1
@@ -21,8 +21,8 @@ class ShapeKind(IntEnum):
 
 
 # ``kind``: a `ShapeKind`; ``half``: half extents along the shape's axes [m], a ball's radius in all three; ``offset``
-# [m] and ``turn`` (x, y, z, w): the shape's frame in that of the body's centre of mass; ``radius`` [m]: of the sphere
-# around that centre that holds it.
+# [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``radius`` [m]: bounding
+# radius about the centre of mass.
 SHAPE = np.dtype(
     [
         ("kind", np.int64),
@@ -52,8 +52,8 @@ def product(a, b):
 
 
 @compiled
-def turned(q, p: Point) -> Point:
-    """A vector turned by a unit quaternion (x, y, z, w)."""
+def rotated(q, p: Point) -> Point:
+    """Rotate a vector by a unit quaternion (x, y, z, w)."""
     axis = Point(q[0], q[1], q[2])
     twice = scaled(cross(axis, p), 2.0)
     return along(along(p, q[3], twice), 1.0, cross(axis, twice))
@@ -61,18 +61,18 @@ def turned(q, p: Point) -> Point:
 
 @compiled
 def solid_of(shape, body) -> Solid:
-    """The solid of a record of ``SHAPE`` on a body (13,), in the frame that the body's pose is given in."""
+    """The solid of a record of ``SHAPE`` on a body (13,), in the frame of the body's pose."""
     orientation = (body[3], body[4], body[5], body[6])
     offset = Point(shape.offset[0], shape.offset[1], shape.offset[2])
-    centre = along(Point(body[0], body[1], body[2]), 1.0, turned(orientation, offset))
+    centre = along(Point(body[0], body[1], body[2]), 1.0, rotated(orientation, offset))
     half = Point(shape.half_x, shape.half_y, shape.half_z)
     x, y, z = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)
     if shape.kind == ShapeKind.BALL:
         return Solid(True, half.x, centre, x, y, z, half)
     turn = product(orientation, (shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]))
-    w = turned(turn, z)
+    w = rotated(turn, z)
     level = math.hypot(w.x, w.y)
     if shape.kind == ShapeKind.ROUND and level > 1e-6:
         u = Point(-w.y / level, w.x / level, 0.0)  # level, and across the axis
         return Solid(False, 0.0, centre, u, cross(w, u), w, half)
-    return Solid(False, 0.0, centre, turned(turn, x), turned(turn, y), w, half)
+    return Solid(False, 0.0, centre, rotated(turn, x), rotated(turn, y), w, half)

@@ -1,4 +1,4 @@
-"""What bodies stand on: one table, a record for each body."""
+"""Supports: the ground under each body, one table with a record for each body."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 
 class Support(IntEnum):
-    """What a body has under it.
+    """Kind of ground under a body.
 
-    NONE: nothing that it can touch until the next update. PLANE: the plane of the ground under it; where its middle is
-    below the ground, that of the facet over it, whose foot is straight over the middle and whose deviation is unknown.
-    FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle whose collider is a mesh. ACROSS:
-    to be chosen by the samples of several tiles.
+    NONE: no ground that the body can touch until the next update. PLANE: the plane of the ground. If the body's middle
+    is below the ground, the plane is that of the facet straight above the middle, the foot lies straight above it, and
+    the deviation is unknown. FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle with a
+    mesh collider. ACROSS: still to be chosen, from the samples of several tiles.
     """
 
     NONE = 0
@@ -24,15 +24,16 @@ class Support(IntEnum):
     ACROSS = 4
 
 
-# ``state``: a `Support`; ``tile``: index of the tile, -1 = on none.
+# ``state``: a `Support`; ``tile``: index of the tile, -1 = none.
 # The rectangle: first sample ``row``, ``column``; ``rows`` x ``columns`` samples, ``stride`` samples of the map apart.
-# ``foot_*`` [m]: the ground's point nearest to the body; ``normal_*``: from there to the body, unit; ``gap`` [m]: how
-# far apart they are, negative where they overlap; ``facet_*``: the ground's upward normal there.
-# ``rise`` [m/s]: how fast the ground rises there, ``turn_*`` [rad/s]: how it turns, ``slide_x``, ``slide_y``
-# [m/s]: how it slides; means until the next update.
-# ``deviation`` [m]: how far the collider lies from the main mesh where the body can touch it, at most; NaN = unknown.
-# ``margin`` [m]: how far the body was taken to move relative to the ground until the next update.
-# ``first``: where its heights start among those of all fields, -1 = it has none.
+# ``foot_*`` [m]: the ground's point nearest to the body; ``normal_*``: unit direction from the foot to the body;
+# ``gap`` [m]: distance between ground and body, negative if they overlap; ``facet_*``: the ground's upward unit normal.
+# ``rise`` [m/s]: vertical velocity of the ground at the foot; ``slide_x``, ``slide_y`` [m/s]: horizontal velocity;
+# ``turn_*`` [rad/s]: angular velocity. All three are means until the next update.
+# ``deviation`` [m]: bound on the distance between the collider and the main mesh where the body can touch it; NaN =
+# unknown.
+# ``margin`` [m]: predicted motion of the body relative to the ground until the next update.
+# ``first``: index of the support's first height in `Selector.samples`, -1 = its heights are read from the map.
 SUPPORT = np.dtype(
     [
         ("state", np.int64),
@@ -54,7 +55,7 @@ SUPPORT = np.dtype(
 
 
 def no_supports(count: int) -> Any:
-    """A table of bodies that have nothing yet."""
+    """Return a table of ``count`` bodies without support."""
     table = np.zeros(count, SUPPORT).view(np.recarray)
     table["tile"] = table["first"] = -1
     table["gap"], table["deviation"] = np.inf, np.nan

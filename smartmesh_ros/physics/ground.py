@@ -17,8 +17,8 @@ from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.physics.body_shapes import shape_of
-from smartmesh_ros.physics.carrying import Carrying
 from smartmesh_ros.physics.colliders.driver import Colliders
+from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower import Follower, roles_of
 from smartmesh_ros.physics.follower_reader import FollowerReader
 from smartmesh_ros.physics.leaving import leaves_support
@@ -66,7 +66,7 @@ class Ground:
         self._reader = FollowerReader(client)
         self._selector = Selector(self.terrain, self.config, self.stopwatch)
         self._selector.gravity = gravity
-        self._carrying = Carrying(client)
+        self._transport = CorrectionTransport(client)
         self._waking = Waking(client)
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # that the last update was made for
@@ -75,7 +75,7 @@ class Ground:
         self.states = np.empty((0, BODY_COLUMNS))  # of the followers at the last update
         self.positions_w = np.empty((0, 3))  # of the followers in the last step [m]
         self.moved_w = np.empty((0, 3))  # how far they move in a step [m]
-        self._told: list[tuple[list[int], FloatArray]] = []
+        self._expected_moves: list[tuple[list[int], FloatArray]] = []
         self._together: list[Follower] | None = None  # what is attached within `together`
 
     @property
@@ -99,7 +99,7 @@ class Ground:
 
     def will_move(self, indices: list[int], moved_w: FloatArray) -> None:
         """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
-        self._told.append((indices, moved_w))
+        self._expected_moves.append((indices, moved_w))
 
     def placed(self, body: int | None = None) -> None:
         """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
@@ -216,7 +216,7 @@ class Ground:
         with self.stopwatch.stage("bodies"):
             before, self.positions_w = self.positions_w, self._reader.positions()
             self.moved_w = self.positions_w - before
-            self._take_told()
+            self._apply_expected_moves()
             left = leaves_support(
                 self.positions_w, self.moved_w, self.states, self.supports, self.shapes, SELECTION.slack,
                 SELECTION.fastest * dt,
@@ -256,7 +256,7 @@ class Ground:
         self.colliders.exact = bool(moves)
         if moves and self.followers:
             self._read_states(0.0)
-            self._carrying.carry(moves, self.followers, self.shapes, self.states, self.supports)
+            self._transport.move_bodies(moves, self.followers, self.shapes, self.states, self.supports)
 
     def _apply(self, time: float) -> None:
         """Makes the colliders those of the supports."""
@@ -284,7 +284,7 @@ class Ground:
         self.states = carried_over(self.states, kept, np.full((count, BODY_COLUMNS), np.nan))
         self.positions_w = carried_over(self.positions_w, kept, np.full((count, 3), np.nan))
         self.moved_w = carried_over(self.moved_w, kept, np.zeros((count, 3)))
-        self._told.clear()
+        self._expected_moves.clear()
         self._roles = roles_of(followers)
         self.colliders.adopt(followers, kept)
         self._waking.adopt(kept)
@@ -295,9 +295,9 @@ class Ground:
         self.states = self._reader.states()
         self.positions_w = np.ascontiguousarray(self.states[:, :3])  # for compiled functions of one type
         self.moved_w = self.states[:, 7:10] * dt
-        self._told.clear()
+        self._expected_moves.clear()
 
-    def _take_told(self) -> None:
-        for indices, moved_w in self._told:
+    def _apply_expected_moves(self) -> None:
+        for indices, moved_w in self._expected_moves:
             self.moved_w[indices] = moved_w
-        self._told.clear()
+        self._expected_moves.clear()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Speed along the ground that a rescued body keeps at most [m/s].
 FASTEST_RESCUED = 5.0
 # Bodies whose middle is nearer to the plane of the ground under them are looked at closely [radii].
-NEAR = 0.5
+SUSPECT_HEIGHT = 0.5
 
 
 class Guard:
@@ -40,7 +40,7 @@ class Guard:
         """Puts bodies that are below the ground back onto it and returns how many. ``own`` (N,): the followers whose
         bodies may be moved; the others have their pose from elsewhere."""
         ground = self._ground
-        index = np.flatnonzero(own & suspicious(ground.states, ground.supports, ground.shapes, NEAR))
+        index = np.flatnonzero(own & possibly_buried(ground.states, ground.supports, ground.shapes, SUSPECT_HEIGHT))
         if not index.size:
             return 0
         heights, velocities = ground.terrain.at(ground.states[index, :2], time)
@@ -80,7 +80,7 @@ def lift_of(grid, shape, body, time, rules, memory_h, memory_r):
 
 
 @compiled
-def suspicious(states: FloatArray, supports: Any, shapes: Any, near: float) -> BoolArray:
+def possibly_buried(states: FloatArray, supports: Any, shapes: Any, near: float) -> BoolArray:
     """Which bodies may be under the ground: those that touch none of it, and those whose middle is not well above the
     plane under them (N,)."""
     found = np.zeros(len(states), np.bool_)

@@ -20,12 +20,12 @@ class GuestConfig:
     # They remain guests up to so many margins, so that none comes and goes at every step.
     stay: float = 1.5
     # Worlds find the same contact up to so many steps apart: a state is used when it is so old.
-    apart: int = 2
+    steps_apart: int = 2
     # In lasting contact the distance to the owner's state shrinks to 1/e in this time, or in the time that its states
     # are late if that is longer [s]: what pulls faster than it is told swings.
     settle: float = 0.03
     # A state is moved on no farther than this [s]: a velocity says nothing of what comes later.
-    farthest: float = 0.2
+    max_extrapolation: float = 0.2
     # Bodies are asked for contacts where the balls around them are so near [m]: PyBullet's contacts reach as far.
     touching: float = 0.02
     # A delay that was longer is forgotten by this share at each state.

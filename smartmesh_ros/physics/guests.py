@@ -20,7 +20,7 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.guest_config import GuestConfig
-from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any, require_sound
+from smartmesh_ros.physics.state_table import StateTable, blended, extrapolated, may_touch, near_any, require_valid
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Of a contact as PyBullet tells it: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
 # States that wait until they are old enough: a world that is behind by a quarter of a second has as many at 240 Hz.
-MOST_TOLD = 64
+MOST_PENDING = 64
 # Times that differ by rounding only are equal [s].
 INSTANT = 1e-9
 NOBODY = np.zeros(0, bool)
@@ -45,7 +45,7 @@ class Guest:
     touched: tuple[float, float] | None = None
 
 
-class _Told(NamedTuple):
+class _Received(NamedTuple):
     """States of all bodies of an owner, and the time that they hold for [s]."""
 
     states: StateTable
@@ -54,22 +54,22 @@ class _Told(NamedTuple):
 
 @dataclass(eq=False)
 class _Owner:
-    """Another world: what it ``told`` and is too young to be used, and what is used ``now``, None before the first;
-    whether its ``guests`` have not been set to that yet; how ``late`` it comes [s]; the names of its bodies, those
+    """Another world: what it ``pending`` and is too young to be used, and what is used ``now``, None before the first;
+    whether its ``guests`` have not been set to that yet; how ``delay`` it comes [s]; the names of its bodies, those
     ``shared`` with others, and by the rows of ``now`` which may not be guests for that. ``phase``: by how much its
     steps come after this world's, in steps, None before the first."""
 
-    told: deque[_Told] = field(default_factory=lambda: deque(maxlen=MOST_TOLD))
-    now: _Told | None = None
+    pending: deque[_Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
+    now: _Received | None = None
     new: bool = False
-    late: float = 0.0
+    delay: float = 0.0
     guests: dict[str, Guest] = field(default_factory=dict)
     names: frozenset[str] = frozenset()
     shared: frozenset[str] = frozenset()
     barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
     phase: float | None = None
 
-    def on_beat(self, steps: float, config: GuestConfig) -> int:
+    def to_own_steps(self, steps: float, config: GuestConfig) -> int:
         """The whole number of this world's steps that stands for a time of so many ``steps`` of the owner's."""
         if self.phase is None:
             self.phase = steps - round(steps)
@@ -81,7 +81,7 @@ class _Owner:
 
 
 class Guests:
-    """The guests of one `World`, which calls `come` before each step and `note_contacts` after it."""
+    """The guests of one `World`, which calls `advance` before each step and `note_contacts` after it."""
 
     def __init__(self, world: World, config: GuestConfig) -> None:
         self.config = config
@@ -92,7 +92,7 @@ class Guests:
     @property
     def counts(self) -> dict[str, tuple[int, int, float]]:
         """By owner: its bodies, how many are guests, and how late its states come [s]."""
-        return {name: (len(known.names), len(known.guests), known.late) for name, known in self._owners.items()}
+        return {name: (len(known.names), len(known.guests), known.delay) for name, known in self._owners.items()}
 
     def owner_of(self, name: str) -> str:
         """The other world that simulates a body, empty if none that is known does."""
@@ -101,14 +101,14 @@ class Guests:
     def take(self, owner: str, states: StateTable, time: float) -> list[InputError]:
         """Takes the states that all bodies of an owner have at ``time`` [s]. Raises `InputError` if one is impossible;
         returns the objections to bodies whose name is another's, which are left out."""
-        require_sound(states)
+        require_valid(states)
         known = self._owners.setdefault(owner, _Owner())
         dt = self._world.config.physics.dt
-        time = self._world.time + known.on_beat((time - self._world.time) / dt, self.config) * dt
-        late = max(self._world.time - time, 0.0)
-        known.late = max(late, known.late + self.config.forget * (late - known.late))
-        same = bool(known.told) and states.names is known.told[-1].states.names
-        known.told.append(_Told(states, time))
+        time = self._world.time + known.to_own_steps((time - self._world.time) / dt, self.config) * dt
+        delay = max(self._world.time - time, 0.0)
+        known.delay = max(delay, known.delay + self.config.forget * (delay - known.delay))
+        same = bool(known.pending) and states.names is known.pending[-1].states.names
+        known.pending.append(_Received(states, time))
         if same and not known.shared:
             return []
         known.names = frozenset(states.names)
@@ -120,7 +120,7 @@ class Guests:
         if known is not None and known.guests:
             with self._world.together():
                 for name in known.guests:
-                    self._world.dismiss(name)
+                    self._world.remove_guest(name)
 
     def clear(self) -> None:
         """Forgets all owners."""
@@ -132,17 +132,17 @@ class Guests:
         for known in self._owners.values():
             known.guests.pop(name, None)
 
-    def come(self) -> None:
+    def advance(self) -> None:
         """Brings guests to where they are now, before a step."""
-        latest = self._world.time - self.config.apart * self._world.config.physics.dt
+        latest = self._world.time - self.config.steps_apart * self._world.config.physics.dt
         for owner, known in self._owners.items():
             newest = None
-            while known.told and known.told[0].time <= latest + INSTANT:
-                newest = known.told.popleft()
+            while known.pending and known.pending[0].time <= latest + INSTANT:
+                newest = known.pending.popleft()
             if newest is not None:
                 self._use(known, newest)
             if known.now is not None:
-                self._invite_and_dismiss(owner, known, known.now)
+                self._add_and_remove(owner, known, known.now)
                 self._follow(known, known.now)
 
     def note_contacts(self) -> None:
@@ -184,7 +184,7 @@ class Guests:
             for name in sorted(known.shared - before)
         ]
 
-    def _use(self, known: _Owner, newest: _Told) -> None:
+    def _use(self, known: _Owner, newest: _Received) -> None:
         """Has guests follow newer states; those that are not among them any more as what they were are taken away."""
         states, before = newest.states, known.now
         known.now, known.new = newest, True
@@ -196,12 +196,12 @@ class Guests:
                     assert before is not None
                     if row is None or not states.same_body(row, before.states, guest.row):
                         del known.guests[name]
-                        self._world.dismiss(name)
+                        self._world.remove_guest(name)
                     else:
                         guest.row = row
         known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
-    def _invite_and_dismiss(self, owner: str, known: _Owner, now: _Told) -> None:
+    def _add_and_remove(self, owner: str, known: _Owner, now: _Received) -> None:
         """Makes guests of the bodies that come near, and takes those away that go."""
         world, states, ground = self._world, now.states, self._world.ground
         margins = np.full(len(states.names), self.config.margin)
@@ -226,16 +226,16 @@ class Guests:
         with world.together():
             for name in going:
                 del known.guests[name]
-                world.dismiss(name)
+                world.remove_guest(name)
             for row, name in coming:
-                uid = world.invite(name, owner, states.shape(row), float(states.masses[row]))
+                uid = world.add_guest(name, owner, states.shape(row), float(states.masses[row]))
                 known.guests[name] = Guest(row, uid)
         known.new = True
 
-    def _follow(self, known: _Owner, now: _Told) -> None:
+    def _follow(self, known: _Owner, now: _Received) -> None:
         """Sets guests to their owner's states if there are new ones, or draws them there; or leaves them alone."""
         dt = self._world.config.physics.dt
-        hold = known.late + self.config.apart * dt
+        hold = known.delay + self.config.steps_apart * dt
         setting, drawing = [], []
         for guest in known.guests.values():
             if guest.touched is None:
@@ -250,18 +250,18 @@ class Guests:
                 drawing.append(guest)
         known.new = False
         if setting:
-            self._put(setting, self._moved_on(now, setting))
+            self._put(setting, self._extrapolated(now, setting))
         if drawing:
-            share = 1.0 - math.exp(-dt / max(self.config.settle, known.late))
+            share = 1.0 - math.exp(-dt / max(self.config.settle, known.delay))
             states = self._calls.states([guest.uid for guest in drawing])
-            self._put(drawing, drawn_to(states, self._moved_on(now, drawing), share))
+            self._put(drawing, blended(states, self._extrapolated(now, drawing), share))
 
-    def _age(self, told: _Told) -> float:
-        return min(self._world.time - told.time, self.config.farthest)
+    def _age(self, received: _Received) -> float:
+        return min(self._world.time - received.time, self.config.max_extrapolation)
 
-    def _moved_on(self, now: _Told, guests: list[Guest]) -> FloatArray:
+    def _extrapolated(self, now: _Received, guests: list[Guest]) -> FloatArray:
         """States of guests' owners, moved on to now (n, 13)."""
-        return moved_on(now.states.numbers[[guest.row for guest in guests]], self._age(now))
+        return extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
 
     def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
         """Puts guests into states (n, 13)."""
@@ -269,4 +269,4 @@ class Guests:
         for guest, row in zip(guests, numbers.tolist(), strict=True):
             pb.resetBasePositionAndOrientation(guest.uid, row[:3], row[3:7], client)
             pb.resetBaseVelocity(guest.uid, row[7:10], row[10:], client)
-        self._world.put([guest.uid for guest in guests], numbers)
+        self._world.note_guest_states([guest.uid for guest in guests], numbers)

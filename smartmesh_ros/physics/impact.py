@@ -12,10 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, moved_by, scaled
-from smartmesh_ros.patches.selection import in_window, local_body, window_place
-from smartmesh_ros.patches.shapes import product, solid_of
-from smartmesh_ros.patches.touchable import (
+from smartmesh_ros.patches.contact_candidates import (
     UP,
     Travel,
     Window,
@@ -26,6 +23,9 @@ from smartmesh_ros.patches.touchable import (
     out_of_reach,
     surface_at,
 )
+from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, moved_by, scaled
+from smartmesh_ros.patches.selection import in_window, local_body, window_place
+from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import read_window
 

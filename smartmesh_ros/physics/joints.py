@@ -8,7 +8,7 @@ from typing import Any
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.limits import FARTHEST, FASTEST_SPIN, STRONGEST
+from smartmesh_ros.physics.limits import FARTHEST_BODY, FASTEST_SPIN, STRONGEST
 
 # The largest effort of a joint whose URDF gives no limit [Nm or N].
 DEFAULT_EFFORT = 100.0
@@ -30,7 +30,7 @@ class JointCommand:
     effort: float | None = None
 
     def __post_init__(self) -> None:
-        for name, most in (("position", FARTHEST), ("velocity", FASTEST_SPIN), ("effort", STRONGEST)):
+        for name, most in (("position", FARTHEST_BODY), ("velocity", FASTEST_SPIN), ("effort", STRONGEST)):
             value = getattr(self, name)
             if value is not None and not abs(value) <= most:  # not so either where it is NaN
                 raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite, to {most:g}")

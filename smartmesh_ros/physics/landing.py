@@ -103,7 +103,7 @@ class Landing:
         if not found:
             return None
         escapes = [self._escape(index) for index in np.flatnonzero(codes == DEEP).tolist()]
-        near = np.flatnonzero(codes == NEAR).tolist()
+        near = np.flatnonzero(codes == APPROACHING).tolist()
         followers, changes = self._changes(near, tries, time, dt, fall, shallow)
         clamped = [ground.followers[index] for index in followers]
         self.tries = {follower: tries.get(follower, 0) + 1 for follower in clamped}
@@ -173,7 +173,7 @@ class Landing:
 
 
 # What `approaching` says of a follower, beside zero: it may meet the ground in this step, or is deep in it.
-NEAR, DEEP = 1, 2
+APPROACHING, DEEP = 1, 2
 
 
 @compiled
@@ -201,7 +201,7 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
             codes[i] = DEEP
             count += 1
         elif (closing > shallow or length > near * shapes[i].radius) and gap - length < near * shapes[i].radius:
-            codes[i] = NEAR
+            codes[i] = APPROACHING
             count += 1
     return count
 

@@ -11,7 +11,7 @@ import math
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.state import BodyState
 
-FARTHEST = 1e7  # from the frame's origin [m]
+FARTHEST_BODY = 1e7  # from the frame's origin [m]
 FASTEST = 1e5  # [m/s]
 FASTEST_SPIN = 1e5  # [rad/s]
 STRONGEST = 1e12  # joint [Nm, N]
@@ -22,7 +22,7 @@ MASSES = (1e-6, 1e9)  # [kg]
 def require_possible(name: str, state: BodyState) -> None:
     """Raises `InputError` where a body is farther away or faster than anything simulated here."""
     for what, values, most, unit in (
-        ("position", state.position, FARTHEST, "m"),
+        ("position", state.position, FARTHEST_BODY, "m"),
         ("velocity", state.linear, FASTEST, "m/s"),
         ("angular velocity", state.angular, FASTEST_SPIN, "rad/s"),
     ):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.limits import FARTHEST, FASTEST, FASTEST_SPIN, MASSES, SIZES
+from smartmesh_ros.physics.limits import FARTHEST_BODY, FASTEST, FASTEST_SPIN, MASSES, SIZES
 from smartmesh_ros.physics.shapes import DIMENSIONS, Form, Shape, SolidKind, shape_of
 from smartmesh_ros.physics.state import QUATERNION_SLACK
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
@@ -54,11 +54,11 @@ class StateTable(NamedTuple):
         )
 
 
-# What `first_unsound` says of a body, with the reason that it is refused for.
-UNSOUND = {
+# What `first_invalid` says of a body, with the reason that it is refused for.
+INVALID = {
     1: ("non_finite", "a state that is not finite"),
     2: ("quaternion", "an orientation whose length is not 1"),
-    3: ("geometry", f"a position farther than {FARTHEST:g} m"),
+    3: ("geometry", f"a position farther than {FARTHEST_BODY:g} m"),
     4: ("geometry", f"a velocity above {FASTEST:g} m/s"),
     5: ("geometry", f"an angular velocity above {FASTEST_SPIN:g} rad/s"),
     6: ("shape", "a shape of no known kind"),
@@ -69,29 +69,29 @@ UNSOUND = {
 }
 
 
-def require_sound(states: StateTable) -> None:
+def require_valid(states: StateTable) -> None:
     """Raises `InputError`, naming the first body, where a state or a shape can be no body's."""
-    row, code = first_unsound(
+    row, code = first_invalid(
         states.numbers, states.radii, states.kinds, states.dimensions, states.centres, states.masses
     )
     if code:
-        reason, wrong = UNSOUND[code]
+        reason, wrong = INVALID[code]
         raise InputError(reason, f"body {states.names[row]!r} has {wrong}")
 
 
 @compiled
-def first_unsound(
+def first_invalid(
     numbers: FloatArray, radii: FloatArray, kinds: NDArray[np.uint8], dimensions: FloatArray, centres: FloatArray,
     masses: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """The row of the first body that can be none, and why not (`UNSOUND`); zeros where all can."""
+    """The row of the first body that can be none, and why not (`INVALID`); zeros where all can."""
     for i in range(len(numbers)):
-        turned = math.sqrt(numbers[i, 3] ** 2 + numbers[i, 4] ** 2 + numbers[i, 5] ** 2 + numbers[i, 6] ** 2)
+        length = math.sqrt(numbers[i, 3] ** 2 + numbers[i, 4] ** 2 + numbers[i, 5] ** 2 + numbers[i, 6] ** 2)
         if not np.isfinite(numbers[i]).all():
             return i, 1
-        if not abs(turned - 1.0) <= QUATERNION_SLACK:
+        if not abs(length - 1.0) <= QUATERNION_SLACK:
             return i, 2
-        if np.abs(numbers[i, :3]).max() > FARTHEST:
+        if np.abs(numbers[i, :3]).max() > FARTHEST_BODY:
             return i, 3
         if np.abs(numbers[i, 7:10]).max() > FASTEST:
             return i, 4
@@ -113,7 +113,7 @@ def first_unsound(
 
 
 @compiled
-def moved_on(numbers: FloatArray, duration: float) -> FloatArray:
+def extrapolated(numbers: FloatArray, duration: float) -> FloatArray:
     """States (n, 13) after a ``duration`` [s], which may be negative, at their velocities."""
     moved = numbers.copy()
     for i in range(len(numbers)):
@@ -133,7 +133,7 @@ def moved_on(numbers: FloatArray, duration: float) -> FloatArray:
 
 
 @compiled
-def drawn_to(numbers: FloatArray, targets: FloatArray, share: float) -> FloatArray:
+def blended(numbers: FloatArray, targets: FloatArray, share: float) -> FloatArray:
     """States (n, 13) a ``share`` (0 to 1) of the way to others."""
     drawn = numbers + share * (targets - numbers)
     for i in range(len(numbers)):

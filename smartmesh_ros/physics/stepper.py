@@ -68,12 +68,12 @@ class Stepper:
         self.landing = Landing(client, ground)
         self._guard = Guard(ground)
 
-    def refresh(self, time: float, physics: PhysicsConfig, *, behind: bool = False) -> None:
-        """Refreshes the patches at ``time`` [s], and puts bodies below the ground back onto it. ``behind``: as in
+    def refresh(self, time: float, physics: PhysicsConfig, *, behind_real_time: bool = False) -> None:
+        """Refreshes the patches at ``time`` [s], and puts bodies below the ground back onto it. ``behind_real_time``: as in
         `UpdateSchedule.begin`."""
         self.counts.refreshes += 1
         ground, dt = self._ground, physics.dt
-        steps = self._schedule.begin(ground.terrain, time, dt, ground.config.rate, behind=behind)
+        steps = self._schedule.begin(ground.terrain, time, dt, ground.config.rate, behind_real_time=behind_real_time)
         ground.update(time, dt, steps)
         if self._drop_lost():
             ground.update(time, dt, steps)
@@ -82,11 +82,11 @@ class Stepper:
             self.counts.rescues += rescued
             ground.update(time, dt, steps)
 
-    def prepare(self, time: float, physics: PhysicsConfig, *, behind: bool = False) -> None:
+    def prepare(self, time: float, physics: PhysicsConfig, *, behind_real_time: bool = False) -> None:
         """Refreshes the patches if they are due at ``time`` [s]; else lets them move on with the ground."""
         ground = self._ground
-        if ground.stale or self._schedule.due(ground.terrain, behind=behind):
-            self.refresh(time, physics, behind=behind)
+        if ground.stale or self._schedule.due(ground.terrain, behind_real_time=behind_real_time):
+            self.refresh(time, physics, behind_real_time=behind_real_time)
         elif ground.go_on(time, physics.dt):
             self.counts.refreshes += 1
 

@@ -103,7 +103,7 @@ class WholeMesh:
         assert isinstance(mesh, HeightMap)
         geometry = mesh.geometry
         heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.hole)
-        turned = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
+        rotated = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
         rows, columns = geometry.columns, geometry.rows  # of the collider, a quarter turn from the map
         if name not in self._colliders:
             bounds = np.zeros(geometry.size)
@@ -121,7 +121,7 @@ class WholeMesh:
             self._colliders[name] = (mesh, shape, self._create(shape, position, _quarter_turn(geometry.yaw)))
         self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
-            heightfieldData=turned.tolist(),
+            heightfieldData=rotated.tolist(),
             numHeightfieldRows=columns,
             numHeightfieldColumns=rows,
             replaceHeightfieldIndex=self._colliders[name][1],

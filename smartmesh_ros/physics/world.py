@@ -24,7 +24,7 @@ from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
-from smartmesh_ros.physics.limits import FARTHEST, require_possible
+from smartmesh_ros.physics.limits import FARTHEST_BODY, require_possible
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
@@ -48,7 +48,7 @@ class WorldConfig:
 class World:
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind``: whether the
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: whether the
     world is behind real time, so that patches are to last as long as their rate allows although maps come.
     """
 
@@ -61,7 +61,7 @@ class World:
         self.config = config or WorldConfig()
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
-        self.behind = False
+        self.behind_real_time = False
         self._counts = StepCounts()
         self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
         self._start()
@@ -158,19 +158,19 @@ class World:
         self._own_body(name)
         self._remove(name)
 
-    def invite(self, name: str, owner: str, shape: Shape, mass: float) -> int:
+    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int:
         """Adds a guest, which ``owner`` simulates, and returns its PyBullet body; `Guests` says where it is."""
         body = self._factory.simulated(name, shape, mass, BodyState())
         body.owner = owner
         self._add(body)
         return body.uid
 
-    def dismiss(self, name: str) -> None:
+    def remove_guest(self, name: str) -> None:
         """Takes a guest out of the world."""
         if name in self.bodies:
             self._remove(name)
 
-    def put(self, uids: list[int], numbers: FloatArray) -> None:
+    def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None:
         """Says that guests were put into states (n, 13): none was thrown there."""
         ground = self.ground
         chosen = [self._index.first[uid] for uid in uids]
@@ -208,17 +208,17 @@ class World:
 
     def refresh(self) -> None:
         """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
-        self.stepper.refresh(self.time, self.config.physics, behind=self.behind)
+        self.stepper.refresh(self.time, self.config.physics, behind_real_time=self.behind_real_time)
 
     def prepare(self) -> None:
         """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
-        self.stepper.prepare(self.time, self.config.physics, behind=self.behind)
+        self.stepper.prepare(self.time, self.config.physics, behind_real_time=self.behind_real_time)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
         """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
-                self.guests.come()
+                self.guests.advance()
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"):
@@ -355,9 +355,9 @@ class World:
     def _drop_lost(self) -> bool:
         """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
         positions = self.ground.positions_w
-        if np.abs(positions).max(initial=0.0) <= FARTHEST:  # not so either where there is a NaN
+        if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # not so either where there is a NaN
             return False
-        there = (np.abs(positions) <= FARTHEST).all(axis=1)
+        there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
         for name in self._index.bodies_of(np.flatnonzero(~there)):
             if self._is_guest(name):
                 self.guests.dropped(name)

@@ -29,7 +29,7 @@ def gap_to_corner(corner):
     return facets.corner_gap(corner)
 """
 ASK_GAP = (
-    "import numpy; from smartmesh_ros.patches.touchable import gap_to_corner; "
+    "import numpy; from smartmesh_ros.patches.contact_candidates import gap_to_corner; "
     "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
 )
 ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
@@ -94,7 +94,7 @@ def copy_of_this(folder: Path) -> None:
 
 def add_caller_and_callee(package: Path) -> None:
     """Adds a compiled function to one file of a package, and one that calls it to another."""
-    for name, more in (("facets", CALLEE), ("touchable", CALLER)):
+    for name, more in (("facets", CALLEE), ("contact_candidates", CALLER)):
         with (package / "patches" / f"{name}.py").open("a") as file:
             file.write(more)
 

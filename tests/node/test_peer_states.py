@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from smartmesh_ros import BodyState, Box, Capsule, HeightMap, InputError, PhysicsConfig, Sphere, World
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.outputs.body_outputs import BodyStates
-from smartmesh_ros.physics.state_table import require_sound
+from smartmesh_ros.physics.state_table import require_valid
 from smartmesh_ros.physics.states import simulated_states
 
 MOST, LONGEST = 1000, 64
@@ -76,7 +76,7 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
             spoilt[data.draw(st.integers(0, len(spoilt) - 1))] = data.draw(st.integers(0, 255))
     try:
         read = reader.read(bytes(spoilt), MOST, LONGEST)
-        require_sound(read.bodies)
+        require_valid(read.bodies)
     except InputError as error:
         assert str(error)
     assert reader.read(bytes(whole), MOST, LONGEST).bodies.names == names

@@ -15,6 +15,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
+from smartmesh_ros.patches.contact_candidates import Window, candidate_facets
 from smartmesh_ros.patches.selection import (
     acceleration_by_turning,
     in_window,
@@ -26,7 +27,6 @@ from smartmesh_ros.patches.selection import (
 from smartmesh_ros.patches.selector import Selector, rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE, solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.patches.touchable import Window, touched_facets
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import read_window
 from smartmesh_ros.terrain.terrain import Terrain
@@ -184,7 +184,7 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
     heights, rises, touched = (part[: place.high, : place.wide] for part in window_memory(140))
     read_window(grid, place.row, place.column, 1, case.time, case.duration, heights, rises)
     own = in_window(grid, place, solid)
-    touch = touched_facets(Window(heights, rises, grid.resolution), own, travel, touched)
+    touch = candidate_facets(Window(heights, rises, grid.resolution), own, travel, touched)
     if touch.facets == 0:
         return set()
     marks = touched[: place.high - 1, : place.wide - 1]

@@ -15,7 +15,7 @@ from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, Physics
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.shapes import Shape, form_of, shape_of
-from smartmesh_ros.physics.state_table import StateTable, drawn_to, may_touch, moved_on, near_any
+from smartmesh_ros.physics.state_table import StateTable, blended, extrapolated, may_touch, near_any
 from smartmesh_ros.physics.states import simulated_states
 from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
@@ -287,13 +287,13 @@ def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     rng = np.random.default_rng(seed)
     numbers = rng.normal(scale=5.0, size=(3, 13))
     numbers[:, 3:7] = [random_turn(rng) for _ in range(3)]
-    moved = moved_on(numbers, duration)
+    moved = extrapolated(numbers, duration)
     for before, after in zip(numbers, moved, strict=True):
         assert np.allclose(after[:3], before[:3] + duration * before[7:10])
         assert np.allclose(rotation(after[3:7]), turn_about(duration * before[10:]) @ rotation(before[3:7]), atol=1e-9)
         assert np.array_equal(after[7:], before[7:])
-    assert np.allclose(drawn_to(numbers, moved, 1.0)[:, :3], moved[:, :3])
-    half = drawn_to(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
+    assert np.allclose(blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
+    half = blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
     assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
 
 

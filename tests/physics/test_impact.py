@@ -11,11 +11,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
+from smartmesh_ros.patches.contact_candidates import Window
 from smartmesh_ros.patches.facets import Point, Solid, moved_by
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
-from smartmesh_ros.patches.touchable import Window
 from smartmesh_ros.physics.guard import lift_of
 from smartmesh_ros.physics.impact import (
     TOUCH,

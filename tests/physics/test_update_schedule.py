@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics.update_schedule import FIRST, LEAST, SOON, UpdateSchedule
+from smartmesh_ros.physics.update_schedule import FIRST_MAPS, LONGEST_LIFE, SHORTEST_LIFE, UpdateSchedule
 
 RATE, SIDE = 240.0, 41
 DT = 1.0 / RATE
@@ -64,9 +64,9 @@ def test_patches_are_due_with_maps_and_no_later_than_the_rate_says(rate: float, 
         age += 1
         if schedule.due(terrain):
             lasts = schedule.begin(terrain, step * dt, dt, rate)
-            assert 1 <= lasts <= (SOON * steps if steps > 1 else 1)
+            assert 1 <= lasts <= (LONGEST_LIFE * steps if steps > 1 else 1)
             age, waiting = 0, False
-        assert not waiting or age < LEAST * steps, "a map is left for later only if patches are new"
+        assert not waiting or age < SHORTEST_LIFE * steps, "a map is left for later only if patches are new"
         assert age < lasts, "nor are they left longer than they were made for"
 
 
@@ -79,8 +79,8 @@ def test_of_many_maps_patches_follow_the_first_at_once_and_then_some() -> None:
         if schedule.due(terrain):
             schedule.begin(terrain, step * DT, DT, 60.0)
             followed.append(step)
-    assert followed[:FIRST] == list(range(FIRST))
-    assert set(np.diff(followed[FIRST:]).tolist()) == {2}
+    assert followed[:FIRST_MAPS] == list(range(FIRST_MAPS))
+    assert set(np.diff(followed[FIRST_MAPS:]).tolist()) == {2}
 
 
 @pytest.mark.parametrize(
@@ -104,21 +104,21 @@ def test_in_a_hurry_patches_last_as_long_as_the_rate_says_however_often_maps_com
     for step in range(120):
         if step % maps == 0:
             heightmap.replace(np.full((5, 5), 0.001 * step), time=step * DT)
-        if schedule.due(terrain, behind=True):
-            lasts = schedule.begin(terrain, step * DT, DT, 60.0, behind=True)
-            assert lasts <= SOON * 4
+        if schedule.due(terrain, behind_real_time=True):
+            lasts = schedule.begin(terrain, step * DT, DT, 60.0, behind_real_time=True)
+            assert lasts <= LONGEST_LIFE * 4
             followed.append(step)
     # Maps that come as seldom as patches are due are waited for as ever.
     assert set(np.diff(followed[2:]).tolist()) <= ({4, 5, 6} if maps in (4, 5) else {4})
 
 
-@pytest.mark.parametrize("behind", [False, True])
-def test_new_tiles_are_followed_at_once(behind: bool) -> None:
+@pytest.mark.parametrize("behind_real_time", [False, True])
+def test_new_tiles_are_followed_at_once(behind_real_time: bool) -> None:
     terrain, schedule = Terrain.of(HeightMap(np.zeros((5, 5)), resolution=1.0)), UpdateSchedule()
     schedule.begin(terrain, 0.0, DT, 10.0)
-    assert not schedule.due(terrain, behind=behind)
+    assert not schedule.due(terrain, behind_real_time=behind_real_time)
     terrain.put("", HeightMap(np.ones((5, 5)), resolution=1.0))
-    assert schedule.due(terrain, behind=behind)
+    assert schedule.due(terrain, behind_real_time=behind_real_time)
 
 
 @pytest.mark.parametrize("kind", ["auto", "plane", "heightfield", "trimesh"])

@@ -1,7 +1,7 @@
-"""Collecting the vertices of a patch around its nearest vertex (the report's Chapter 3).
+"""Collect the vertices of a patch around its nearest vertex (the report's Chapter 3).
 
-``rings`` is the report's collider-size: how many steps the search takes from the nearest vertex. Every method returns
-the same vertices in ascending order.
+``rings`` is the report's collider-size: the number of steps from the nearest vertex. Every method returns the same
+vertices in ascending order.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Collect = Callable[[Graph, int, int], list[int]]
 
 
 def queue_bfs(graph: Graph, start: int, rings: int) -> list[int]:
-    """Vertices within ``rings`` steps of ``start``, by the classic breadth-first search with a queue."""
+    """Return the vertices within ``rings`` steps of ``start`` by breadth-first search with a queue."""
     depth = {start: 0}
     queue = deque([start])
     while queue:
@@ -37,7 +37,7 @@ def queue_bfs(graph: Graph, start: int, rings: int) -> list[int]:
 
 
 def union_bfs(graph: Graph, start: int, rings: int) -> list[int]:
-    """The same by uniting the neighbours' sets, a ring at a time (Figure 11)."""
+    """Return the same vertices by uniting neighbour sets, one ring at a time (Figure 11)."""
     found = {start}
     ring = {start}
     for _ in range(rings):
@@ -50,23 +50,24 @@ BFS: dict[str, Collect] = {"queue_bfs": queue_bfs, "union_bfs": union_bfs}
 
 
 class PatchTopology(NamedTuple):
-    """A patch of a general mesh: its vertices (k,) in the mesh, ascending, and its triangles (t, 3) among them."""
+    """A patch of a general mesh: its vertices (k,) as indices into the mesh, ascending, and triangles (t, 3) as indices
+    into ``vertices``."""
 
     vertices: IntArray
     triangles: NDArray[np.int32]
 
 
 def topology_around(mesh: TriangleMesh, vertex: int, rings: int, collect: Collect = union_bfs) -> PatchTopology:
-    """The patch of ``rings`` steps around a vertex: the triangles all of whose corners are collected (Figure 5)."""
+    """The patch of ``rings`` steps around a vertex: all triangles whose three corners were collected (Figure 5)."""
     vertices = np.array(collect(mesh.graph, vertex, rings), np.int64)
     corners = mesh.triangles[mesh.triangles_within(vertices)]
     return PatchTopology(vertices, np.searchsorted(vertices, corners).astype(np.int32))
 
 
 class TopologyCache:
-    """Patches by nearest vertex and rings, kept because triangles do not change while vertices move.
+    """Cache of patches by nearest vertex and rings; valid while vertices move, because the triangles stay the same.
 
-    Filled on demand. The least recently used go when ``most_vertices`` are held in all.
+    Filled on demand. The least recently used patches are evicted beyond ``most_vertices`` vertices in total.
     """
 
     def __init__(self, mesh: TriangleMesh, most_vertices: int = 4_000_000) -> None:

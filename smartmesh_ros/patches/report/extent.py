@@ -1,4 +1,4 @@
-"""How many samples a patch needs: enough for the body, its way to the next update, and the search's rounding."""
+"""Size of a patch: room for the body, its motion until the next update, and the rounding to the nearest vertex."""
 
 from typing import NamedTuple
 
@@ -6,13 +6,14 @@ import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
-# Rings of the largest patch: 9 x 9 samples (the report's largest collider); larger bodies get a coarser stride.
-MOST_RINGS = 4
+# Rings of the largest patch on a grid: 9 x 9 samples (the report's largest collider); larger bodies get a coarser
+# stride.
+MOST_GRID_RINGS = 4
 
 
 class Extent(NamedTuple):
-    """Size of N patches, shapes (N,): rings around the centre and samples from one ring to the next; and between which
-    reaches [m] another size is not worth changing to."""
+    """Size of N patches, arrays of shape (N,): rings around the centre and stride from ring to ring [samples]; and
+    ``least`` to ``most`` [m], the range of reaches for which a patch keeps this size."""
 
     rings: IntArray
     stride: IntArray
@@ -21,18 +22,19 @@ class Extent(NamedTuple):
 
 
 def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0) -> Extent:
-    """Extent of patches for bodies that may touch ground within ``reach`` [m] of their centre until the next update.
+    """Return the size of patches for bodies that can touch ground within ``reach`` [m] of their centre until the next
+    update.
 
-    ``resolution`` [m] and ``smallest_side`` [samples] are the map's; ``fixed_rings`` > 0 sets the rings (the report's
-    collider-size, stride 1) instead. The patch never outgrows the map.
+    ``resolution`` [m] and ``smallest_side`` [samples] are the map's. ``fixed_rings`` > 0 sets the rings (the report's
+    collider-size) with stride 1. A patch is never larger than the map.
     """
     room = (smallest_side - 1) // 2
     if fixed_rings:
         rings = np.full(reach.shape, min(fixed_rings, room))
         return Extent(rings, np.ones_like(rings), np.zeros_like(reach), np.full_like(reach, np.inf))
-    # Half a cell more, because the patch is centred on the nearest vertex and not on the body.
+    # Half a cell more, because the patch is centred on the nearest vertex instead of the body.
     cells = np.clip(np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64), 1, room)
-    stride = -(-cells // MOST_RINGS)
+    stride = -(-cells // MOST_GRID_RINGS)
     rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
     covered = rings * stride
     most = np.where(covered + stride > room, np.inf, (covered - 0.5) * resolution)

@@ -1,5 +1,5 @@
-"""Patches of fixed extent on height maps: as many rings around the nearest vertex as the settings or the body's size
-say, found and collected by the report's methods."""
+"""Patches of fixed extent on height maps: rings around the nearest vertex, as many as the settings or the body's size
+require, found by the report's search and collect methods."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
 from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.contact_candidates import Travel, Window, candidate_facets, nearest_planes
 from smartmesh_ros.patches.report.collect import BFS
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.grid_search import GridSearch
@@ -19,7 +20,6 @@ from smartmesh_ros.patches.report.template import patch_template
 from smartmesh_ros.patches.selection import Place, describe, in_window, local_body
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.patches.touchable import Travel, Window, nearest_planes, touched_facets
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.graph import GridGraph
@@ -27,26 +27,27 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.terrain import Terrain
 
-EVERYWHERE = 1e9  # farther than any facet of a patch [m]
+UNBOUNDED = 1e9  # reach that makes every facet of a patch a candidate [m]
 
 
 class FixedPatches:
-    """Searches and collects patches of fixed extent, by the bodies' indices."""
+    """Searches and collects patches of fixed extent. Bodies are addressed by index."""
 
     def __init__(self, terrain: Terrain, stopwatch: Stopwatch) -> None:
         self._terrain = terrain
         self._stopwatch = stopwatch
         self._search = GridSearch()
-        # Rings and stride of each body's patch, and between which reaches [m] it stays as it is.
+        # Rings and stride of each body's patch, and the range of reaches [m] for which the patch keeps this size.
         self._extents = np.zeros((0, 4))
 
     def adopt(self, kept: IntArray) -> None:
-        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
         self._extents = carried_over(self._extents, kept, np.tile([0.0, 0.0, 0.0, -1.0], (len(kept), 1)))
         self._search.set_bodies(kept)
 
     def forget(self, bodies: IntArray | slice) -> None:
-        """Forgets where bodies were: they are on another map now, or patches are to be made anew."""
+        """Discard the patch sizes and last vertices of ``bodies``, because the bodies changed their map or the settings
+        changed."""
         self._extents[bodies, 3] = -1.0
         self._search.forget(bodies)
 
@@ -54,10 +55,12 @@ class FixedPatches:
         self, heightmap: HeightMap, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float,
         duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
     ) -> list[FloatArray]:  # fmt: skip
-        """Fills in the supports of the bodies in ``chosen`` (n,) on a map; their heights [m], each (K,).
+        """Write the supports of the bodies in ``chosen`` (n,) on a map and return the heights [m] of their patches,
+        each (K,).
 
-        ``shapes``, ``bodies``, ``supports``: as in `select`; ``reach`` (n,) [m]: how far from their centres bodies may
-        touch ground until the next update; ``before``: the patches of the last update, at which rays are cast.
+        ``shapes``, ``bodies``, ``supports``: as in `select`; ``reach`` (n,) [m]: radius about each body's centre within
+        which it can touch ground until the next update; ``before``: the patches of the last update, for the ray-cast
+        search.
         """
         geometry = heightmap.geometry
         self._set_extents(heightmap, chosen, reach, config.rings)
@@ -65,7 +68,7 @@ class FixedPatches:
             grid = geometry.to_grid(bodies[chosen, :2])
             cells = self._search.nearest(config.search, geometry, chosen, grid, bodies[chosen, :3], before)
             if len(self._terrain.tiles) > 1:
-                # Where tiles meet there is no rim: the grid goes on beyond the edge.
+                # Several tiles have no rim between them: a neighbour tile continues the grid beyond the edge.
                 nearest = np.ceil(grid - 0.5).astype(np.int64)
                 beyond = (nearest < 1) | (nearest > (geometry.rows - 2, geometry.columns - 2))
                 cells = Cells(*np.where(beyond.any(axis=1), nearest.T, cells))
@@ -83,7 +86,8 @@ class FixedPatches:
         return heights
 
     def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, rings: int) -> None:
-        """Grows patches at once and shrinks them only well below the size they have, so that none flickers."""
+        """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
+        sizes."""
         _, _, least, most = self._extents[chosen].T
         outgrown = (need > most) | (need < least)
         geometry = heightmap.geometry
@@ -97,7 +101,7 @@ class FixedPatches:
     ) -> FloatArray:  # fmt: skip
         geometry, stride = heightmap.geometry, self._extents[chosen, 1].astype(np.int64)
         rows, columns = cells
-        if len(self._terrain.tiles) == 1:  # a rim as wide as the patch keeps its topology
+        if len(self._terrain.tiles) == 1:  # stay one patch away from the edge, so that every patch is complete
             margin = rings * stride
             rows = np.maximum(np.minimum(rows, geometry.rows - 1 - margin), margin)
             columns = np.maximum(np.minimum(columns, geometry.columns - 1 - margin), margin)
@@ -120,7 +124,7 @@ class FixedPatches:
         self, heightmap: HeightMap, rings: int, rows: IntArray, columns: IntArray, stride: IntArray, time: float,
         ahead: float, config: PatchConfig,
     ) -> Samples:  # fmt: skip
-        """Samples (n, K) of patches by the chosen method."""
+        """Return the samples (n, K) of patches by the configured method."""
         geometry, template = heightmap.geometry, patch_template(rings)
         if config.collect == "cached" or len(self._terrain.tiles) > 1:
             r = rows[:, None] + template.rows * stride[:, None]
@@ -136,8 +140,8 @@ class FixedPatches:
 
 
 @compiled
-def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, touched):
-    """Fills in feet, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S)
+def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, marks):
+    """Write the foot, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S)
     [m]."""
     local = np.empty(13)
     for k in range(len(chosen)):
@@ -146,13 +150,13 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         local_body(grid, bodies[chosen[k]], local)
         solid = solid_of(shapes[chosen[k]], local)
         own = in_window(grid, place, solid)
-        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # of one type with `select`
+        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # array type of `select`
         window = Window(h, r, grid.resolution * place.stride)
-        touch = touched_facets(window, own, Travel(0.0, 0.0, 0.0, EVERYWHERE), touched)
-        if touch.facets == 0:
+        candidates = candidate_facets(window, own, Travel(0.0, 0.0, 0.0, UNBOUNDED), marks)
+        if candidates.facets == 0:
             support.state, support.gap = Support.NONE, math.inf
             continue
         support.state = Support.FIELD
-        support.gap, support.margin = touch.gap.distance, 0.0
-        plane, rise = nearest_planes(window, touch)
-        describe(grid, place, own, touch, plane, rise, duration, support)
+        support.gap, support.margin = candidates.gap.distance, 0.0
+        plane, rise = nearest_planes(window, candidates)
+        describe(grid, place, own, candidates, plane, rise, duration, support)

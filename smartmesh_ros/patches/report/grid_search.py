@@ -1,4 +1,4 @@
-"""Nearest vertices of a height map by the chosen method, remembered from update to update."""
+"""Nearest vertices of a height map by the configured method, with the last result as the next start."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 
 
 class GridSearch:
-    """Searches for bodies by their index, the map's rim left out."""
+    """Searches nearest vertices, excluding the map's rim. Bodies are addressed by index."""
 
     def __init__(self) -> None:
-        self._row = np.empty(0, np.int64)  # nearest vertex at the update before, -1 = none
+        self._row = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
         self._column = np.empty(0, np.int64)
 
     def set_bodies(self, kept: IntArray) -> None:
-        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
         self._row = carried_over(self._row, kept, np.full(len(kept), -1))
         self._column = carried_over(self._column, kept, np.full(len(kept), -1))
 
     def forget(self, bodies: IntArray | slice) -> None:
-        """Forgets where bodies were."""
+        """Discard the last vertices of ``bodies``."""
         self._row[bodies] = self._column[bodies] = -1
 
     def nearest(
@@ -41,9 +41,10 @@ class GridSearch:
         positions_w: FloatArray,
         before: list[PatchBatch],
     ) -> Cells:
-        """Vertices nearest to points given as fractional (row, column) (n, 2).
+        """Return the vertices nearest to points given as fractional (row, column) (n, 2).
 
-        ``positions_w`` (n, 3) [m] is where rays start; ``before`` holds the patches they are cast at.
+        ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays
+        are cast at.
         """
         if method == "grid_traversal":
             return nearest_vertices(geometry, grid)
@@ -55,7 +56,7 @@ class GridSearch:
             missed = row < 0
             if missed.any():
                 row[missed], column[missed] = brute_force_cells(geometry, grid[missed])
-            # A strided patch hits a vertex near the nearest one only; a step or two leads there.
+            # A ray on a strided patch hits a vertex near the nearest one; best-first search refines the hit.
         else:
             row = np.where(row < 0, geometry.rows // 2, row)
             column = np.where(column < 0, geometry.columns // 2, column)
@@ -66,7 +67,7 @@ class GridSearch:
 
 
 def _hits(bodies: IntArray, positions_w: FloatArray, before: list[PatchBatch]) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the vertices that rays from the bodies hit on the patches they had, -1 = missed or none."""
+    """Rows and columns of the vertices that rays from the bodies hit on their last patches, -1 = missed or no patch."""
     place = {body: index for index, body in enumerate(bodies.tolist())}
     rows, columns = np.full(len(bodies), -1), np.full(len(bodies), -1)
     for batch in before:

@@ -24,8 +24,8 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-# Rings of the largest patch of a general mesh.
-MOST_RINGS = 8
+# Rings of the largest patch on a general mesh.
+MOST_MESH_RINGS = 8
 
 
 class MeshPatches:
@@ -37,18 +37,18 @@ class MeshPatches:
         self._brute_force = BruteForce(mesh.size)
         self._cache = TopologyCache(mesh)
         self._table: IntArray | None = None
-        self._vertex = np.empty(0, np.int64)  # nearest vertex at the update before, -1 = none
+        self._vertex = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
 
     def adopt(self, kept: IntArray) -> None:
-        """Says which bodies there are, by their index before, -1 = new (N,)."""
+        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
         self._vertex = carried_over(self._vertex, kept, np.full(len(kept), -1))
 
     def select(
         self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,
         config: PatchConfig, supports: Any, before: dict[int, MeshPatch], gravity: float, *, fixed: bool,
     ) -> dict[int, MeshPatch]:  # fmt: skip
-        """Fills in the supports of the bodies in ``chosen`` (n,); their patches by the body. Arguments as in
-        `FixedPatches.select`; ``fixed``: whether bodies that cannot touch the mesh have patches all the same."""
+        """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
+        `FixedPatches.select`; ``fixed``: give patches to bodies that cannot touch the mesh as well."""
         require_search(config.search, self.mesh)
         positions_w = bodies[chosen, :3]
         with self._stopwatch.stage("search"):
@@ -64,7 +64,7 @@ class MeshPatches:
     def _search(
         self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch], config: PatchConfig
     ) -> IntArray:
-        """Nearest vertices by the chosen method."""
+        """Return the nearest vertices by the configured method."""
         method, mesh = config.search, self.mesh
         if method == "grid_traversal":
             assert mesh.shape.grid is not None
@@ -82,7 +82,7 @@ class MeshPatches:
         return found
 
     def _hits(self, bodies: IntArray, positions_w: FloatArray, before: dict[int, MeshPatch]) -> IntArray:
-        """Vertices that rays from the bodies hit on the patches they had, -1 = missed or none."""
+        """Return the vertices that rays from the bodies hit on their last patches, -1 = missed or no patch."""
         found = np.full(len(bodies), -1)
         for index, body in enumerate(bodies.tolist()):
             patch = before.get(body)
@@ -96,7 +96,7 @@ class MeshPatches:
         config: PatchConfig, supports: Any, gravity: float, *, fixed: bool,
     ) -> MeshPatch:  # fmt: skip
         mesh = self.mesh
-        rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_RINGS)
+        rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)
         topology = self._topology(vertex, rings, config)
         now = mesh.sample(topology.vertices, time, duration)
         support = supports[body]
@@ -127,8 +127,8 @@ class MeshPatches:
 
 @compiled
 def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
-    """Writes the foot, normals and gap of a body, ``chosen`` (1,), to triangles (T, 3) among ``positions`` (K, 3)
-    [m]."""
+    """Write the foot, the normals and the gap of a body, ``chosen`` (1,), from the nearest of the triangles (T, 3)
+    among ``positions`` (K, 3) [m]."""
     i = chosen[0]
     solid, support = solid_of(shapes[i], bodies[i]), supports[i]
     best, up = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre), Point(0.0, 0.0, 1.0)
@@ -153,8 +153,8 @@ def mesh_twist(
 ) -> tuple[FloatArray, FloatArray]:
     """Twist of the rigid motion nearest to the ``velocities`` (k, 3) of points at ``offsets`` (k, 3) from a centre.
 
-    By least squares, weighted towards where the ``body`` is (3,) from that centre [m]: at a distance of one ``edge``
-    [m] the weight is a seventh. The mean over a patch is another motion where the velocity is curved.
+    Least squares, weighted towards the position of the ``body`` (3,) from that centre [m]: at a distance of one
+    ``edge`` [m] the weight is a seventh. A plain mean over the patch would be wrong where the velocity field is curved.
     """
     distance = np.einsum("ij,ij->i", offsets - body, offsets - body)
     weight = np.exp(-2.0 * (distance - distance.min()) / (edge * edge))[:, None]
@@ -162,6 +162,6 @@ def mesh_twist(
     middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
     arm, swing = offsets - middle, velocities - linear
     inertia = (share * arm * arm).sum() * np.eye(3) - (share * arm).T @ arm
-    # A flat patch does not tell about turning in its own plane beyond what its points show; lstsq leaves that out.
+    # Points along a line leave one rotation undetermined; lstsq sets it to zero.
     angular = np.linalg.lstsq(inertia, (share * np.cross(arm, swing)).sum(axis=0), rcond=1e-9)[0]
     return linear - np.cross(angular, middle), angular

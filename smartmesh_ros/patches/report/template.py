@@ -25,7 +25,7 @@ class PatchTemplate:
     _indices: dict[int, IntArray] = field(default_factory=dict, repr=False)
 
     def indices(self, columns: int) -> IntArray:
-        """Offsets of the samples (1, K) in a row-major map of so many columns."""
+        """Offsets of the samples (1, K) in a row-major map of ``columns`` columns."""
         cached = self._indices.get(columns)
         if cached is None:
             cached = self._indices[columns] = (self.rows * columns + self.columns)[None, :]

@@ -71,7 +71,7 @@ def plan(
     return misfits
 
 
-class Made(NamedTuple):
+class ColliderInfo(NamedTuple):
     """What of a collider never changes: PyBullet's body and shape; samples of a field, and where its heights are; and
     what it is handed on as."""
 
@@ -101,7 +101,7 @@ class Colliders:
         self._visual: int | None = None
         self._boxes: dict[float, int] = {}  # PyBullet's shapes, by half of their edges
         self._free: dict[tuple[float, ...], list[int]] = defaultdict(list)
-        self._made: list[Made] = []  # what never changes of the colliders in the table
+        self._made: list[ColliderInfo] = []  # what never changes of the colliders in the table
         self.table = np.zeros(0, COLLIDER).view(np.recarray)
         self._plain = self.table.view(np.ndarray)  # the same table, whose columns are read faster
         self._heights, self._at_contact = np.empty(0), np.empty(0)
@@ -145,7 +145,7 @@ class Colliders:
         """Makes the colliders those of the supports at ``time`` [s]."""
         self._changes[:], self._wanted[:] = NOTHING, -1
         limits = Limits(
-            0.0 if self.exact else SELECTION.carried * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
+            0.0 if self.exact else SELECTION.collider_slack * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
             COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
         )  # fmt: skip
         if config.grid_kind == "heightfield":
@@ -158,7 +158,7 @@ class Colliders:
         if differs.any():
             self._put_away(np.flatnonzero(differs & (self._active >= 0)))
             self._activate()
-        self._tell(selector.supports, edge_filter=config.edge_filter)
+        self._send_changes(selector.supports, edge_filter=config.edge_filter)
 
     def apply_meshes(self, batches: list[PatchBatch], supports: Any, config: PatchConfig) -> None:
         """Gives followers the mesh colliders of their patches."""
@@ -234,7 +234,7 @@ class Colliders:
         # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
         self._client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         self._pairs.claim(uid)
-        self._made.append(Made(uid, form, rows, columns, first, key))
+        self._made.append(ColliderInfo(uid, form, rows, columns, first, key))
         self._heights = np.concatenate([self._heights, np.full(rows * columns, np.nan)])
         self._at_contact = np.concatenate([self._at_contact, np.full(rows * columns, np.nan)])
         if place == len(self.table):
@@ -283,8 +283,8 @@ class Colliders:
             self._active[index] = place
             self._followers[index].collider = self._made[place].uid
 
-    def _tell(self, supports: Any, *, edge_filter: bool) -> None:
-        """Tells PyBullet what has changed, samples before poses before velocities.
+    def _send_changes(self, supports: Any, *, edge_filter: bool) -> None:
+        """Send the changes to PyBullet: samples before poses before velocities.
 
         The fields of balls are filtered only while the ground is at rest. Edges take little speed from a ball, and the
         filter costs a fifth of its step where the ground moves.
@@ -310,7 +310,7 @@ class Colliders:
                 velocity = velocities[row]
                 set_velocity(made.uid, velocity[:3], velocity[3:], client)
 
-    def _replace(self, made: Made, turned: int, filtered: bool) -> None:
+    def _replace(self, made: ColliderInfo, turned: int, filtered: bool) -> None:
         """Gives a field its heights."""
         self.replacements += 1
         heights = self._heights[made.first : made.first + made.rows * made.columns].tolist()

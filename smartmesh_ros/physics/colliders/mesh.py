@@ -67,7 +67,7 @@ class MeshColliders:
             surface = np.nan_to_num(vertices, nan=float(base[2]))
             built = self.built
             collider = self._collider(followers[index], batch.kind, surface - base, triangles, base, config.edge_filter)
-            uid, limit = collider.uid, SELECTION.carried * config.tolerance
+            uid, limit = collider.uid, SELECTION.collider_slack * config.tolerance
             if self.built != built or np.abs(base - collider.base).max() > limit:
                 collider.base = base
                 self.changed.append(index)

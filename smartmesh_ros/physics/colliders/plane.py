@@ -52,9 +52,9 @@ def plan_plane(collider, support, shape, time, limits, pose, velocity):
     away_y = foot_y - collider.y - depth * collider.ny
     away_z = foot_z - collider.z - depth * collider.nz
     off = abs(away_x * collider.nx + away_y * collider.ny + away_z * collider.nz)
-    turned = math.sqrt((nx - collider.nx) ** 2 + (ny - collider.ny) ** 2 + (nz - collider.nz) ** 2)
+    normal_change = math.sqrt((nx - collider.nx) ** 2 + (ny - collider.ny) ** 2 + (nz - collider.nz) ** 2)
     aside = math.sqrt(away_x * away_x + away_y * away_y + away_z * away_z)
-    stays = collider.there == 1 and off + turned * need <= limits.off and aside <= collider.extent - need
+    stays = collider.there == 1 and off + normal_change * need <= limits.off and aside <= collider.extent - need
     change = NOTHING
     if not stays:
         collider.x, collider.y, collider.z = foot_x - depth * nx, foot_y - depth * ny, foot_z - depth * nz

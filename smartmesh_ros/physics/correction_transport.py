@@ -13,33 +13,33 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.contact_candidates import extents, fitted_slopes
 from smartmesh_ros.patches.selection import local_body
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.patches.touchable import extents, fitted_slopes
 from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
 
 # Bodies whose lowest point is no higher above the ground than this are taken along, so that stacks stay whole [m].
-NEAR = 1.0
+HIGHEST_MOVED = 1.0
 # Points on a side of the grid that is laid under a shape.
 POINTS = 5
 # Of a ball, how far that grid reaches from its middle [radii]: it stands on one point.
-BALL = 0.25
+BALL_GRID = 0.25
 # Weight of links that do not stand on the ground, beside those that do.
-HANGING = 1e-6
+AIRBORNE_WEIGHT = 1e-6
 # Sums over the points under a body: weights, and products with x, y, the height before and the correction.
 SUMS = 12
 
 
-class Carrying:
+class CorrectionTransport:
     """Moves the bodies of a PyBullet world with corrections of the ground."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
 
-    def carry(
+    def move_bodies(
         self,
         moves: list[tuple[int, MovingGrid, MovingGrid]],
         followers: list[Follower],
@@ -98,9 +98,9 @@ def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
         solid = solid_of(shapes[i], local)
         spacing = before.resolution
         ground = height_on(before, solid.centre.y / spacing, solid.centre.x / spacing)
-        if not stands and not solid.centre.z - extents(solid).z - ground <= NEAR:
+        if not stands and not solid.centre.z - extents(solid).z - ground <= HIGHEST_MOVED:
             continue
-        share = BALL * solid.radius
+        share = BALL_GRID * solid.radius
         ax, ay, bx, by = share, 0.0, 0.0, share
         if not solid.ball:  # the two axes that lie flattest
             u, v, w, half = solid.u, solid.v, solid.w, solid.half
@@ -110,7 +110,7 @@ def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
                 ax, ay, bx, by = u.x * half.x, u.y * half.x, w.x * half.z, w.y * half.z
             else:
                 ax, ay, bx, by = u.x * half.x, u.y * half.x, v.x * half.y, v.y * half.y
-        weight = 1.0 if stands else HANGING
+        weight = 1.0 if stands else AIRBORNE_WEIGHT
         total, pose = sums[owners[i]], poses[owners[i]]
         for m in range(POINTS):
             for n in range(POINTS):

@@ -1,4 +1,4 @@
-"""Touchable ground: the facets of a window of samples that a solid can reach until the next update."""
+"""Contact candidates: the facets in a window of samples that a solid can reach until the next update."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ from smartmesh_ros.patches.facets import (
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import triangle_weights
 
-# Of facets that are as near, the one nearer to the solid's centre is taken: weight of that distance [-].
+# Weight of a facet's distance to the solid's centre in the choice of the nearest facet [-]; breaks ties between gaps.
 TIE = 1e-6
-# Points whose spread along one direction is less than this share of that along the other tell no plane.
+# Points determine no plane if their spread along one direction is less than this share of the spread along the other
+# (ratio of the determinant of their second moments to the squared trace).
 THIN = 1e-4
 UP = Point(0.0, 0.0, 1.0)
 
 
 class Window(NamedTuple):
-    """Samples (h, w): ``heights`` now [m] and how much they rise until the next update, ``rises`` [m]. Sample (a, b) is
-    at x = b ``spacing``, y = a ``spacing`` [m]; NaN = no ground."""
+    """Samples (h, w): ``heights`` now [m], and ``rises``, their change until the next update [m]. Sample (a, b) is at x
+    = b ``spacing``, y = a ``spacing`` [m]; NaN = no ground."""
 
     heights: FloatArray
     rises: FloatArray
@@ -46,8 +47,8 @@ class Window(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """How far a solid goes until the next update: its straight path (``x``, ``y``, ``z``), and what may be added to it
-    in any direction, ``more`` [m]."""
+    """Predicted motion of a solid until the next update: a straight path (``x``, ``y``, ``z``) [m], and ``more`` [m], a
+    bound on additional motion in any direction."""
 
     x: float
     y: float
@@ -55,9 +56,10 @@ class Travel(NamedTuple):
     more: float
 
 
-class Touch(NamedTuple):
-    """What a solid can touch: how many ``facets``, in cells ``top`` to ``bottom`` and ``left`` to ``right``; the
-    nearest of them (cell ``a``, ``b``, ``upper``) and its gap; the largest margin of any."""
+class Candidates(NamedTuple):
+    """The ground that a solid can touch: number of ``facets``; rows ``top`` to ``bottom`` and columns ``left`` to
+    ``right`` of their cells; the nearest facet (cell ``a``, ``b``, ``upper``) and its ``gap``; the largest ``margin``
+    of all facets [m]."""
 
     facets: int
     top: int
@@ -73,7 +75,7 @@ class Touch(NamedTuple):
 
 @compiled
 def facet_of(heights: FloatArray, spacing: float, a: int, b: int, upper: int) -> Facet:
-    """A facet of cell (a, b): the one below its diagonal, or the ``upper`` one."""
+    """The facet of cell (a, b) below its diagonal, or the ``upper`` one."""
     x, y = b * spacing, a * spacing
     first = Point(x, y, heights[a, b])
     opposite = Point(x + spacing, y + spacing, heights[a + 1, b + 1])
@@ -84,13 +86,13 @@ def facet_of(heights: FloatArray, spacing: float, a: int, b: int, upper: int) ->
 
 @compiled
 def is_ground(facet: Facet) -> bool:
-    """Whether none of a facet's corners is a hole."""
+    """Return True if no corner of a facet is a hole."""
     return not math.isnan(facet.a.z + facet.b.z + facet.c.z)
 
 
 @compiled
 def heights_of_cell(heights: FloatArray, a: int, b: int) -> tuple[float, float]:
-    """The lowest and the highest corner of cell (a, b), holes left out; infinite where there is none."""
+    """Lowest and highest corner of cell (a, b), ignoring holes; infinite if all corners are holes."""
     low, high = math.inf, -math.inf
     for z in (heights[a, b], heights[a, b + 1], heights[a + 1, b], heights[a + 1, b + 1]):
         if z < low:
@@ -102,14 +104,14 @@ def heights_of_cell(heights: FloatArray, a: int, b: int) -> tuple[float, float]:
 
 @compiled
 def margin_of(rises: Facet, travel: Travel) -> float:
-    """How far a solid may move relative to a facet whose corners rise by the heights of ``rises`` [m]."""
+    """Bound on a solid's motion relative to a facet whose corners rise by the heights of ``rises`` [m]."""
     vertical = max(abs(travel.z - rises.a.z), abs(travel.z - rises.b.z), abs(travel.z - rises.c.z))
     return math.sqrt(travel.x * travel.x + travel.y * travel.y + vertical * vertical) + travel.more
 
 
 @compiled
 def extents(solid: Solid) -> Point:
-    """Half extents of the bounds of a solid along x, y and z."""
+    """Half extents of a solid's axis-aligned bounding box."""
     return Point(
         reach_along(solid, Point(1.0, 0.0, 0.0)), reach_along(solid, Point(0.0, 1.0, 0.0)), reach_along(solid, UP)
     )
@@ -119,8 +121,8 @@ def extents(solid: Solid) -> Point:
 def out_of_reach(
     solid: Solid, extent: Point, x: float, y: float, spacing: float, low: float, high: float, margin: float
 ) -> bool:
-    """Whether all points of a cell from (x, y) on, between the heights ``low`` and ``high``, are farther than
-    ``margin`` from a solid with such bounds; it may be so where this says no."""
+    """Return True if a cell at (x, y), between the heights ``low`` and ``high``, is certainly farther than ``margin``
+    from a solid with half extents ``extent``. The test is conservative: False proves nothing."""
     centre = solid.centre
     away_x = max(x - centre.x, centre.x - x - spacing, 0.0)
     away_y = max(y - centre.y, centre.y - y - spacing, 0.0)
@@ -133,7 +135,7 @@ def out_of_reach(
 
 @compiled
 def largest_margin(window: Window, travel: Travel) -> float:
-    """How far a solid may move relative to any ground of a window."""
+    """Bound on a solid's motion relative to all ground of a window [m]."""
     fastest = 0.0
     high, wide = window.rises.shape
     for a in range(high):
@@ -143,9 +145,10 @@ def largest_margin(window: Window, travel: Travel) -> float:
 
 
 @compiled
-def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArray[np.uint8]) -> Touch:
-    """Finds the facets that a solid can touch, and marks them in ``touched`` (h - 1, w - 1): 1 below a cell's diagonal,
-    2 above it. Facets may be too many, never too few."""
+def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArray[np.uint8]) -> Candidates:
+    """Find the facets that a solid can touch, and write them to ``marks`` (h - 1, w - 1): bit 1 for the facet below a
+    cell's diagonal, bit 2 for the one above. The result is conservative: it may contain too many facets, never too
+    few."""
     high, wide = window.heights.shape
     extent, most = extents(solid), largest_margin(window, travel)
     count, top, bottom, left, right = 0, high, -1, wide, -1
@@ -153,7 +156,7 @@ def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArra
     nearest = Gap(math.inf, UP, solid.centre)
     for a in range(high - 1):
         for b in range(wide - 1):
-            touched[a, b] = 0
+            marks[a, b] = 0
             x, y = b * window.spacing, a * window.spacing
             low, top_z = heights_of_cell(window.heights, a, b)
             if out_of_reach(solid, extent, x, y, window.spacing, low, top_z, most):
@@ -166,7 +169,7 @@ def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArra
                 gap = gap_to(facet, solid)
                 if gap.distance > margin:
                     continue
-                touched[a, b] |= 1 + upper
+                marks[a, b] |= 1 + upper
                 count += 1
                 top, bottom, left, right = min(top, a), max(bottom, a), min(left, b), max(right, b)
                 widest = max(widest, margin)
@@ -174,12 +177,12 @@ def touched_facets(window: Window, solid: Solid, travel: Travel, touched: NDArra
                 rank = gap.distance + TIE * math.sqrt(dot(away, away))
                 if rank < best:
                     best, best_a, best_b, best_upper, nearest = rank, a, b, upper, gap
-    return Touch(count, top, bottom, left, right, best_a, best_b, best_upper, nearest, widest)
+    return Candidates(count, top, bottom, left, right, best_a, best_b, best_upper, nearest, widest)
 
 
 @compiled
 def surface_at(window: Window, x: float, y: float) -> tuple[float, float]:
-    """Height [m] of the ground over (x, y), and how much it rises [m]; NaN over holes."""
+    """Height [m] of the ground at (x, y) and its rise until the next update [m]; NaN over holes."""
     high, wide = window.heights.shape
     a, b, _, _, upper = triangle_weights(y / window.spacing, x / window.spacing, high, wide)
     facet = facet_of(window.heights, window.spacing, a, b, upper)
@@ -190,15 +193,15 @@ def surface_at(window: Window, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
-def nearest_planes(window: Window, touch: Touch) -> tuple[Plane, Plane]:
-    """The plane of the nearest facet, and how it rises until the next update."""
-    heights = facet_of(window.heights, window.spacing, touch.a, touch.b, touch.upper)
-    rises = facet_of(window.rises, window.spacing, touch.a, touch.b, touch.upper)
+def nearest_planes(window: Window, candidates: Candidates) -> tuple[Plane, Plane]:
+    """The plane of the nearest facet, and the plane of its rise until the next update."""
+    heights = facet_of(window.heights, window.spacing, candidates.a, candidates.b, candidates.upper)
+    rises = facet_of(window.rises, window.spacing, candidates.a, candidates.b, candidates.upper)
     return plane_of(heights), plane_of(rises)
 
 
 @compiled
-def inside(solid: Solid, p: Point) -> Point:
+def nearest_in_box(solid: Solid, p: Point) -> Point:
     """The point of a box nearest to ``p``."""
     own, half = in_frame(solid, p), solid.half
     clamped = Point(
@@ -210,8 +213,8 @@ def inside(solid: Solid, p: Point) -> Point:
 
 @compiled
 def fitted_slopes(sxx: float, sxy: float, syy: float, sxz: float, syz: float) -> tuple[bool, float, float]:
-    """Slopes along x and y of the plane fitted by least squares to points with such second moments about their mean;
-    first whether they tell them: they do not where they lie along a line."""
+    """Least-squares slopes along x and y of the plane through points with these second moments about their mean. The
+    first value is False if the points lie nearly along a line and determine no plane."""
     determinant = sxx * syy - sxy * sxy
     if determinant <= THIN * (sxx + syy) * (sxx + syy):
         return False, 0.0, 0.0
@@ -219,21 +222,23 @@ def fitted_slopes(sxx: float, sxy: float, syy: float, sxz: float, syz: float) ->
 
 
 @compiled
-def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[np.uint8]) -> tuple[Plane, Plane]:
-    """The plane fitted to the ground under a box where it can touch it, and how that plane rises, by least squares.
+def fitted_planes(
+    window: Window, solid: Solid, candidates: Candidates, marks: NDArray[np.uint8]
+) -> tuple[Plane, Plane]:
+    """Least-squares plane of the ground that a box can touch, and the least-squares plane of its rise.
 
-    One point for each touchable facet: where the box is nearest to the facet's middle. The plane of the nearest facet
-    where these points tell no plane.
+    Each candidate facet contributes one point: the ground below the point of the box nearest to the facet's middle. If
+    these points determine no plane, the planes of the nearest facet are returned.
     """
     n = sx = sy = sz = sr = sxx = sxy = syy = sxz = syz = sxr = syr = 0.0
     x0, y0 = solid.centre.x, solid.centre.y
-    for a in range(touch.top, touch.bottom + 1):
-        for b in range(touch.left, touch.right + 1):
+    for a in range(candidates.top, candidates.bottom + 1):
+        for b in range(candidates.left, candidates.right + 1):
             for upper in range(2):
-                if touched[a, b] & (1 + upper):
+                if marks[a, b] & (1 + upper):
                     f = facet_of(window.heights, window.spacing, a, b, upper)
                     middle = Point((f.a.x + f.b.x + f.c.x) / 3.0, (f.a.y + f.b.y + f.c.y) / 3.0, f.a.z)
-                    p = inside(solid, middle)
+                    p = nearest_in_box(solid, middle)
                     z, rise = surface_at(window, p.x, p.y)
                     if not math.isnan(z):
                         x, y = p.x - x0, p.y - y0
@@ -241,12 +246,12 @@ def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[n
                         sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
                         sxz, syz, sxr, syr = sxz + x * z, syz + y * z, sxr + x * rise, syr + y * rise
     if n < 3.0:
-        return nearest_planes(window, touch)
+        return nearest_planes(window, candidates)
     sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
     sxz, syz, sxr, syr = sxz - sx * sz / n, syz - sy * sz / n, sxr - sx * sr / n, syr - sy * sr / n
     known, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)
     if not known:
-        return nearest_planes(window, touch)
+        return nearest_planes(window, candidates)
     _, rise_x, rise_y = fitted_slopes(sxx, sxy, syy, sxr, syr)
     x, y = x0 + sx / n, y0 + sy / n
     return (
@@ -257,7 +262,7 @@ def fitted_planes(window: Window, solid: Solid, touch: Touch, touched: NDArray[n
 
 @compiled
 def corner_drift(rises: Facet, rise: Plane) -> float:
-    """How far the corners of a facet come off a plane that rises as ``rise``, at most [m]."""
+    """Largest distance that a facet's corners move off a plane that rises by ``rise``, vertically [m]."""
     return max(
         abs(rises.a.z - height_of(rise, rises.a.x, rises.a.y)),
         abs(rises.b.z - height_of(rise, rises.b.x, rises.b.y)),
@@ -267,7 +272,7 @@ def corner_drift(rises: Facet, rise: Plane) -> float:
 
 @compiled
 def on_plane(facet: Facet, plane: Plane) -> Facet:
-    """A facet's corners moved vertically onto a plane."""
+    """A facet's corners projected vertically onto a plane."""
     a, b, c = facet.a, facet.b, facet.c
     return Facet(
         Point(a.x, a.y, height_of(plane, a.x, a.y)),
@@ -278,17 +283,20 @@ def on_plane(facet: Facet, plane: Plane) -> Facet:
 
 @compiled
 def plane_deviation(
-    window: Window, solid: Solid, travel: Travel, touch: Touch, touched: NDArray[np.uint8], plane: Plane, rise: Plane,
+    window: Window, solid: Solid, travel: Travel, candidates: Candidates, marks: NDArray[np.uint8], plane: Plane, rise: Plane,
     limit: float,
 ) -> float:  # fmt: skip
-    """How far a plane that rises as ``rise`` may lie from the ground until the next update, vertically, wherever the
-    solid can touch either [m]; infinite where that is more than ``limit``, where a hole is under the part of the plane
-    that can be touched, or where the solid's centre is below it."""
+    """Bound on the vertical distance between a plane that rises by ``rise`` and the ground until the next update,
+    wherever the solid can touch either [m].
+
+    Infinite if the bound exceeds ``limit``, if the touchable part of the plane covers a hole, or if the solid's centre
+    is below the plane.
+    """
     high, wide = window.heights.shape
     normal = plane_normal(plane)
     if (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * normal.z <= 0.0:
         return math.inf
-    extent, most = extents(solid), max(largest_margin(window, travel), touch.margin)
+    extent, most = extents(solid), max(largest_margin(window, travel), candidates.margin)
     half = 0.5 * window.spacing
     swing = (abs(plane.slope_x) + abs(plane.slope_y)) * half
     worst = 0.0
@@ -296,7 +304,7 @@ def plane_deviation(
         for b in range(wide - 1):
             x, y = b * window.spacing, a * window.spacing
             middle = height_of(plane, x + half, y + half)
-            if touched[a, b] == 0 and out_of_reach(
+            if marks[a, b] == 0 and out_of_reach(
                 solid, extent, x, y, window.spacing, middle - swing, middle + swing, most
             ):
                 continue
@@ -304,7 +312,7 @@ def plane_deviation(
                 facet = facet_of(window.heights, window.spacing, a, b, upper)
                 flat = on_plane(facet, plane)
                 if not is_ground(facet):
-                    if gap_to(flat, solid).distance <= touch.margin:
+                    if gap_to(flat, solid).distance <= candidates.margin:
                         return math.inf
                     continue
                 rises = facet_of(window.rises, window.spacing, a, b, upper)
@@ -312,9 +320,9 @@ def plane_deviation(
                 off = max(abs(facet.a.z - flat.a.z), abs(facet.b.z - flat.b.z), abs(facet.c.z - flat.c.z)) + drift
                 if off <= worst:
                     continue
-                margin = max(margin_of(rises, travel), touch.margin)
+                margin = max(margin_of(rises, travel), candidates.margin)
                 bound = 0.0
-                if touched[a, b] & (1 + upper):
+                if marks[a, b] & (1 + upper):
                     bound = deviation_near(facet, plane, solid, gap_to(facet, solid), margin) + drift
                 gap = gap_to(flat, solid)
                 if gap.distance <= margin:
