@@ -18,7 +18,7 @@ from smartmesh_ros.testing import bags, heightmap_message, pose_message
 
 MAP_RATE, POSE_RATE = 20, 60
 SPEED = 0.5  # of the rover along x [m/s]
-START = 1_700_000_000.0  # a day in the past, as bags are from
+START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SCENE = InwardWaves(GridGeometry(rows=81, columns=101, resolution=0.1, origin=(-5.0, -4.0, 0.0)), Wave(0.2, 1.5, 3.0))
 
 
@@ -28,7 +28,7 @@ def stamp(time: float) -> Time:
 
 
 def heightmap(time: float) -> Any:
-    """Return the map so many seconds after the start."""
+    """Return the map at ``time`` [s] after the start."""
     geometry = SCENE.geometry
     return heightmap_message(
         SCENE.heights(time), resolution=geometry.resolution, origin=geometry.origin, stamp=stamp(START + time)
@@ -36,7 +36,7 @@ def heightmap(time: float) -> Any:
 
 
 def odometry(time: float) -> Odometry:
-    """Return the rover so many seconds after the start."""
+    """Return the rover's odometry at ``time`` [s] after the start."""
     message = Odometry(child_frame_id="base_link")
     message.header.stamp, message.header.frame_id = stamp(START + time), "map"
     message.pose.pose = pose_message((SPEED * time - 1.0, 0.5, 0.5))
@@ -45,7 +45,7 @@ def odometry(time: float) -> Odometry:
 
 
 def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
-    """(topic, time [s], message) in the order of time."""
+    """Yield (topic, time [s], message) in the order of time."""
     for tick in range(math.floor(seconds * POSE_RATE)):
         time = tick / POSE_RATE
         if tick % (POSE_RATE // MAP_RATE) == 0:

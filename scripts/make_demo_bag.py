@@ -1,5 +1,5 @@
-"""Writes a bag of the demo: the maps of its moving elevation model, the commands to its robot's wheels, and beside the
-bag the parameter file with its bodies, to tune for.
+"""Writes a bag of the demo for the tuner: the maps of the moving elevation model and the commands to the robot's
+wheels, and beside the bag a parameter file with the demo's bodies.
 
 scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
 """
@@ -20,7 +20,7 @@ from smartmesh_ros.node.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.testing import bags, heightmap_message
 
-START = 1_700_000_000.0  # a day in the past, as bags are from
+START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 COMMAND_RATE = 4.0
 WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.25, 0.4]")
@@ -36,7 +36,7 @@ def defaults(specs: tuple[Spec, ...]) -> dict[str, Any]:
 
 
 def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
-    """(topic, time [s], message) in the order of time."""
+    """Yield (topic, time [s], message) in the order of time."""
     scene = make_scene({**defaults(SPECS), **SOURCE})
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
     place = scene.geometry

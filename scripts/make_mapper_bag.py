@@ -1,8 +1,8 @@
-"""Writes a bag of a rover's elevation maps - grid maps with variances, a loop closed in the middle - and its odometry.
+"""Writes a bag of a rover's odometry and elevation maps: grid maps with variances, and a loop closure halfway.
 
 scripts/workspace run dev -- python scripts/make_mapper_bag.py tests/data/mapper
 
-Needs grid_map_msgs, installed or as the tests build it.
+Needs grid_map_msgs, installed or built for the tests.
 """
 
 import argparse
@@ -22,12 +22,12 @@ from smartmesh_ros.testing import bags, floats, pose_message
 from studies.mapper import DriftConfig, MapFrame, MapperConfig, MappingConfig, mapped_terrain
 from studies.mapper.grid_map import grid_map_arrays
 
-START = 1_700_000_000.0  # a day in the past, as bags are from
+START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 CELLS, RATE = 40, 5.0  # a small map and a slow one [Hz], to keep the bag small
 
 
 def drive(seconds: float, seed: int) -> MappingConfig:
-    """Return a drive of so many seconds with a loop closed in the middle of it; it drifts in seconds as others in a minute."""
+    """Return a drive of ``seconds`` [s] with a loop closure halfway, and a minute's drift in these few seconds."""
     return MappingConfig(
         duration=seconds,
         rate=RATE,
@@ -43,7 +43,7 @@ def stamp(time: float) -> Time:
 
 
 def grid_map(frame: MapFrame) -> GridMap:
-    """Return the message that an elevation mapper publishes."""
+    """Return the message of an elevation mapper for a frame."""
     arrays = grid_map_arrays(frame)
     message = GridMap(layers=list(arrays.layers), basic_layers=["elevation"])
     message.header.stamp, message.header.frame_id = stamp(frame.stamp), "map"
@@ -56,7 +56,7 @@ def grid_map(frame: MapFrame) -> GridMap:
 
 
 def layer(cells: NDArray[np.float32]) -> Float32MultiArray:
-    """Cell (along -x, along -y), stored column by column."""
+    """Return cells (along -x, along -y) as a layer stored column by column."""
     rows, columns = cells.shape
     message = Float32MultiArray(data=floats(cells.T))
     message.layout.dim = [
@@ -67,20 +67,20 @@ def layer(cells: NDArray[np.float32]) -> Float32MultiArray:
 
 
 def odometry(frame: MapFrame) -> Odometry:
-    """Where the rover takes itself to be; it says nothing of its speed."""
+    """Return the rover's estimated pose, without a velocity."""
     message = Odometry(child_frame_id="base_link")
     message.header.stamp, message.header.frame_id = stamp(frame.stamp), "map"
     message.pose.pose = pose_message(frame.estimate[:3])
     roll, pitch, yaw = (0.5 * angle for angle in frame.estimate[3:])
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in (roll, pitch, yaw))
-    turned = message.pose.pose.orientation
-    turned.w, turned.x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-    turned.y, turned.z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    q = message.pose.pose.orientation
+    q.w, q.x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    q.y, q.z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
     return message
 
 
 def messages(config: MappingConfig) -> Iterator[tuple[str, float, Any]]:
-    """(topic, time [s], message) in the order of time."""
+    """Yield (topic, time [s], message) in the order of time."""
     for frame in mapped_terrain(config):
         yield "/elevation_map", START + frame.stamp, grid_map(frame)
         yield "/odom", START + frame.stamp, odometry(frame)

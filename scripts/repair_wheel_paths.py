@@ -1,7 +1,7 @@
 """Points the CMake files of the ROS 2 wheels at this machine's Python and NumPy headers.
 
-The wheels were built in a container whose paths (/opt/python/cp3xx-cp3xx/...) are baked into about 20 exported CMake
-files; the message build stops where they do not exist.
+About 20 exported CMake files contain paths of the container that built the wheels (/opt/python/cp3xx-cp3xx/...). The
+message build fails where these paths do not exist.
 """
 
 import re
@@ -16,7 +16,7 @@ NUMPY_INCLUDE = re.compile(r"/opt/python/cp\d+-cp\d+/lib/python3\.\d+/site-packa
 
 
 def repair(prefix: Path) -> int:
-    """Rewrite the two paths in every ``share/**/*.cmake`` below ``prefix``; returns the number of files changed."""
+    """Rewrite the two paths in every ``share/**/*.cmake`` below ``prefix``; return the number of changed files."""
     changed = 0
     for path in sorted((prefix / "share").rglob("*.cmake")):
         text = path.read_text(errors="surrogateescape")

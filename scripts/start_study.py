@@ -1,10 +1,10 @@
-"""How long nodes take from their command to the first line and to an answered service, and what memory they take.
+"""Measures the start of nodes: time from the command to the first line and to an answered service, and peak memory.
 
     make start-study                  # about two minutes on an idle machine with two cores
     make start-study ARGS="--runs 5"
 
-Each case starts with an empty user cache: what ``make`` installed with colcon; a wheel, installed by pip into a folder
-of its own; a bare copy of the sources, for which one node compiles; and four nodes of such a copy that start together.
+Each case starts with an empty user cache. The cases: the colcon workspace of ``make``; a wheel, installed by pip into a
+separate folder; a bare copy of the sources, which one node compiles; and four nodes of such a copy that start together.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from smartmesh_ros.startup.domains import isolated
 
 ROOT = Path(__file__).resolve().parents[1]
 START = "from smartmesh_ros.startup.executables import terrain_collider; terrain_collider()"
-PATIENCE = 600.0
+TIMEOUT = 600.0  # [s]
 
 
 @dataclass
 class Start:
-    """A node's start: when its first line and its first answer came [s], and the most memory it had [MiB]."""
+    """A node's start: times of its first log line and its first answer [s], and its peak memory [MiB]."""
 
     line: float
     answer: float
@@ -44,7 +44,7 @@ class Start:
 
 
 def environment(cache: Path, package: Path | None) -> dict[str, str]:
-    """This environment with an empty user cache, and a package from elsewhere in front of the installed one."""
+    """Return this environment with an empty user cache, and with ``package`` in front of the installed package."""
     kept = {
         name: value
         for name, value in os.environ.items()
@@ -55,7 +55,7 @@ def environment(cache: Path, package: Path | None) -> dict[str, str]:
 
 
 def started(count: int, package: Path | None) -> list[Start]:
-    """Start nodes together and waits until each has answered a call."""
+    """Start ``count`` nodes together and wait until each has answered a call. Raises `TimeoutError`."""
     node = Node("start_study")
     prefix = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider"
     command = [sys.executable, "-P", "-c", START] if package else [str(prefix)]
@@ -81,7 +81,7 @@ def started(count: int, package: Path | None) -> list[Start]:
             for index in range(count):
                 Thread(target=read, args=[index], daemon=True).start()
             calls: dict[int, object] = {}
-            while len(answers) < count and monotonic() < begin + PATIENCE:
+            while len(answers) < count and monotonic() < begin + TIMEOUT:
                 rclpy.spin_once(node, timeout_sec=0.02)
                 for index, client in enumerate(clients):
                     if index not in calls and client.service_is_ready():
@@ -109,7 +109,7 @@ def bare(folder: Path) -> Path:
 
 
 def wheel(folder: Path) -> Path:
-    """Return a folder with the package as pip installs it from a wheel that was built from these sources."""
+    """Build a wheel from these sources, install it by pip into ``folder``; return the folder of the package."""
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     begin = monotonic()
     subprocess.run(
@@ -122,7 +122,7 @@ def wheel(folder: Path) -> Path:
 
 
 def report(name: str, starts: list[Start]) -> float:
-    """Print a row of the table; returns the time until the last answer [s]."""
+    """Print a row of the table; return the time until the last answer [s]."""
     line, answer = max(start.line for start in starts), max(start.answer for start in starts)
     print(f"| {name} | {line:.2f} s | {answer:.2f} s | {max(start.memory for start in starts):.0f} MiB |", flush=True)
     return answer

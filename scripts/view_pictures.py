@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes docs/images/view.png, the page over the running demo, and docs/images/demo.png, the same from behind its
-robot and without the panel; `make pictures`."""
+"""Writes docs/images/view.png, the page of the running demo, and docs/images/demo.png, the demo from behind its robot
+without the page's panel; `make pictures`."""
 
 import math
 import sys
@@ -25,27 +25,29 @@ from smartmesh_ros.view.remote import Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
-# Before pictures are taken, bodies fall onto the ground [s], and the page's plot gets a history [s].
+# Run times before the pictures [s]: until bodies have fallen onto the ground, and until the page's plot has a history.
 FALL, HISTORY = 1.0, 6.0
-# A robot stands on its wheels if its z axis is within this angle of the vertical [rad], and its base link this near to
-# the ground [m]. So long it may take until it does [s].
-UPRIGHT, NEAR, PATIENCE = math.radians(25.0), 0.4, 30.0
-# The node keeps up with real time above this factor.
+# The robot stands on its wheels if the tilt of its z axis [rad] and the height of its base link above the ground [m]
+# are below these bounds.
+MAX_TILT, MAX_HEIGHT = math.radians(25.0), 0.4
+# Limit of the wait for a suitable instant [s].
+TIMEOUT = 30.0
+# Real-time factor above which the node keeps up.
 REAL_TIME = 0.95
-# A browser without a graphics card draws the page anew within this time [ms].
+# Time in which a browser without a graphics card redraws the page [ms].
 DRAWING = 4000.0
-# The camera behind the robot, and above it, and the point ahead of the robot that it looks at [m].
+# Distances of the camera behind and above the robot, and of the camera's target ahead of the robot [m].
 BEHIND, ABOVE, AHEAD = 5.0, 3.6, 2.5
 
 
 class Stage:
-    """The demo, its page, and a browser that looks at the page."""
+    """The demo, its page, and a browser that shows the page."""
 
     def __init__(self, demo: Demo, remote: Remote, page: Page, opened: Any) -> None:
         self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
 
     def run(self, seconds: float) -> None:
-        """Let the demo go on, and the page follow it."""
+        """Run the demo and refresh the page for ``seconds`` [s]."""
         end = monotonic() + seconds
         while monotonic() < end:
             self.remote.spin(0.04)
@@ -54,7 +56,7 @@ class Stage:
             self.opened.wait_for_timeout(10)
 
     def close_alerts(self) -> None:
-        """Close the message that there is no graphics card."""
+        """Close the page's warning of a missing graphics card."""
         for close in self.opened.get_by_role("alert").get_by_role("button").all():
             close.click()
 
@@ -62,17 +64,17 @@ class Stage:
         """Return True if the robot stands on its wheels."""
         (x, y, z), (_, i, j, _) = self.remote.sight.bases[ROBOT]
         ground = float(self.remote.ground.heights(np.array([[x, y]]))[0])
-        return 1.0 - 2.0 * (i * i + j * j) > math.cos(UPRIGHT) and z - ground < NEAR
+        return 1.0 - 2.0 * (i * i + j * j) > math.cos(MAX_TILT) and z - ground < MAX_HEIGHT
 
     def keeps_up(self) -> bool:
-        """Return True if the node runs in real time. Maps that come late throw bodies up."""
+        """Return True if the node runs in real time. Late maps throw bodies up."""
         timings = self.remote.timings
         return bool(timings) and timings[-1][1].real_time_factor > REAL_TIME
 
     def shoot(self, path: Path, size: Any, place_camera: Callable[[], None]) -> None:
-        """Take a picture of an instant at which the robot stands on its wheels. The page is small and cheap to draw
-        until then, and is not refreshed while the browser draws it large: drawing takes the processor from the node."""
-        end = monotonic() + PATIENCE
+        """Take a picture at an instant when the robot stands on its wheels. Until then the page is small, and while the
+        browser draws it large it is not refreshed, because drawing takes processor time from the node."""
+        end = monotonic() + TIMEOUT
         while not (self.on_wheels() and self.keeps_up()):
             if monotonic() > end:
                 sys.exit(
@@ -87,11 +89,11 @@ class Stage:
         self.opened.screenshot(path=path)
 
     def look_at_the_bodies(self) -> None:
-        """Turn the page's camera to all bodies."""
+        """Point the page's camera at all bodies."""
         self.page.cameras.look(self.remote.ground, self.remote.sight)
 
     def stand_behind_the_robot(self) -> None:
-        """Turn the page's camera over the robot's shoulder to the middle of the other bodies."""
+        """Place the page's camera behind and above the robot, pointing at the median of the other bodies."""
         sight = self.remote.sight
         robot = np.array(sight.bases[ROBOT].position)
         away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
@@ -102,7 +104,7 @@ class Stage:
 
 @contextmanager
 def stage(path: str) -> Iterator[Stage]:
-    """Start everything, and ends it."""
+    """Run the demo, the page and a browser for the length of the block."""
     use_large_message_profile()
     with isolated_unless_chosen():
         rclpy.init()
@@ -110,7 +112,7 @@ def stage(path: str) -> Iterator[Stage]:
         page = Page(remote, "localhost", 0)
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
-            opened = browser.new_page(viewport=TINY)  # which costs the node next to nothing meanwhile
+            opened = browser.new_page(viewport=TINY)  # costs the node almost no processor time
             opened.goto(page.url)
             with demo_running() as demo:
                 yield Stage(demo, remote, page, opened)
@@ -121,7 +123,7 @@ def stage(path: str) -> Iterator[Stage]:
 
 
 def main() -> None:
-    """Write both."""
+    """Write both pictures."""
     path = find_browser()
     if path is None:
         sys.exit("no Chromium is installed (Debian: apt install chromium)")

@@ -1,4 +1,4 @@
-"""Writes docs/parameters.md from the declarations of the node.
+"""Writes docs/parameters.md from the node's parameter specifications.
 
 scripts/workspace run dev -- python scripts/write_parameters.py
 """

@@ -1,4 +1,4 @@
-"""Patches of a running ``terrain_collider`` for another simulator, over topics only; docs/other_simulators.md."""
+"""Client for other simulators: patches of a running ``terrain_collider`` over topics. See docs/other_simulators.md."""
 
 from smartmesh_ros.client.mujoco_field import write_field
 from smartmesh_ros.client.patch import Patch

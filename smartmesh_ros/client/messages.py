@@ -1,4 +1,4 @@
-"""``ColliderPatchArray`` read straight from its bytes: no object for each vertex."""
+"""``ColliderPatchArray`` read directly from its bytes, without a Python object for each vertex."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ KINDS = {
     ColliderPatch.PRISMS: "prisms",
     ColliderPatch.WHOLE: "whole",
 }
-# Bytes that a patch takes at the least: two names, five numbers, a twist and two lengths.
-_SMALLEST = 84
+# Minimum size of a patch [bytes]: two names, five numbers, a twist and two lengths.
+_MIN_PATCH_BYTES = 84
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchesMessage:
-    """``stamp`` [s] on the node's ROS clock; the other fields as in the message's definition."""
+    """Content of a ColliderPatchArray. ``stamp`` [s] is on the node's ROS clock; other fields as in the message."""
 
     stamp: float
     frame_id: str
@@ -35,12 +35,12 @@ class PatchesMessage:
 
 
 def read_patches(data: bytes) -> PatchesMessage:
-    """Return the message in CDR bytes. Raises `InputError` where they are none."""
+    """Return the message encoded in CDR bytes. Raises `InputError` if the bytes are malformed."""
     reader = CdrReader(data)
     sec, nanosec, frame_id = reader.number("i"), reader.number("I"), reader.text()
     incremental = bool(reader.number("B"))
     removed = [reader.text() for _ in range(reader.count(4))]
-    patches = [_patch(reader) for _ in range(reader.count(_SMALLEST))]
+    patches = [_patch(reader) for _ in range(reader.count(_MIN_PATCH_BYTES))]
     return PatchesMessage(
         stamp=sec + 1e-9 * nanosec, frame_id=frame_id, incremental=incremental, removed=removed, patches=patches
     )

@@ -1,7 +1,7 @@
 """Patches as height fields of MuJoCo.
 
-MuJoCo keeps a height as a share, 0 to 1, of its field's elevation, and finds contacts within the bounds that the model
-was compiled with. Whatever lies outside either is not collided with, and MuJoCo says nothing.
+MuJoCo stores a height as a fraction, 0 to 1, of the field's elevation, and finds contacts only within the bounds that
+the model was compiled with. Ground outside either range has no contacts, and MuJoCo reports no error.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 from smartmesh_ros.client.patch import Patch
 from smartmesh_ros.errors import InputError
 
-# Samples that a field is larger than its patch on each side, as high as the patch's rim: what gets there while the node
-# stalls does not fall.
+# Width of the rim around the patch [samples], at the height of the patch's edge. Raising it keeps bodies that leave the
+# patch while the node stalls from falling for longer.
 RIM = 6
-# MuJoCo's number for geoms that are height fields.
-HFIELD = 1
-# Where the field of a patch goes that is all hole [m].
+# mjGEOM_HFIELD: MuJoCo's geom type of height fields.
+GEOM_HFIELD = 1
+# Height to which the field of a patch without any ground is moved [m].
 FAR_BELOW = -1.0e4
 
 
 class _Field(NamedTuple):
-    """A height field of a model: its number, name and mocap body; how many samples it has ``room`` for; half of its
-    sides ``half_x``, ``half_y`` and its ``elevation`` [m], as the model was compiled with them."""
+    """A height field of a model: its number, name and mocap body, its capacity ``room`` [samples], and its half sides
+    ``half_x``, ``half_y`` and ``elevation`` [m] as compiled."""
 
     number: int
     name: str
@@ -38,12 +38,12 @@ class _Field(NamedTuple):
 
 
 def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: int = RIM) -> None:
-    """Make a height field of MuJoCo, alone on a mocap body, the surface of a patch, and moves the body there.
+    """Write a patch into a height field of MuJoCo, and move the field's mocap body to the patch.
 
-    ``field``: its name or number. ``rim``: samples that the field goes on around the patch, as high as the patch's
-    edge. MuJoCo cuts each cell along the same diagonal as the node, so that the triangles are the patch's own. Holes
-    are as deep as the field's elevation allows. Raises `InputError`, and writes nothing, if the model's field is too
-    small, not high enough, or on no mocap body, or the patch is no grid.
+    ``field``: name or number of the height field, used by one geom on a mocap body. ``rim``: width of the border around
+    the patch [samples], at the height of the patch's edge. MuJoCo cuts each cell along the same diagonal as the node,
+    so its triangles equal the patch's. Holes are as deep as the field's elevation allows. Raises `InputError`, and
+    writes nothing, if the model's field is too small, too low, or not on a mocap body, or if the patch is no grid.
     """
     found = _find(model, field)
     if patch.shape is None:
@@ -66,7 +66,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: i
             "size",
             f"the patch of {patch.name!r} reaches {half_x:.3g} x {half_y:.3g} m from its middle with its rim, and "
             f"height field {found.name!r} was compiled for {found.half_x:.3g} x {found.half_y:.3g} m; give it a size "
-            "at least as large, for MuJoCo finds no contacts beyond",
+            "at least as large, because MuJoCo finds no contacts beyond",
         )
     heights = patch.vertices_w[:, 2].reshape(rows, columns)
     if np.isnan(heights).all():
@@ -83,22 +83,22 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch, *, rim: i
 
 
 def _shares(heights: NDArray[np.float64], field: _Field, name: str) -> tuple[NDArray[np.float64], float]:
-    """Heights (rows, columns) [m] as shares of the field's elevation, holes zero; and where the body's base is then
-    [m], so that the ground is in the middle of the range."""
+    """Return heights (rows, columns) [m] as fractions of the field's elevation, zero in holes, and the base height of
+    the body [m] that centres the ground in the range. Raises `InputError` if the heights exceed the range."""
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     if not high - low <= field.elevation:
         raise InputError(
             "range",
             f"the patch of {name!r} spans {high - low:.3g} m from its lowest to its highest vertex, and height field "
             f"{field.name!r} has an elevation of {field.elevation:.3g} m; make the third number of its size "
-            f"{high - low:.3g} or more, for MuJoCo keeps heights as shares 0 to 1 of it",
+            f"{high - low:.3g} or more, because MuJoCo stores heights as fractions 0 to 1 of it",
         )
     base = 0.5 * (low + high - field.elevation)
     return np.nan_to_num(np.clip((heights - base) / field.elevation, 0.0, 1.0), nan=0.0), base
 
 
 def _find(model: Any, field: int | str) -> _Field:
-    """Return the height field of that name or number in a model."""
+    """Return the height field of a name or number. Raises `InputError` if it is missing or not on one mocap geom."""
     names = [model.hfield(number).name for number in range(model.nhfield)]
     if isinstance(field, str) and field not in names:
         raise InputError("parameter", f"the model has no height field {field!r}; it has {names}")
@@ -106,9 +106,9 @@ def _find(model: Any, field: int | str) -> _Field:
     if not 0 <= number < model.nhfield:
         raise InputError("parameter", f"the model has no height field {number}; it has {model.nhfield}, from 0 on")
     name = names[number] or str(number)
-    geoms = np.flatnonzero((model.geom_type == HFIELD) & (model.geom_dataid == number))
+    geoms = np.flatnonzero((model.geom_type == GEOM_HFIELD) & (model.geom_dataid == number))
     if len(geoms) != 1:
-        raise InputError("parameter", f"{len(geoms)} geoms are of height field {name!r}; it must be one")
+        raise InputError("parameter", f"{len(geoms)} geoms use height field {name!r}; it must be one")
     geom = int(geoms[0])
     mocap = int(model.body_mocapid[model.geom_bodyid[geom]])
     if mocap < 0:
@@ -117,6 +117,6 @@ def _find(model: Any, field: int | str) -> _Field:
         )
     ends = [*model.hfield_adr.tolist(), len(model.hfield_data)]
     room = min(end for end in ends if end > ends[number]) - ends[number]
-    # The bounds are those of the compiled size, which does not change; `hfield_size` is written here.
+    # Contacts are limited by the compiled bounds in `geom_aabb`, which never change, unlike `hfield_size`.
     _, _, middle, half_x, half_y, half_z = model.geom_aabb[geom].tolist()
     return _Field(number, name, mocap, room, half_x, half_y, middle + half_z)

@@ -1,4 +1,4 @@
-"""One collider patch as arrays, and where it is some time later."""
+"""One collider patch as arrays, and its extrapolation in time."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Patch:
     """The ground under one body, in the terrain's frame (z up).
 
     ``name``: the body. ``kind``: "heightfield", "plane", "trimesh", "hull", "prisms" or "whole". ``tile``, ``row``,
-    ``column``: the sample in the patch's middle; ``stride``: samples of the map from one vertex to the next.
-    ``vertices_w`` (K, 3) [m]: z is NaN in a hole; ``triangles`` (T, 3): counter-clockwise from above. ``linear_w``
-    [m/s] and ``angular_w`` [rad/s], (3,): the ground's twist at the middle. ``deviation`` [m]: the bound of the
-    vertical distance to the terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: the
-    instant the message told of, on the node's ROS clock. ``age`` [s]: from the stamp to the instant asked for.
-    ``moved`` [s]: how far the vertices were moved on, at most what the client allows.
+    ``column``: the patch's centre sample. ``stride``: map samples from one vertex to the next. ``vertices_w`` (K, 3)
+    [m]: z is NaN in a hole. ``triangles`` (T, 3): counter-clockwise from above. ``linear_w`` [m/s], ``angular_w``
+    [rad/s], (3,): the ground's twist at the centre sample. ``deviation`` [m]: bound of the vertical distance to the
+    terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: instant of the last message, on the
+    node's ROS clock. ``age`` [s]: time from the stamp to the requested instant. ``moved`` [s]: time by which the
+    vertices were extrapolated; the client limits it.
     """
 
     name: str
@@ -41,13 +41,13 @@ class Patch:
 
     @cached_property
     def shape(self) -> tuple[int, int] | None:
-        """Rows and columns of the vertices; None on a general mesh, whose vertices are in no rows."""
+        """Rows and columns of the vertices; None on a general mesh, whose vertices form no grid."""
         return _grid_shape(self.vertices_w[:, :2])
 
     @cached_property
     def centre(self) -> int:
-        """The vertex that the twist holds at: the middle of the rows and columns; on a general mesh, whose messages do
-        not tell it, the vertex nearest to the mean of all."""
+        """Index of the vertex at which the twist holds: the middle of the rows and columns, or, on a general mesh,
+        whose messages do not contain it, the vertex nearest to the mean of all vertices."""
         if self.shape is None:
             away = self.vertices_w[:, :2] - self.vertices_w[:, :2].mean(axis=0)
             return int(np.argmin((away**2).sum(axis=1)))
@@ -55,35 +55,35 @@ class Patch:
         return (rows - 1) // 2 * columns + (columns - 1) // 2
 
     def after(self, time: float) -> Patch:
-        """Return the patch ``time`` [s] later (earlier if negative), every vertex moved with the twist to first order."""
+        """Return the patch extrapolated by ``time`` [s] (negative = backwards), to first order in the twist."""
         centre, vertices = self.centre, self.vertices_w
         if time and (self.linear_w.any() or self.angular_w.any()):
             away = vertices - vertices[centre]
-            # Ground rises where it is: height differences do not turn into horizontal motion.
+            # A height field moves vertically, so height differences must not cause horizontal motion.
             away[:, 2] = 0.0
             vertices = vertices + time * (self.linear_w + _cross(self.angular_w, away))
         return self._with(vertices_w=vertices, moved=self.moved + time)
 
-    def aged(self, stamp: float, age: float) -> Patch:
-        """Return the same with another ``stamp`` [s] and ``age`` [s]."""
+    def with_age(self, stamp: float, age: float) -> Patch:
+        """Return a copy with another ``stamp`` [s] and ``age`` [s]."""
         return self._with(stamp=stamp, age=age)
 
     def _with(self, **changes: Any) -> Patch:
-        """Return a copy with other values, of the same rows and columns."""
-        made = replace(self, **changes)
-        made.__dict__.update(shape=self.shape, centre=self.centre)
-        return made
+        """Return a copy with changed fields that reuses the cached shape and centre."""
+        copy = replace(self, **changes)
+        copy.__dict__.update(shape=self.shape, centre=self.centre)
+        return copy
 
 
 def _cross(angular: NDArray[np.float64], away: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``angular`` (3,) x ``away`` (K, 3), several times as fast as NumPy's for few vectors."""
+    """Return ``angular`` (3,) x ``away`` (K, 3), several times faster than numpy.cross for few vectors."""
     x, y, z = angular.tolist()
     turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     return np.asarray(away @ turn)
 
 
 def _grid_shape(xy: NDArray[np.float64]) -> tuple[int, int] | None:
-    """Rows and columns of points (K, 2) that lie in rows of equal steps; None if they do not."""
+    """Return rows and columns of points (K, 2) on a regular grid in row order; None for other points."""
     count = len(xy)
     if count < 4:
         return None

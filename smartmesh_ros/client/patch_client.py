@@ -1,4 +1,4 @@
-"""The newest patch of each body, for a simulator's loop."""
+"""A client that keeps the newest patch of each body, for a simulator's loop."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from smartmesh_ros.client.patch import Patch
 from smartmesh_ros.client.tracked import TrackedLink, tracked_bodies
 from smartmesh_ros.errors import InputError
 
-# Reliable: of increments none may be missing.
+# Reliable, because an incremental message must not be lost.
 QOS = QoSProfile(depth=10)
 
 
 class PatchClient:
-    """Keeps the newest patch of each body of a ``terrain_collider`` and tells it where the simulator's links are.
+    """Keeps the newest patch of each body of a ``terrain_collider``, and publishes the poses of the simulator's links.
 
-    ``collider``: the node's whole name. ``node``: one of the caller's, spun by the caller's executor; None = a node of
-    the client's own, with a context of its own, handled in `spin_once`. ``ahead`` [s]: patches are moved on by no more
-    than this, so that ground whose node is gone does not run away. A context manager.
+    ``collider``: full name of the node terrain_collider. ``node``: the caller's node, spun by the caller's executor;
+    None = the client creates a node and context of its own and spins them in `spin_once`. ``ahead`` [s]: maximum time
+    by which patches are extrapolated, so that the ground stops if terrain_collider is gone. A context manager.
 
-    All methods but `spin_once` and `close` may be called from any thread.
+    All methods except `spin_once` and `close` are thread-safe.
     """
 
     def __init__(self, collider: str = "/terrain_collider", *, node: Node | None = None, ahead: float = 0.25) -> None:
         if not (math.isfinite(ahead) and ahead >= 0.0):
             raise InputError("parameter", f"ahead is {ahead} s; it must be zero or more")
         self.ahead = ahead
-        self.received = 0  # messages taken
-        self.refused = 0  # messages that were malformed
+        self.received = 0  # number of messages accepted
+        self.refused = 0  # number of malformed messages
         self._context: Context | None = None
         self._executor: SingleThreadedExecutor | None = None
         if node is None:
@@ -52,7 +52,7 @@ class PatchClient:
         self.node = node
         self._lock = Lock()
         self._known: dict[str, Patch] = {}
-        self._stamp: float | None = None  # of the last message; None until one told of all patches
+        self._stamp: float | None = None  # of the last message; None until a message with all patches arrived
         self._frame_id = ""
         self._publisher = node.create_publisher(TrackedBodyArray, f"{collider}/tracked_bodies", QOS)
         self._subscription = node.create_subscription(
@@ -66,7 +66,7 @@ class PatchClient:
         self.close()
 
     def close(self) -> None:
-        """End the client, and its node if that is its own."""
+        """End the client, and its node if the client created it."""
         if self._executor is None:
             self.node.destroy_subscription(self._subscription)
             self.node.destroy_publisher(self._publisher)
@@ -76,8 +76,8 @@ class PatchClient:
         rclpy.shutdown(context=self._context)
 
     def spin_once(self, timeout: float = 0.0) -> bool:
-        """Wait up to ``timeout`` [s] for a message, takes all that have arrived, and tells whether there were any. Not
-        for a client on a node of the caller's."""
+        """Wait up to ``timeout`` [s] for a message and handle all that arrived. Return True if any arrived. Raises
+        `RuntimeError` if the caller passed a node."""
         if self._executor is None:
             raise RuntimeError("the client's node is the caller's: spin it with the caller's executor")
         before = seen = self.received + self.refused
@@ -88,7 +88,7 @@ class PatchClient:
         return seen > before
 
     def wait_for(self, names: Iterable[str], timeout: float = 30.0) -> dict[str, Patch]:
-        """Spin until each of ``names`` has a patch, and returns the patches; raises `TimeoutError`."""
+        """Spin until each of ``names`` has a patch; return all patches. Raises `TimeoutError`."""
         wanted, end = set(names), monotonic() + timeout
         while not wanted <= self.patches().keys():
             if monotonic() > end:
@@ -97,28 +97,28 @@ class PatchClient:
         return self.patches()
 
     def now(self) -> float:
-        """Return the time of the node's ROS clock [s]: simulated time where the node's ``use_sim_time`` is set."""
+        """Return the time of the node's ROS clock [s]: simulated time if the node's ``use_sim_time`` is set."""
         return float(self.node.get_clock().now().nanoseconds * 1e-9)
 
     def patches(self, now: float | None = None) -> dict[str, Patch]:
-        """Return the patch of each body by its name, moved on to ``now`` [s] (None = the clock's time)."""
+        """Return the patches by body name, extrapolated to ``now`` [s] (None = the clock's time)."""
         with self._lock:
             known, stamp = dict(self._known), self._stamp
         if stamp is None:
             return {}
         age = (self.now() if now is None else now) - stamp
-        return {name: self._aged(patch, stamp, age) for name, patch in known.items()}
+        return {name: self._extrapolated(patch, stamp, age) for name, patch in known.items()}
 
     def patch(self, name: str, now: float | None = None) -> Patch | None:
-        """Return the patch of one body, moved on to ``now`` [s] (None = the clock's time); None = it has none."""
+        """Return the patch of a body, extrapolated to ``now`` [s] (None = the clock's time); None if it has none."""
         with self._lock:
             found, stamp = self._known.get(name), self._stamp
         if found is None or stamp is None:
             return None
-        return self._aged(found, stamp, (self.now() if now is None else now) - stamp)
+        return self._extrapolated(found, stamp, (self.now() if now is None else now) - stamp)
 
     def age(self, now: float | None = None) -> float:
-        """Time since the stamp of the last message [s]; infinite before the first."""
+        """Return the time since the stamp of the last message [s]; infinite before the first."""
         with self._lock:
             stamp = self._stamp
         return math.inf if stamp is None else (self.now() if now is None else now) - stamp
@@ -130,20 +130,21 @@ class PatchClient:
 
     @property
     def connected(self) -> bool:
-        """Whether somebody listens to the tracked bodies and somebody publishes patches."""
+        """True if the tracked bodies have a subscriber and the patches a publisher."""
         patches = self._subscription.topic_name
         return bool(self._publisher.get_subscription_count() and self.node.count_publishers(patches))
 
     def track(self, links: Iterable[TrackedLink], stamp: float | None = None) -> None:
-        """Publish where links are at ``stamp`` [s] (None = the clock's time): each gets a patch. Links left out for
-        the node's ``bodies.timeout`` lose theirs."""
+        """Publish the states of links at ``stamp`` [s] (None = the clock's time). Each link gets a patch, and loses it
+        if it is left out for longer than the node's ``bodies.timeout``."""
         clock = self.node.get_clock()
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
 
-    def _aged(self, patch: Patch, stamp: float, age: float) -> Patch:
-        """Return a kept patch at its age: one that a message with increments left out holds for that message's stamp."""
-        return patch.after(min(max(age, -self.ahead), self.ahead)).aged(stamp, age)
+    def _extrapolated(self, patch: Patch, stamp: float, age: float) -> Patch:
+        """Return a patch extrapolated by its age. ``stamp`` is the last message's, also for a patch that an incremental
+        message left out, because such a patch is unchanged."""
+        return patch.after(min(max(age, -self.ahead), self.ahead)).with_age(stamp, age)
 
     def _on_bytes(self, data: bytes) -> None:
         try:
@@ -157,7 +158,7 @@ class PatchClient:
 
     def _take(self, message: PatchesMessage) -> None:
         if message.incremental and self._stamp is None:
-            return  # increments of what was never seen; all patches come within seconds
+            return  # an increment without a base; a message with all patches follows within seconds
         if not message.incremental:
             self._known = {}
         for name in message.removed:

@@ -1,4 +1,4 @@
-"""Links of a simulator as tracked bodies of the node."""
+"""Links of a simulator as tracked bodies of ``terrain_collider``."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedLink:
-    """A link that gets a patch, in the terrain's frame: ``position`` of its centre [m], ``radius`` of the sphere around
-    it [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. Velocities that are all
-    zero are estimated by the node from successive poses."""
+    """A link that gets a patch, in the terrain's frame: ``position`` of its centre [m], ``radius`` of its bounding
+    sphere [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. If all velocities are
+    zero, the node estimates them from successive poses."""
 
     name: str
     position: Vector
@@ -27,7 +27,7 @@ class TrackedLink:
 
 
 def tracked_bodies(links: Iterable[TrackedLink], frame_id: str, stamp: Any) -> TrackedBodyArray:
-    """Return the message that tells where the links are at ``stamp``."""
+    """Return the message with the states of links at ``stamp``."""
     message = TrackedBodyArray(bodies=[_body(link) for link in links])
     message.header.frame_id, message.header.stamp = frame_id, stamp
     return message

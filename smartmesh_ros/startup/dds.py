@@ -25,7 +25,7 @@ def use_large_message_profile() -> None:
 def send_without_waiting() -> None:
     """Make this process drop datagrams that the network does not accept at once; DDS resends reliable messages later.
 
-    Otherwise a send to a disconnected machine blocks the physics for seconds, until the kernel gives up. No effect if the variable is set already or a profile has its own transports. Takes effect only before the first
-    node is created.
+    Otherwise a send to a disconnected machine blocks the physics for seconds, until the kernel gives up. No effect if
+    the variable is set already or a profile has its own transports. Takes effect only before the first node is created.
     """
     os.environ.setdefault(TRANSPORTS_VARIABLE, "DEFAULT?non_blocking=true")

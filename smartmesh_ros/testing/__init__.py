@@ -1,6 +1,6 @@
 """Topic-driven integration tests: a node in a process and DDS domain of its own, and a probe beside it.
 
-docs/testing.md is the guide to it. With pytest, import the fixtures and ask for them::
+docs/testing.md is the guide. With pytest, import the fixtures and request them::
 
     from smartmesh_ros.testing import Probe, domain, probe  # noqa: F401
 
@@ -10,7 +10,7 @@ docs/testing.md is the guide to it. With pytest, import the fixtures and ask for
             probe.publish_poses([(2.5, 2.5, 0.3)])
             probe.wait_for(lambda: probe.patches().keys() == {0})
 
-Everything waits for conditions and gives up after a generous time; nothing sleeps for a fixed time.
+All functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
 """
 
 from smartmesh_ros.startup.domains import isolated
@@ -25,11 +25,11 @@ from smartmesh_ros.testing.messages import (
     pose_message,
 )
 from smartmesh_ros.testing.probe import COLLIDER, Probe
-from smartmesh_ros.testing.process import PATIENCE, Process, assert_cannot_start, executable
+from smartmesh_ros.testing.process import TIMEOUT, Process, assert_cannot_start, executable
 
 __all__ = [
     "COLLIDER",
-    "PATIENCE",
+    "TIMEOUT",
     "Probe",
     "Process",
     "assert_cannot_start",

@@ -1,6 +1,6 @@
-"""Bags without a ROS installation: written from messages, played into nodes under test. Needs ``pip install rosbags``.
+"""Bags without a ROS installation: write messages, play bags into nodes under test. Needs ``pip install rosbags``.
 
-Messages are kept as the CDR bytes that ROS itself makes of them, in sqlite3 or MCAP bags that ``ros2 bag`` reads.
+Bags are sqlite3 or MCAP and hold the CDR bytes that ROS itself serializes; ``ros2 bag`` reads them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 Storage = Literal["sqlite3", "mcap"]
-# Of the format of bags that Jazzy writes.
+# Version of the bag format that Jazzy writes.
 VERSION: Literal[9] = 9
 
 
 class Record(NamedTuple):
-    """A message of a bag: its topic, its type (``package/msg/Name``), when it was recorded [s], and its CDR bytes."""
+    """A message of a bag: its topic, its type (``package/msg/Name``), its recording time [s], and its CDR bytes."""
 
     topic: str
     type_name: str
@@ -46,7 +46,7 @@ def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Stora
 
 
 def read(path: Path) -> Iterator[Record]:
-    """Return the messages of a bag, in the order in which they were recorded."""
+    """Yield the messages of a bag in the order of recording."""
     with Reader(path) as reader:
         for connection, nanoseconds, data in reader.messages():
             yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
@@ -61,10 +61,10 @@ def play(
     remap: dict[str, str] | None = None,
     qos: Any = 10,
 ) -> int:
-    """Publish a bag from ``node`` at ``rate`` times the pace of its recording; returns the number of messages.
+    """Publish a bag from ``node`` at ``rate`` times the recorded speed; return the number of messages.
 
-    ``spin`` is called with the seconds to wait for (`Probe.spin`). ``remap``: new names of topics. Every topic waits
-    for its first subscriber before anything is published.
+    ``spin`` is called with the time to wait [s], like `Probe.spin`. ``remap``: new names by recorded topic. Publishing
+    starts when every topic has a subscriber.
     """
     records = list(read(path))
     names = {**{record.topic: record.topic for record in records}, **(remap or {})}
@@ -90,7 +90,7 @@ def play(
 
 
 def type_name(message: Any) -> str:
-    """``package/msg/Name`` of a message."""
+    """Return the type ``package/msg/Name`` of a message."""
     package, kind, *_ = type(message).__module__.split(".")
     return f"{package}/{kind}/{type(message).__name__}"
 
@@ -102,7 +102,7 @@ def message_class(name: str) -> Any:
 
 
 def _register(types: Typestore, name: str) -> None:
-    """Add the messages of the package of ``name``, as installed, where the store does not have it."""
+    """Register all installed messages of the package of type ``name``, unless the store knows the type."""
     if name in types.types:
         return
     package, kind, _ = name.split("/")

@@ -1,4 +1,4 @@
-"""Fixtures of pytest: a DDS domain for the run, and a probe for each test."""
+"""Pytest fixtures: a DDS domain for the session, and a probe for each test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages from arrays and tuples, and arrays from messages."""
+"""Conversions between messages and arrays or tuples."""
 
 from __future__ import annotations
 
@@ -63,24 +63,24 @@ def point_message(position: Sequence[float]) -> Point:
 
 
 def pose_message(position: Sequence[float]) -> Pose:
-    """Return a Pose at a position [m], not turned."""
+    """Return a Pose at a position [m], without rotation."""
     return Pose(position=point_message(position))
 
 
 def floats(values: NDArray[np.float32]) -> array.array[float]:
-    """Values for a float32[] field, without converting them one by one."""
+    """Return values for a float32[] field, without converting element by element."""
     result = array.array("f")
     result.frombytes(np.ascontiguousarray(values, np.float32).tobytes())
     return result
 
 
 def points_of(marker: Marker) -> NDArray[np.float64]:
-    """Points (n, 3) [m] of a marker."""
+    """Return the points (n, 3) [m] of a marker."""
     return np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 3)
 
 
 def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
-    """Assert that every point (n, 3) [m] is a sample of the map: at its place, and at its height."""
+    """Assert that every point (n, 3) [m] has the place and height of a sample of the map, within ``tolerance`` [m]."""
     info = message.info
     q, origin = info.origin.orientation, info.origin.position
     yaw = 2.0 * math.atan2(q.z, q.w)

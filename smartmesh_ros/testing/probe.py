@@ -1,4 +1,4 @@
-"""A probe: the node of a test, which publishes inputs, calls services and keeps what it receives."""
+"""A probe: the node of a test, which publishes inputs, calls services and records the messages it receives."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from smartmesh_msgs.msg import (
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.testing.messages import heightmap_message, points_of, pose_message
-from smartmesh_ros.testing.process import PATIENCE, STARTING, Process
-from smartmesh_ros.testing.report import of_wait
+from smartmesh_ros.testing.process import START_TIMEOUT, TIMEOUT, Process
+from smartmesh_ros.testing.report import explain_timeout
 
 COLLIDER = "/terrain_collider"
 DIAGNOSTICS = "/diagnostics"
-# Below the node's name. A probe listens to the first from the start, and to the others once it is asked for them.
+# Topics below the collider's name. A probe subscribes to `_OUTPUTS` at once, and to `_MORE_OUTPUTS` in `latest`.
 _OUTPUTS = {
     "patches": MarkerArray,
     "collider_patches": ColliderPatchArray,
@@ -56,16 +56,16 @@ _INPUTS = {
     "tracked_bodies": TrackedBodyArray,
     "body_poses": PoseArray,
 }
-# Answers that may wait while the probe takes something else: by default ROS loses all but ten.
-_CALLS = QoSProfile(depth=1000)
-# How the diagnostics name the number of publishers of a topic.
+# Queue of responses that wait while the probe handles other messages; the default depth of ROS is 10.
+_SERVICE_QOS = QoSProfile(depth=1000)
+# Prefix of the diagnostics' keys for the number of publishers of a topic.
 _PUBLISHERS = "publishers of "
 
 
 class Probe:
-    """Publishes inputs of ``<namespace>/terrain_collider``, calls its services and keeps what it publishes.
+    """Publishes inputs of ``<namespace>/terrain_collider``, calls its services and records its outputs.
 
-    ``received``: messages by whole topic. A context manager.
+    ``received``: messages by full topic name. A context manager.
     """
 
     def __init__(self, namespace: str = "") -> None:
@@ -100,11 +100,11 @@ class Probe:
         rclpy.shutdown(context=self.context)
 
     def topic(self, name: str) -> str:
-        """Return a whole name: of a topic or service below the collider's, or as it is where it starts with ``/``."""
+        """Return the full name of a topic or service below the collider's name; a name with a leading ``/`` is kept."""
         return name if name.startswith("/") else f"{self.collider}/{name}"
 
     def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
-        """Subscribe to a topic; returns the list that its messages are added to."""
+        """Subscribe to a topic; return the list to which its messages are appended."""
         name = self.topic(topic)
         if name not in self._kinds:
             self._kinds[name] = kind
@@ -120,12 +120,13 @@ class Probe:
         *,
         package: str = "smartmesh_ros",
         environment: dict[str, str] | None = None,
-        timeout: float = STARTING,
+        timeout: float = START_TIMEOUT,
     ) -> Iterator[Process]:
-        """An executable of a package for the length of the block, in the probe's namespace.
+        """Run an executable of a package in the probe's namespace for the length of the block; yield its `Process`.
 
-        The collider is connected to the probe when the block begins; of others the probe cannot know when they are. It
-        is waited for up to ``timeout`` [s], and no longer than it runs: a first start may have to compile.
+        The block begins once the collider is connected to the probe, within ``timeout`` [s], which is long because a
+        first start may compile; the wait fails at once if the process ends. With another executable the block begins at
+        once.
         """
         if self.namespace:
             arguments = [*arguments, "--ros-args", "-r", f"__ns:={self.namespace}", "--"]
@@ -141,57 +142,58 @@ class Probe:
                     messages.clear()
 
     def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Any:
-        """Return a publisher of messages ``kind`` on ``topic`` (a name below the collider's, or a whole one) that is connected
-        with somebody, and with the collider if it listens there."""
+        """Return a publisher of messages ``kind`` on ``topic`` (below the collider's name, or a full name) once it has
+        a subscriber, and is matched with the collider if the collider subscribes to the topic."""
         publisher = self.node.create_publisher(kind, self.topic(topic), qos)
-        self.wait_for(lambda: publisher.get_subscription_count() and self._heard([publisher]))
+        self.wait_for(lambda: publisher.get_subscription_count() and self._is_matched([publisher]))
         return publisher
 
     def connected(self) -> bool:
-        """Whether the collider has met every publisher and subscription of the probe."""
+        """Return True if the collider is matched with every publisher and subscription of the probe."""
         count = self.node.count_publishers
         publishers = list(self.publishers.values())
         return (
             all(publisher.get_subscription_count() for publisher in publishers)
             and all(count(self.topic(topic)) for topic in (*_OUTPUTS, DIAGNOSTICS))
             and bool(self._counts())
-            and self._heard(publishers)
+            and self._is_matched(publishers)
         )
 
-    def _heard(self, publishers: Sequence[Any]) -> bool:
-        """Whether the collider says that it is connected to publishers on the topics of these, as far as it listens
-        there.
+    def _is_matched(self, publishers: Sequence[Any]) -> bool:
+        """Return True if the collider's diagnostics count publishers on the topics of ``publishers`` that it subscribes
+        to.
 
-        That a publisher has found a subscription is not enough: until that has found the publisher too, what is
-        published without guarantee (the bodies' poses) is lost.
+        A publisher that has matched a subscription is not enough: until the subscription has matched the publisher too,
+        best-effort messages (the bodies' poses) are lost.
         """
         counts = self._counts()
         return all(counts.get(_PUBLISHERS + publisher.topic_name, 1) for publisher in publishers)
 
     def _counts(self) -> dict[str, int]:
-        """Numbers of publishers by topic in the collider's newest diagnostics, empty before the first."""
+        """Return the numbers of publishers by topic in the collider's newest diagnostics; empty before the first."""
         for message in reversed(self.received[DIAGNOSTICS]):
             if counts := _publishers_by_topic(message, self.collider):
                 return counts
         return {}
 
     def spin(self, seconds: float = 0.02) -> None:
-        """Handle what has arrived."""
+        """Handle one message or response, waiting up to ``seconds`` for it."""
         self._executor.spin_once(timeout_sec=seconds)
 
-    def wait_for(self, condition: Callable[[], Any], *, timeout: float = PATIENCE, watch: Process | None = None) -> Any:
-        """Spin until the condition holds and returns its value; fails with what is known of why it does not."""
+    def wait_for(self, condition: Callable[[], Any], *, timeout: float = TIMEOUT, watch: Process | None = None) -> Any:
+        """Spin until the condition holds; return its value. Raises `AssertionError` with a report after ``timeout``
+        [s], or if the process ``watch`` ends."""
         end = monotonic() + timeout
         while not (value := condition()):
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
             if monotonic() > end:
-                raise AssertionError(of_wait(timeout, self.node, self.received, self._processes))
+                raise AssertionError(explain_timeout(timeout, self.node, self.received, self._processes))
             self.spin()
         return value
 
     def latest(self, topic: str) -> Any:
-        """Return the newest message of an output (a name below the collider's, or a whole one) that comes from now on."""
+        """Wait for the next message of an output (below the collider's name, or a full name); return it."""
         if topic in _MORE_OUTPUTS:
             self.listen(topic, _MORE_OUTPUTS[topic])
         messages = self.received[self.topic(topic)]
@@ -200,21 +202,21 @@ class Probe:
         return messages[-1]
 
     def client(self, service: str, kind: Any) -> Any:
-        """Return a client of a service of the collider (or a whole name), which is there."""
+        """Return a client of a service (below the collider's name, or a full name) once the service is available."""
         name = self.topic(service)
         if name not in self._services:
-            self._services[name] = self.node.create_client(kind, name, qos_profile=_CALLS)
+            self._services[name] = self.node.create_client(kind, name, qos_profile=_SERVICE_QOS)
         self.wait_for(self._services[name].service_is_ready)
         return self._services[name]
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Call a service of the collider (or a whole name) and returns its response."""
+        """Call a service (below the collider's name, or a full name); return its response."""
         future = self.client(service, kind).call_async(kind.Request(**fields))
         self.wait_for(future.done)
         return future.result()
 
     def publish_map(self, heights: ArrayLike, **options: Any) -> Heightmap:
-        """Publish a map; options as `heightmap_message`."""
+        """Publish a map of heights (rows, columns) [m] and return its message; options as of `heightmap_message`."""
         message = heightmap_message(heights, stamp=options.pop("stamp", self.now()), **options)
         self.publishers["heightmap"].publish(message)
         return message
@@ -240,24 +242,24 @@ class Probe:
         return self.node.get_clock().now().to_msg()
 
     def patches(self) -> dict[int, NDArray[np.float64]]:
-        """Vertice (n, 3) [m] of the newest markers, by marker id."""
+        """Return the vertices (n, 3) [m] of the newest markers by marker id."""
         markers = self.latest("patches").markers
         return {marker.id: points_of(marker) for marker in markers if marker.action == Marker.ADD}
 
     def diagnostics(self, task: str) -> dict[str, str]:
-        """Values of a task of the collider's newest diagnostics, and its ``message``."""
+        """Return the values of a task in the collider's next diagnostics by key, and the task's ``message``."""
         while not _publishers_by_topic(message := self.latest(DIAGNOSTICS), self.collider):
-            pass  # another node's
+            pass  # diagnostics of another node
         [status] = [status for status in message.status if status.name == f"terrain_collider: {task}"]
         return {pair.key: pair.value for pair in status.values} | {"message": status.message}
 
 
 def _publishers_by_topic(message: DiagnosticArray, collider: str) -> dict[str, int]:
-    """Numbers of publishers by topic of a message of ``collider``, empty where it is another node's."""
+    """Return the numbers of publishers by topic in a message of ``collider``; empty for another node's message."""
     for status in message.status:
         if status.name.endswith(": connections"):
             counts = {pair.key: int(pair.value) for pair in status.values if pair.key.startswith(_PUBLISHERS)}
-            # Peers of the collider listen to its states, and to nothing else of it.
+            # A peer's diagnostics count publishers of the collider's states too, but of no other topic below its name.
             if any(key.startswith(f"{_PUBLISHERS}{collider}/") and not key.endswith("/body_states") for key in counts):
                 return counts
     return {}

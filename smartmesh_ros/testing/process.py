@@ -1,4 +1,4 @@
-"""Nodes as processes of a test, none of which outlives it."""
+"""Nodes as child processes of a test, which end with the test at the latest."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-# How long conditions may take [s]: far longer than on an idle machine.
-PATIENCE = 30.0
-# How long a collider may take to be ready [s]: one that finds no machine code compiles, for minutes on a busy machine.
-STARTING = 300.0
-# Asks Linux for SIGKILL (9) when the parent ends (option 1 of prctl), unless that is past, and becomes the command.
-_ASK = """
+# Default limit of waits [s], far longer than an idle machine needs.
+TIMEOUT = 30.0
+# Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
+START_TIMEOUT = 300.0
+# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the
+# parent has ended already.
+_EXIT_WITH_PARENT = """
 import ctypes, os, sys
 ctypes.CDLL(None).prctl(1, 9)
 if os.getppid() == int(sys.argv[1]):
@@ -30,7 +31,8 @@ if os.getppid() == int(sys.argv[1]):
 
 
 def executable(name: str, package: str = "smartmesh_ros") -> Path:
-    """Path of an installed executable, looked up in the ament index as ``ros2 run`` does."""
+    """Return the path of an installed executable, looked up in the ament index like ``ros2 run``. Raises
+    `FileNotFoundError`."""
     path = Path(get_package_prefix(package)) / "lib" / package / name
     if not path.is_file():
         raise FileNotFoundError(f"package {package} has no executable {name}; build and source the workspace")
@@ -38,9 +40,10 @@ def executable(name: str, package: str = "smartmesh_ros") -> Path:
 
 
 class Process:
-    """A node in a process of its own, its output kept; a context manager that ends it.
+    """A node in a child process whose output is recorded. A context manager.
 
-    It ends with the block, at the latest with the Python process that started it, on Linux even if that is killed.
+    The process ends with the block, at the latest with the Python process that started it, on Linux even if that is
+    killed.
     """
 
     def __init__(
@@ -64,7 +67,7 @@ class Process:
         self._log = folder / "log.txt"
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                _ending_with_this(command), stdout=log, stderr=subprocess.STDOUT, env=environment
+                _exiting_with_this_process(command), stdout=log, stderr=subprocess.STDOUT, env=environment
             )
         self._close = weakref.finalize(self, _end, self.process, self._folder)
 
@@ -80,23 +83,23 @@ class Process:
 
     @property
     def output(self) -> str:
-        """What it has printed so far."""
+        """The output of the process so far."""
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, waits for the end and returns the exit code.
+        """Send a signal, wait for the end and return the exit code.
 
-        It is sent again after a while: one that arrives while a node is still starting may be lost.
+        The signal is sent a second time after a while, because a node that is still starting may lose the first.
         """
         for _ in range(2):
             if self.process.poll() is None:
                 self.process.send_signal(number)
             with suppress(subprocess.TimeoutExpired):
-                return self.process.wait(PATIENCE / 3)
-        return self.process.wait(PATIENCE / 3)
+                return self.process.wait(TIMEOUT / 3)
+        return self.process.wait(TIMEOUT / 3)
 
     def close(self) -> None:
-        """End it whatever it takes."""
+        """Kill the process if it still runs, and remove its files."""
         self._close()
 
     @property
@@ -107,10 +110,10 @@ class Process:
 def assert_cannot_start(
     parameters: dict[str, Any], words: str, *, name: str = "terrain_collider", environment: dict[str, str] | None = None
 ) -> None:
-    """Assert that a node of this package ends at once with exit code 2 and says why, in ``words``."""
+    """Assert that a node of this package exits with code 2 and that its output contains ``words``, no traceback."""
     process = Process(name, parameters, environment=environment)
     try:
-        assert process.process.wait(PATIENCE) == 2, process.output
+        assert process.process.wait(TIMEOUT) == 2, process.output
         assert words in process.output, process.output
         assert "Traceback" not in process.output, process.output
     finally:
@@ -118,13 +121,15 @@ def assert_cannot_start(
 
 
 def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:
-    """Kill a process that still runs, and removes its folder."""
+    """Kill the process if it still runs, and remove its folder."""
     if process.poll() is None:
         process.kill()
         process.wait()
     folder.cleanup()
 
 
-def _ending_with_this(command: list[str]) -> list[str]:
-    """Return the command, asked to end when this process does: by a Python that then becomes the command."""
-    return [sys.executable, "-I", "-S", "-c", _ASK, str(os.getpid()), *command] if sys.platform == "linux" else command
+def _exiting_with_this_process(command: list[str]) -> list[str]:
+    """Return a command whose process ends with this one: on Linux, a Python that calls prctl, then executes it."""
+    if sys.platform != "linux":
+        return command
+    return [sys.executable, "-I", "-S", "-c", _EXIT_WITH_PARENT, str(os.getpid()), *command]

@@ -1,4 +1,4 @@
-"""What is known when a test has waited in vain."""
+"""Report for a test whose wait timed out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from rclpy.node import Node
 
 from smartmesh_ros.testing.process import Process
 
-# Lines of a node's log that are shown.
-LINES = 15
+# Number of lines of a node's log in the report.
+LOG_LINES = 15
 
 
-def of_wait(timeout: float, node: Node, received: Mapping[str, list[Any]], processes: Iterable[Process]) -> str:
-    """Why a condition may not have come true: what was received and refused, who is connected, and what the nodes
-    logged."""
+def explain_timeout(timeout: float, node: Node, received: Mapping[str, list[Any]], processes: Iterable[Process]) -> str:
+    """Return hints to why a condition did not hold: messages received and refused, connections, and the nodes' logs."""
     counts = {topic: len(messages) for topic, messages in received.items()}
     lines = [f"waited {timeout:.0f} s in vain; received {counts}", f"refused: {_refusals(received) or 'nothing'}"]
     lines.append("connected, as publishers -> subscriptions:")
@@ -23,12 +22,12 @@ def of_wait(timeout: float, node: Node, received: Mapping[str, list[Any]], proce
     for process in processes:
         state = "runs" if process.process.poll() is None else f"ended with {process.process.returncode}"
         lines.append(f"{process.name} {state}; its last lines:")
-        lines += [f"  {line}" for line in process.output.splitlines()[-LINES:]]
+        lines += [f"  {line}" for line in process.output.splitlines()[-LOG_LINES:]]
     return "\n".join(lines)
 
 
 def _refusals(received: Mapping[str, list[Any]]) -> str:
-    """What the newest diagnostics count as refused."""
+    """Return the counts of refused messages in the newest diagnostics."""
     for message in reversed(received.get("/diagnostics", [])):
         for status in message.status:
             if status.name.endswith(": inputs"):
@@ -37,7 +36,7 @@ def _refusals(received: Mapping[str, list[Any]]) -> str:
 
 
 def _topics(node: Node, received: Mapping[str, list[Any]]) -> set[str]:
-    """Topics that the test listens to or publishes, of which those without anybody else are the telling ones."""
+    """Return the topics that the test subscribes to or publishes; one without other endpoints is the likely cause."""
     own = {publisher.topic_name for publisher in node.publishers}
     return own.union(received) - {"/rosout", "/parameter_events"}
 

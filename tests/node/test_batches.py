@@ -14,7 +14,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros.testing import COLLIDER, PATIENCE, Probe, pose_message
+from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, pose_message
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
@@ -100,9 +100,9 @@ def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
     """The responses to calls that are all made before the first is answered."""
     with caller() as (node, executor):
         client = node.create_client(kind, f"{COLLIDER}/{service}")
-        assert client.wait_for_service(PATIENCE)
+        assert client.wait_for_service(TIMEOUT)
         futures = [client.call_async(request) for request in requests]
-        end = monotonic() + PATIENCE
+        end = monotonic() + TIMEOUT
         while not all(future.done() for future in futures) and monotonic() < end:
             executor.spin_once(0.05)
         assert sum(future.done() for future in futures) == len(futures)

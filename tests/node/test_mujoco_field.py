@@ -14,7 +14,7 @@ from smartmesh_ros.client import Patch, write_field
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.testing import PATIENCE, Probe, Process
+from smartmesh_ros.testing import TIMEOUT, Probe, Process
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
 
@@ -153,7 +153,7 @@ def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:
             return simulation.poll() is not None
 
         try:
-            probe.wait_for(ended, timeout=2.0 * PATIENCE, watch=node)
+            probe.wait_for(ended, timeout=2.0 * TIMEOUT, watch=node)
         finally:
             simulation.kill()
             output, errors = simulation.communicate()

@@ -9,7 +9,7 @@ from grid_map_msgs.msg import GridMap
 from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import COLLIDER, PATIENCE, Probe, Process, pose_message
+from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, pose_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.test_presets import PRESETS
 
@@ -113,6 +113,6 @@ def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
 ) -> None:
     arguments = ["--ros-args", *(part for rule in remap for part in ("-r", rule)), "--"] if remap else []
     with Process("terrain_collider", parameters, arguments) as process:
-        assert process.process.wait(PATIENCE) == 2, process.output
+        assert process.process.wait(TIMEOUT) == 2, process.output
         assert all(word in process.output for word in ("cannot start", *words)), process.output
         assert "Traceback" not in process.output

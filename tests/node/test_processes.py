@@ -12,7 +12,7 @@ import pytest
 
 from smartmesh_ros import machine_code
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, assert_on_map
-from smartmesh_ros.testing.process import STARTING
+from smartmesh_ros.testing.process import START_TIMEOUT
 
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
 # deadlines were missed.
@@ -63,7 +63,7 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe, number: signal.Signals, ex
 
 def test_a_node_that_still_compiles_ends_when_it_is_told_to(probe: Probe, tmp_path: Path) -> None:
     with Process("terrain_collider", environment={machine_code.FOLDER_VARIABLE: str(tmp_path)}) as process:
-        probe.wait_for(lambda: any(tmp_path.rglob("*.generic")), timeout=STARTING, watch=process)
+        probe.wait_for(lambda: any(tmp_path.rglob("*.generic")), timeout=START_TIMEOUT, watch=process)
         assert process.stop() == 0
         [line] = process.output.splitlines()
         assert re.search(r"compiling once, about \d+ s on \d+ cores; later starts load it from", line)
@@ -78,7 +78,7 @@ def test_a_node_that_runs_and_is_not_ready_is_waited_for_as_long_as_asked(probe:
     with machine_code._locked(place):
         with Process("terrain_collider", environment=kept) as process:
             words = "another process compiles the same functions; waiting for it"
-            probe.wait_for(lambda: words in process.output, timeout=STARTING, watch=process)
+            probe.wait_for(lambda: words in process.output, timeout=START_TIMEOUT, watch=process)
             assert process.process.poll() is None
         with (
             pytest.raises(AssertionError, match=r"waited 1 s in vain(.|\n)*terrain_collider runs"),

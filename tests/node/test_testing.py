@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
-from smartmesh_ros.testing import PATIENCE, Probe, Process
+from smartmesh_ros.testing import TIMEOUT, Probe, Process
 
 STARTS_A_NODE = """
 import sys
@@ -25,7 +25,7 @@ sys.stdin.readline()
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    end = monotonic() + PATIENCE
+    end = monotonic() + TIMEOUT
     while not condition():
         assert monotonic() < end
         sleep(0.02)
@@ -59,7 +59,7 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ki
     else:
         test.stdin.write(b"end\n")
     test.stdin.close()
-    test.wait(PATIENCE)
+    test.wait(TIMEOUT)
     wait_until(lambda: is_gone(pid))
 
 
