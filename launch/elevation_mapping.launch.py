@@ -1,4 +1,4 @@
-"""Starts the collider on the grid map of an elevation mapping stack and the odometry of a robot."""
+"""Starts the collider with inputs from an elevation mapping stack (grid map) and a robot (odometry)."""
 
 from launch.actions import DeclareLaunchArgument
 

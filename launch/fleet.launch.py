@@ -1,4 +1,4 @@
-"""Starts several colliders that share one terrain, the front that speaks for them, and a terrain to try them with."""
+"""Starts several colliders that share one terrain, their front, and a terrain source for trying them."""
 
 from smartmesh_ros.startup.launching import fleet as generate_launch_description
 

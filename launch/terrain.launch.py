@@ -1,4 +1,4 @@
-"""Starts the collider and a terrain to try it with."""
+"""Starts the collider and a terrain source for trying it."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from smartmesh_ros.startup.launching import Values, description, is_true, node
 
 
 def source(value: Values) -> list[Any]:
-    """Return the source of terrain."""
+    """Return the node terrain_source."""
     parameters = {"scene": value("scene"), "use_sim_time": is_true(value("use_sim_time"))}
     return [node(executable="terrain_source", output="screen", namespace=value("namespace"), parameters=[parameters])]
 
