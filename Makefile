@@ -19,7 +19,7 @@ pictures:  ## the README's pictures of the view and the demo, by a browser witho
 	@$(RUN) dev view -- python scripts/view_pictures.py
 
 test:  ## lint, types, colcon build, and every test
-	@$(RUN) dev view studies -- scripts/check
+	@$(RUN) dev view studies interop -- scripts/check
 
 docs-check:  ## the tables of docs/ whose figures are older than the code
 	@$(RUN) -- python -m studies.pages

@@ -2,6 +2,7 @@
 
 import os
 
+import pytest
 from hypothesis import settings
 
 from tests.examples import FACTORS
@@ -13,3 +14,24 @@ settings.register_profile(
     "random", deadline=None, derandomize=False, print_blob=True, max_examples=100 * FACTORS["random"]
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+
+# Files that take longest, which start first: the last to run should be short, or a core waits for the other.
+LONGEST = ("newcomer/test_workspace.py", "newcomer/test_wheel.py", "fuzz/test_quick.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Sort the longest files to the front, then the tests of nodes, which wait more than they compute."""
+
+    def place(item: pytest.Item) -> int:
+        path = item.path.relative_to(ROOT / "tests").as_posix()
+        if path in LONGEST:
+            return LONGEST.index(path)
+        return len(LONGEST) + (not path.startswith(("node/", "view/", "tune/")))
+
+    items.sort(key=place)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Return two processes more than there are cores: tests of nodes wait for much of their time."""
+    return (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1) + 2

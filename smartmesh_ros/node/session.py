@@ -20,6 +20,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
+from smartmesh_ros.physics.limits import FARTHEST_BODY
 from smartmesh_ros.physics.world import World
 
 # Calls that may wait, and answers that are kept until they are delivered: by default ROS loses all but ten.
