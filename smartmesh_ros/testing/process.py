@@ -17,7 +17,7 @@ import yaml
 from ament_index_python.packages import get_package_prefix
 
 # Default limit of waits [s], far longer than an idle machine needs.
-TIMEOUT = 30.0
+TIMEOUT = 120.0
 # Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
 START_TIMEOUT = 300.0
 # Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the

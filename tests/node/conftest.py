@@ -1,10 +1,13 @@
 """Fixtures of the tests over DDS."""
 
 import os
+from collections.abc import Iterator
 
 import pytest
 
-from smartmesh_ros.testing import domain, probe
+from smartmesh_ros.testing import Probe, Process, domain, probe
+from smartmesh_ros.testing.probe import DIAGNOSTICS
+from tests.node.shared import clear
 
 __all__ = ["domain", "probe"]
 
@@ -25,3 +28,24 @@ def bare_environment() -> dict[str, str]:
         for name, value in os.environ.items()
         if "test_interfaces" in value
     }
+
+
+@pytest.fixture(scope="module")
+def shared_node(domain: int, request: pytest.FixtureRequest) -> Iterator[tuple[Probe, Process]]:
+    """A node with the parameters ``SHARED`` of the module, if it has any, and a probe of it, in a namespace of their
+    own: nodes that single tests start beside it do not disturb it, nor it them."""
+    with Probe("shared") as made, made.running(parameters=getattr(request.module, "SHARED", None)) as process:
+        yield made, process
+
+
+@pytest.fixture
+def shared(shared_node: tuple[Probe, Process]) -> Iterator[Probe]:
+    """The probe of the module's shared node, for tests that need neither parameters nor an end of their own: without
+    bodies and terrain, and running."""
+    made, process = shared_node
+    assert process.process.poll() is None, f"it ended in an earlier test: {process.output}"
+    yield made
+    if process.process.poll() is None:
+        clear(made)
+    for topic in set(made.received) - {DIAGNOSTICS}:  # those say whom the node is connected to
+        made.received[topic].clear()

@@ -10,12 +10,15 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, pose_message
+from smartmesh_ros.testing import TIMEOUT, Probe, pose_message
 
+# Answers that may wait while the caller does not run: by default ROS keeps ten.
+CALLS = QoSProfile(depth=1000)
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
 
@@ -47,38 +50,36 @@ def test_two_thousand_bodies_come_and_go_by_one_call_each(probe: Probe) -> None:
         probe.wait_for(lambda: len(probe.patches()) == 10)
 
 
-def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(probe: Probe) -> None:
-    with probe.running():
-        ground(probe)
-        assert probe.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
-        bad = [
-            specification(0),
-            specification(2, mass=-1.0),
-            specification(3, urdf="/nowhere/robot.urdf"),
-            specification(1),  # named twice
-        ]
-        answer = probe.call("spawn_bodies", SpawnBodies, bodies=[specification(1), *bad, specification(4)])
-        assert not answer.success
-        assert [failure.id for failure in answer.failures] == [body.id for body in bad]
-        assert "mass" in answer.failures[1].reason
-        assert "4 of 6 bodies are refused" in answer.message
-        assert simulated(probe) == 1
-        assert probe.diagnostics("inputs")["refused, spawn_bodies: batch"] == "1"
-        assert probe.call("spawn_bodies", SpawnBodies, bodies=[specification(1), specification(4)]).success
-        assert simulated(probe) == 3
+def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) -> None:
+    ground(shared)
+    assert shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
+    bad = [
+        specification(0),
+        specification(2, mass=-1.0),
+        specification(3, urdf="/nowhere/robot.urdf"),
+        specification(1),  # named twice
+    ]
+    answer = shared.call("spawn_bodies", SpawnBodies, bodies=[specification(1), *bad, specification(4)])
+    assert not answer.success
+    assert [failure.id for failure in answer.failures] == [body.id for body in bad]
+    assert "mass" in answer.failures[1].reason
+    assert "4 of 6 bodies are refused" in answer.message
+    assert simulated(shared) == 1
+    assert shared.diagnostics("inputs")["refused, spawn_bodies: batch"] == "1"
+    assert shared.call("spawn_bodies", SpawnBodies, bodies=[specification(1), specification(4)]).success
+    assert simulated(shared) == 3
 
 
-def test_removal_of_one_that_is_not_there_removes_none(probe: Probe) -> None:
-    with probe.running():
-        ground(probe)
-        probe.call("spawn_bodies", SpawnBodies, bodies=[specification(0), specification(1)])
-        probe.publish_poses([(2.0, 2.0, 1.0)])
-        probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
-        answer = probe.call("remove_bodies", RemoveBodies, ids=["body_0", "nobody", "body_1", "body_1"])
-        assert [failure.id for failure in answer.failures] == ["nobody", "body_1"]
-        assert simulated(probe) == 2
-        assert probe.call("remove_bodies", RemoveBodies, ids=["body_0", "body_1"]).success
-        assert simulated(probe) == 0
+def test_removal_of_one_that_is_not_there_removes_none(shared: Probe) -> None:
+    ground(shared)
+    shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0), specification(1)])
+    shared.publish_poses([(2.0, 2.0, 1.0)])
+    shared.wait_for(lambda: shared.diagnostics("bodies")["tracked"] == "0")
+    answer = shared.call("remove_bodies", RemoveBodies, ids=["body_0", "nobody", "body_1", "body_1"])
+    assert [failure.id for failure in answer.failures] == ["nobody", "body_1"]
+    assert simulated(shared) == 2
+    assert shared.call("remove_bodies", RemoveBodies, ids=["body_0", "body_1"]).success
+    assert simulated(shared) == 0
 
 
 @contextmanager
@@ -99,7 +100,7 @@ def caller() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
 def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
     """The responses to calls that are all made before the first is answered."""
     with caller() as (node, executor):
-        client = node.create_client(kind, f"{COLLIDER}/{service}")
+        client = node.create_client(kind, service, qos_profile=CALLS)
         assert client.wait_for_service(TIMEOUT)
         futures = [client.call_async(request) for request in requests]
         end = monotonic() + TIMEOUT
@@ -109,15 +110,14 @@ def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
         return [future.result() for future in futures]
 
 
-def test_of_two_hundred_calls_in_flight_each_is_answered(probe: Probe) -> None:
+def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
     specifications = [specification(index) for index in range(200)]
-    with probe.running():
-        ground(probe)
-        spawns = [
-            SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
-        ]
-        assert all(answer.success for answer in answers("spawn_body", SpawnBody, spawns))
-        probe.wait_for(lambda: simulated(probe) == 200)
-        removals = [RemoveBody.Request(id=body.id) for body in specifications]
-        assert all(answer.success for answer in answers("remove_body", RemoveBody, removals))
-        probe.wait_for(lambda: simulated(probe) == 0)
+    ground(shared)
+    spawns = [
+        SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
+    ]
+    assert all(answer.success for answer in answers(shared.topic("spawn_body"), SpawnBody, spawns))
+    shared.wait_for(lambda: simulated(shared) == 200)
+    removals = [RemoveBody.Request(id=body.id) for body in specifications]
+    assert all(answer.success for answer in answers(shared.topic("remove_body"), RemoveBody, removals))
+    shared.wait_for(lambda: simulated(shared) == 0)

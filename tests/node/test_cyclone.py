@@ -18,7 +18,7 @@ from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.testing import Probe, Process, assert_on_map, heightmap_message, pose_message
+from smartmesh_ros.testing import TIMEOUT, Probe, Process, assert_on_map, heightmap_message, pose_message
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
 
@@ -113,10 +113,10 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer)
     patches = peer.reader("terrain_collider/patches", MarkerArray)
     process = Process("terrain_collider", {"terrain.motion": "hold"})
     try:
-        end = monotonic() + 60.0
+        end = monotonic() + TIMEOUT
         shown: list[Any] = []
         while len(shown) < 2:
-            assert monotonic() < end, f"no two patches in 60 s; the node printed {process.output}"
+            assert monotonic() < end, f"no two patches in {TIMEOUT:g} s; the node printed {process.output}"
             maps.write(to_cyclone(map_message))
             poses.write(to_cyclone(bodies))
             sleep(0.1)

@@ -21,9 +21,10 @@ from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.testing import COLLIDER, Probe, Process, assert_on_map, heightmap_message
+from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
 
 SHAPE = (40, 30)
+SHARED = {"terrain.motion": "hold"}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -47,55 +48,50 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
     return holds
 
 
-@pytest.fixture
-def held(probe: Probe) -> Iterator[Process]:
-    with probe.running(parameters={"terrain.motion": "hold"}) as process:
-        yield process
-
-
-def test_two_sources_of_one_terrain_never_mix(probe: Probe, held: Process) -> None:
+def test_two_sources_of_one_terrain_never_mix(shared: Probe) -> None:
     """The newest map holds, whoever sent it: every patch lies wholly on one of the two."""
-    other = probe.publisher(Heightmap, "heightmap")
+    other = shared.publisher(Heightmap, "heightmap")
     first, second = rough(1), rough(2, base=5.0)
-    probe.publish_map(first)
-    probe.wait_for(on_map(probe, heightmap_message(first)))
+    shared.publish_map(first)
+    shared.wait_for(on_map(shared, heightmap_message(first)))
     seen = set()
 
     def both_seen() -> bool:
-        probe.publish_poses([(1.0, 1.0, 0.3)])
+        shared.publish_poses([(1.0, 1.0, 0.3)])
         if np.random.default_rng().random() < 0.5:
-            probe.publish_map(first)
+            shared.publish_map(first)
         else:
-            other.publish(heightmap_message(second, stamp=probe.now()))
-        for points in probe.patches().values():
+            other.publish(heightmap_message(second, stamp=shared.now()))
+        for points in shared.patches().values():
             of = int(points[:, 2].max() > 2.0)
             assert_on_map(points, heightmap_message((first, second)[of]))
             seen.add(of)
         return len(seen) == 2
 
-    probe.wait_for(both_seen)
-    last = probe.publish_map(first)
-    probe.wait_for(on_map(probe, last))
+    shared.wait_for(both_seen)
+    last = shared.publish_map(first)
+    shared.wait_for(on_map(shared, last))
+    shared.node.destroy_publisher(other)
 
 
-def test_clocks_that_jump_neither_stop_nor_mislead_the_node(probe: Probe, held: Process) -> None:
+def test_clocks_that_jump_neither_stop_nor_mislead_the_node(shared: Probe) -> None:
     """A stamp from the past is refused and counted; one from far ahead holds until ~/reset; the node's own time goes
     on through all of it."""
-    now = probe.now()
-    good = probe.publish_map(rough(1))
-    probe.wait_for(on_map(probe, good))
-    probe.publish_map(rough(2), stamp=Time(sec=now.sec - 3600))
-    probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "1")
-    probe.wait_for(on_map(probe, good))
-    ahead = probe.publish_map(rough(3), stamp=Time(sec=now.sec + 100_000))
-    probe.wait_for(on_map(probe, ahead))
-    probe.publish_map(rough(4))
-    probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "2")
-    probe.wait_for(on_map(probe, ahead))
-    assert probe.call("reset", Trigger).success
-    back = probe.publish_map(rough(5))
-    probe.wait_for(on_map(probe, back))
-    probe.wait_for(lambda: probe.latest("timing").real_time_factor > 0.0)
+    now = shared.now()
+    good = shared.publish_map(rough(1))
+    shared.wait_for(on_map(shared, good))
+    shared.publish_map(rough(2), stamp=Time(sec=now.sec - 3600))
+    shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "1")
+    shared.wait_for(on_map(shared, good))
+    ahead = shared.publish_map(rough(3), stamp=Time(sec=now.sec + 100_000))
+    shared.wait_for(on_map(shared, ahead))
+    shared.publish_map(rough(4))
+    shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, heightmap: stamp_backwards") == "2")
+    shared.wait_for(on_map(shared, ahead))
+    assert shared.call("reset", Trigger).success
+    back = shared.publish_map(rough(5))
+    shared.wait_for(on_map(shared, back))
+    shared.wait_for(lambda: shared.latest("timing").real_time_factor > 0.0)
 
 
 def test_a_node_that_was_killed_comes_back_with_the_latched_map(no_shared_memory: None, probe: Probe) -> None:
@@ -108,25 +104,27 @@ def test_a_node_that_was_killed_comes_back_with_the_latched_map(no_shared_memory
         try:
             probe.wait_for(on_map(probe, map_message), watch=process)
             process.process.send_signal(signal.SIGKILL)
-            assert process.process.wait(10) == -signal.SIGKILL
+            assert process.process.wait(TIMEOUT) == -signal.SIGKILL
         finally:
             process.close()
     probe.node.destroy_publisher(keeper)
 
 
-def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(probe: Probe, held: Process) -> None:
+def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
     """Its queue overflows at its own end; everybody else goes on receiving."""
-    context_hog = Probe()
+    context_hog = Probe(shared.namespace)
     try:
-        context_hog.node.create_subscription(MarkerArray, f"{COLLIDER}/patches", lambda _: None, 1)
-        probe.wait_for(lambda: probe.node.count_subscribers(f"{COLLIDER}/patches") >= 3)
-        good = probe.publish_map(rough(1))
-        probe.wait_for(on_map(probe, good))
-        before = float(probe.latest("timing").window_s)
-        received = len(probe.received[f"{COLLIDER}/patches"])
-        probe.wait_for(lambda: len(probe.received[f"{COLLIDER}/patches"]) > received + 60)
+        context_hog.node.create_subscription(MarkerArray, shared.topic("patches"), lambda _: None, 1)
+        shared.wait_for(lambda: shared.node.count_subscribers(shared.topic("patches")) >= 3)
+        good = shared.publish_map(rough(1))
+        shared.wait_for(on_map(shared, good))
+        before = float(shared.latest("timing").window_s)
+        received = len(shared.received[shared.topic("patches")])
+        shared.wait_for(lambda: len(shared.received[shared.topic("patches")]) > received + 60)
         assert before > 0.0
-        assert held.process.poll() is None
+        assert shared_node[1].process.poll() is None
     finally:
         context_hog.close()
 
@@ -169,42 +167,45 @@ def log_folder(tmp_path: Path, kind: str) -> Iterator[Path]:
         yield tmp_path / "not" / "there"
 
 
-def test_bytes_that_are_no_message_are_refused_and_the_node_lives(probe: Probe, held: Process) -> None:
+def test_bytes_that_are_no_message_are_refused_and_the_node_lives(shared: Probe) -> None:
     """Sent by a peer whose encoder is broken: see test_cyclone.py for requests."""
-    good = probe.publish_map(rough(1))
-    probe.wait_for(on_map(probe, good))
+    good = shared.publish_map(rough(1))
+    shared.wait_for(on_map(shared, good))
     whole = serialize_message(good)
     bodies = serialize_message(TrackedBodyArray())
     for count, data in enumerate((whole[:50], whole[:7], whole[:4] + b"\xff" * 60, b"\x00"), 1):
-        probe.publishers["heightmap"].publish(data)
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: malformed") == str(count))  # noqa: B023
+        shared.publishers["heightmap"].publish(data)
+        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, heightmap: malformed") == str(count))  # noqa: B023
     # A count of bodies far beyond what follows.
-    probe.publishers["tracked_bodies"].publish(bodies[:-4] + struct.pack("<I", 2**31))
-    probe.wait_for(lambda: "refused, tracked_bodies: malformed" in probe.diagnostics("inputs"))
-    probe.wait_for(on_map(probe, good))
+    shared.publishers["tracked_bodies"].publish(bodies[:-4] + struct.pack("<I", 2**31))
+    shared.wait_for(lambda: "refused, tracked_bodies: malformed" in shared.diagnostics("inputs"))
+    shared.wait_for(on_map(shared, good))
 
 
-def test_a_parameter_of_no_type_is_refused_and_the_node_lives(probe: Probe, held: Process) -> None:
-    client = probe.node.create_client(SetParameters, f"{COLLIDER}/set_parameters")
-    probe.wait_for(client.service_is_ready)
+def test_a_parameter_of_no_type_is_refused_and_the_node_lives(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
+    client = shared.node.create_client(SetParameters, shared.topic("set_parameters"))
+    shared.wait_for(client.service_is_ready)
     client.call_async(SetParameters.Request(parameters=[Parameter(name="physics.rate", value=ParameterValue(type=77))]))
-    probe.wait_for(lambda: "refused, rclpy: malformed" in probe.diagnostics("inputs"), watch=held)
-    good = probe.publish_map(rough(1))
-    probe.wait_for(on_map(probe, good))
+    shared.wait_for(lambda: "refused, rclpy: malformed" in shared.diagnostics("inputs"), watch=shared_node[1])
+    good = shared.publish_map(rough(1))
+    shared.wait_for(on_map(shared, good))
 
 
-def test_a_source_that_is_cut_off_is_found_again(probe: Probe, held: Process) -> None:
+def test_a_source_that_is_cut_off_is_found_again(shared: Probe) -> None:
     """A source that stands still as if its wire were cut, past the lease of its peers, and goes on."""
-    good = probe.publish_map(rough(1))
-    probe.wait_for(on_map(probe, good))
-    source = Process("terrain_source", {"scene": "rut", "rows": 40, "columns": 30, "resolution": 0.1, "tile": "far"})
+    good = shared.publish_map(rough(1))
+    shared.wait_for(on_map(shared, good))
+    rut = {"scene": "rut", "rows": 40, "columns": 30, "resolution": 0.1, "tile": "far"}
+    source = Process("terrain_source", rut, ["--ros-args", "-r", f"__ns:={shared.namespace}", "--"])
     try:
-        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of 'far'", "0") != "0")
+        shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of 'far'", "0") != "0")
         source.process.send_signal(signal.SIGSTOP)
-        before = settled(probe)
+        before = settled(shared)
         source.process.send_signal(signal.SIGCONT)
-        probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of 'far'"]) > before)
-        probe.wait_for(on_map(probe, good))
+        shared.wait_for(lambda: int(shared.diagnostics("terrain")["updates of 'far'"]) > before)
+        shared.wait_for(on_map(shared, good))
     finally:
         source.process.send_signal(signal.SIGCONT)
         source.close()

@@ -104,65 +104,64 @@ def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(probe: Probe) 
         probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, terrain_mesh_update: search_method") == "1")
 
 
-def test_bad_meshes_are_refused_and_the_last_one_stays(probe: Probe) -> None:
+def test_bad_meshes_are_refused_and_the_last_one_stays(shared: Probe) -> None:
     def bad_index() -> object:
-        return mesh_message(sheet(), [[0, 1, 600]], stamp=probe.now())
+        return mesh_message(sheet(), [[0, 1, 600]], stamp=shared.now())
 
     def infinite() -> object:
-        return mesh_message(sheet() * np.inf, TRIANGLES, stamp=probe.now())
+        return mesh_message(sheet() * np.inf, TRIANGLES, stamp=shared.now())
 
     def no_triangle() -> object:
-        return mesh_message(sheet(), np.zeros((0, 3)), stamp=probe.now())
+        return mesh_message(sheet(), np.zeros((0, 3)), stamp=shared.now())
 
     def short_velocities() -> object:
-        message = mesh_message(sheet(), TRIANGLES, stamp=probe.now())
+        message = mesh_message(sheet(), TRIANGLES, stamp=shared.now())
         message.velocities = [Vector3()] * 5
         return message
 
     def foreign() -> object:
-        return mesh_message(sheet(), TRIANGLES, frame_id="odom", stamp=probe.now())
+        return mesh_message(sheet(), TRIANGLES, frame_id="odom", stamp=shared.now())
 
-    with probe.running():
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
-        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
-        expected: dict[str, int] = {}
-        cases = [(bad_index, "index"), (infinite, "non_finite"), (no_triangle, "length")]
-        for make, reason in [*cases, (short_velocities, "length"), (foreign, "frame")]:
-            probe.publishers["terrain_mesh"].publish(make())
-            probe.latest("contacts")
-            expected[f"refused, terrain_mesh: {reason}"] = expected.get(f"refused, terrain_mesh: {reason}", 0) + 1
-        for vertices, indices, reason in (
-            (sheet()[:5], None, "length"),
-            (sheet()[:2], [3, 3], "index"),
-            (sheet()[:1], [600], "index"),
-            (sheet()[:1] * np.nan, [1], "non_finite"),
-        ):
-            probe.publishers["terrain_mesh_update"].publish(update_message(probe, vertices, indices))
-            probe.latest("contacts")
-            key = f"refused, terrain_mesh_update: {reason}"
-            expected[key] = expected.get(key, 0) + 1
-        probe.wait_for(lambda: all(probe.diagnostics("inputs").get(k) == str(v) for k, v in expected.items()))
-        assert probe.diagnostics("terrain")["updates of ''"] == "0"
+    shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
+    expected: dict[str, int] = {}
+    cases = [(bad_index, "index"), (infinite, "non_finite"), (no_triangle, "length")]
+    for make, reason in [*cases, (short_velocities, "length"), (foreign, "frame")]:
+        shared.publishers["terrain_mesh"].publish(make())
+        shared.latest("contacts")
+        expected[f"refused, terrain_mesh: {reason}"] = expected.get(f"refused, terrain_mesh: {reason}", 0) + 1
+    for vertices, indices, reason in (
+        (sheet()[:5], None, "length"),
+        (sheet()[:2], [3, 3], "index"),
+        (sheet()[:1], [600], "index"),
+        (sheet()[:1] * np.nan, [1], "non_finite"),
+    ):
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, vertices, indices))
+        shared.latest("contacts")
+        key = f"refused, terrain_mesh_update: {reason}"
+        expected[key] = expected.get(key, 0) + 1
+    shared.wait_for(lambda: all(shared.diagnostics("inputs").get(k) == str(v) for k, v in expected.items()))
+    assert shared.diagnostics("terrain")["updates of ''"] == "0"
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.2])
-def test_tiles_come_are_crossed_and_go(probe: Probe, gap: float) -> None:
-    flat = np.zeros((51, 51))
-    with probe.running():
-        probe.publish_map(flat, resolution=0.2, origin=(-10.0 - gap, -5.0, 0.5), tile="west")
-        probe.publish_map(flat, resolution=0.2, origin=(0.0, -5.0, 0.5), tile="east")
-        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "2")
+def test_tiles_come_are_crossed_and_go(shared: Probe, gap: float) -> None:
+    flat, unknown = np.zeros((51, 51)), "refused, heightmap: unknown_tile"
+    before = int(shared.diagnostics("inputs").get(unknown, 0))
+    shared.publish_map(flat, resolution=0.2, origin=(-10.0 - gap, -5.0, 0.5), tile="west")
+    shared.publish_map(flat, resolution=0.2, origin=(0.0, -5.0, 0.5), tile="east")
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "2")
 
-        def crossing() -> bool:
-            probe.publish_bodies({"rover": (-0.05, 0.0, 0.8)}, radius=0.3)
-            seen = patch_vertices(probe)
-            return len(seen) == 1 and seen["rover"][:, 0].min() < -0.3 and seen["rover"][:, 0].max() > 0.3
+    def crossing() -> bool:
+        shared.publish_bodies({"rover": (-0.05, 0.0, 0.8)}, radius=0.3)
+        seen = patch_vertices(shared)
+        return len(seen) == 1 and seen["rover"][:, 0].min() < -0.3 and seen["rover"][:, 0].max() > 0.3
 
-        probe.wait_for(crossing)
-        assert np.abs(patch_vertices(probe)["rover"][:, 2] - 0.5).max() < 1e-6
-        removal = heightmap_message(np.zeros((0, 0)), tile="east", stamp=probe.now())
-        assert isinstance(removal, Heightmap)
-        probe.publishers["heightmap"].publish(removal)
-        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
-        probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile="north", stamp=probe.now()))
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, heightmap: unknown_tile") == "1")
+    shared.wait_for(crossing)
+    assert np.abs(patch_vertices(shared)["rover"][:, 2] - 0.5).max() < 1e-6
+    removal = heightmap_message(np.zeros((0, 0)), tile="east", stamp=shared.now())
+    assert isinstance(removal, Heightmap)
+    shared.publishers["heightmap"].publish(removal)
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
+    shared.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile="north", stamp=shared.now()))
+    shared.wait_for(lambda: shared.diagnostics("inputs").get(unknown) == str(before + 1))

@@ -1,17 +1,18 @@
 """Starting, stopping and restarting processes."""
 
 import re
+import resource
 import signal
 import subprocess
 import sys
 from pathlib import Path
-from time import monotonic
 
 import numpy as np
+import psutil
 import pytest
 
 from smartmesh_ros import machine_code
-from smartmesh_ros.testing import Probe, Process, assert_cannot_start, assert_on_map
+from smartmesh_ros.testing import TIMEOUT, Probe, Process, assert_cannot_start, assert_on_map
 from smartmesh_ros.testing.process import START_TIMEOUT
 
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many
@@ -154,7 +155,7 @@ def test_misspelt_parameters_are_warned_about(probe: Probe) -> None:
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:
-    """The promise is a second; the test allows for a busy machine."""
+    """The promise is a second, here of the node's own processor time: a busy machine takes longer."""
     with probe.running() as process:
         probe.publish_map(np.zeros((512, 512)))
         crowd = [(5.0 + 0.1 * (i % 20), 5.0 + 0.1 * (i // 20), 0.0) for i in range(200)]
@@ -164,6 +165,14 @@ def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:
             return len(probe.patches()) == 200
 
         probe.wait_for(all_patched)
-        start = monotonic()
-        assert process.stop(signal.SIGTERM) == 0
-        assert monotonic() - start < 10.0
+        ended = processor_time_of_ended()
+        used = psutil.Process(process.process.pid).cpu_times()
+        process.process.send_signal(signal.SIGTERM)
+        assert process.process.wait(TIMEOUT) == 0
+        assert processor_time_of_ended() - ended - used.user - used.system < 1.0
+
+
+def processor_time_of_ended() -> float:
+    """Processor time of all processes that this one started and that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

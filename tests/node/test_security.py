@@ -1,6 +1,7 @@
 """What peers may make the node open, hold and believe."""
 
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pybullet_data
@@ -9,7 +10,7 @@ from geometry_msgs.msg import PoseArray
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.testing import TIMEOUT, Probe, Process, pose_message
 
 SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 BOX = '<collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision>'
@@ -84,7 +85,7 @@ def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: P
     try:
         if strategy == "Permissive" and not _ends(process):
             pytest.skip("this middleware has DDS security, and permits what has no keys")
-        assert process.process.wait(30) == 2
+        assert process.process.wait(TIMEOUT) == 2
         assert "ROS_SECURITY_ENABLE" in process.output
         assert "Traceback" not in process.output
     finally:
@@ -92,10 +93,7 @@ def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: P
 
 
 def _ends(process: Process) -> bool:
-    import subprocess
-
-    try:
-        process.process.wait(15)
-    except subprocess.TimeoutExpired:
-        return False
-    return True
+    """Waits until the node ends, or says that it has started."""
+    while process.process.poll() is None and "terrain from" not in process.output:
+        sleep(0.1)
+    return process.process.poll() is not None

@@ -33,7 +33,7 @@ from simulation_interfaces.srv import (
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.simulation_services import _urdf_of
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.testing import TIMEOUT, Probe, Process, pose_message
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
@@ -100,7 +100,7 @@ def test_the_simulation_plays_pauses_steps_and_stops(probe: Probe) -> None:
         assert set_state(probe, s.STATE_PLAYING) == OK
         probe.wait_for(lambda: pose_of(probe, "ball")[2] < fallen - 0.1)
         assert set_state(probe, s.STATE_QUITTING) == OK
-        assert process.process.wait(30) == 0
+        assert process.process.wait(TIMEOUT) == 0
         assert "Traceback" not in process.output
 
 

@@ -1,6 +1,7 @@
 """A search from its beginning to its file: it goes on where it was ended, and the node loads what it writes."""
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,15 @@ def test_the_node_loads_what_is_written(probe: Probe, scene: Path, tmp_path: Pat
     assert "NOT POSSIBLE" in (out / "small_nearest.yaml").read_text()
 
 
-def test_an_interrupted_search_goes_on(scene: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def obeyed() -> Iterator[None]:
+    """SIGINT raises KeyboardInterrupt, whatever earlier tests of this process have left."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interrupted_search_goes_on(scene: Path, tmp_path: Path, obeyed: None) -> None:
     request = Request(source=str(scene), storage=str(tmp_path / "journal"), seed=3)
     case = request.open_case()
     plan = Search(trials=18, batch=3, repeats=1)
