@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
 from numpy.typing import ArrayLike, NDArray
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -75,7 +75,7 @@ class Probe:
         rclpy.init(context=self.context)
         self.node = Node("probe", context=self.context)
         self.received: dict[str, list[Any]] = defaultdict(list)
-        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._services: dict[str, Any] = {}
         self._processes: list[Process] = []
@@ -248,10 +248,17 @@ class Probe:
 
     def diagnostics(self, task: str) -> dict[str, str]:
         """Return the values of a task in the collider's next diagnostics by key, and the task's ``message``."""
+        return self.diagnostics_by_task()[task]
+
+    def diagnostics_by_task(self) -> dict[str, dict[str, str]]:
+        """Return the values of all tasks, and their ``message``, from the collider's next diagnostics."""
         while not _publishers_by_topic(message := self.latest(DIAGNOSTICS), self.collider):
             pass  # diagnostics of another node
-        [status] = [status for status in message.status if status.name == f"terrain_collider: {task}"]
-        return {pair.key: pair.value for pair in status.values} | {"message": status.message}
+        return {
+            status.name.removeprefix("terrain_collider: "): {pair.key: pair.value for pair in status.values}
+            | {"message": status.message}
+            for status in message.status
+        }
 
 
 def _publishers_by_topic(message: DiagnosticArray, collider: str) -> dict[str, int]:

@@ -27,12 +27,12 @@ def clear(probe: Probe) -> None:
         probe.publish_poses([])
         if names := [body.id for body in probe.latest("body_states").bodies]:
             probe.call("remove_bodies", RemoveBodies, ids=names)
-        terrain, bodies = probe.diagnostics("terrain"), probe.diagnostics("bodies")
-        for name in _tiles(terrain) - asked:  # one that is gone already would be refused, and counted
+        found = probe.diagnostics_by_task()
+        for name in _tiles(found["terrain"]) - asked:  # one that is gone already would be refused, and counted
             asked.add(name)
             probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile=name, stamp=probe.now()))
         assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
-        return terrain["tiles"] == "0" and NOTHING.items() <= bodies.items()
+        return found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items()
 
     probe.wait_for(empty)
 
