@@ -16,6 +16,7 @@ settings.register_profile(
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # Files that take longest, which start first: the last to run should be short, or a core waits for the other.
+# studies/test_consumer.py, in step with real time, runs last, where most other processes have ended.
 LONGEST = ("newcomer/test_workspace.py", "newcomer/test_wheel.py", "fuzz/test_quick.py")
 
 
@@ -26,7 +27,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = item.path.relative_to(ROOT / "tests").as_posix()
         if path in LONGEST:
             return LONGEST.index(path)
-        return len(LONGEST) + (not path.startswith(("node/", "view/", "tune/")))
+        return len(LONGEST) + (not path.startswith(("node/", "view/", "tune/"))) + (path == "studies/test_consumer.py")
 
     items.sort(key=place)
 

@@ -10,8 +10,9 @@ from studies.consumer.cases import Case, TrueGround
 __all__ = ["domain"]
 
 NEAR = 0.01  # [m]
-# The drive is in step with real time: a machine with other work may stall for once.
-ATTEMPTS = 3
+# The drive is in step with real time: a machine with other work may stall. Drives that were later than this [s] say
+# nothing of the ground.
+ATTEMPTS, LATE = 3, 0.1
 
 
 @pytest.mark.parametrize(
@@ -27,7 +28,7 @@ def test_wheels_keep_to_the_true_ground(domain: int, case: Case) -> None:
     pytest.importorskip("mujoco")
     from studies.consumer.run import run_case
 
-    found = []
+    found, in_step = [], False
     for _ in range(ATTEMPTS):
         drive = run_case(case)
         assert drive.messages > 0
@@ -35,6 +36,9 @@ def test_wheels_keep_to_the_true_ground(domain: int, case: Case) -> None:
         found.append({"lost": drive.lost, "near": near, "way": drive.way, "age": max(drive.ages), "late": drive.late})
         if drive.lost == 0 and near >= 0.99 and drive.way > 5.0:
             return
+        in_step |= drive.late < LATE
+    if not in_step:
+        pytest.skip(f"other work kept this machine from driving in step with real time: {found}")
     pytest.fail(f"no attempt went well: {found}")
 
 
