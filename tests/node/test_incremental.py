@@ -1,5 +1,6 @@
 """Patches in increments, over DDS: whoever keeps what he was sent has the whole picture."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,27 +19,37 @@ def xyz(points: list[Point]) -> list[tuple[float, float, float]]:
     return [(point.x, point.y, point.z) for point in points]
 
 
-def picture_of_patches(messages: list[ColliderPatchArray]) -> Picture:
+def keep_patches(known: Picture, message: ColliderPatchArray) -> None:
     """Vertices by body, kept as the message definition says."""
-    known: Picture = {}
-    for message in messages:
-        if not message.incremental:
-            known = {}
-        for name in message.removed:
-            del known[name]
-        known.update({patch.body_id: xyz(patch.mesh.vertices) for patch in message.patches})
-    return known
+    if not message.incremental:
+        known.clear()
+    for name in message.removed:
+        del known[name]
+    known.update({patch.body_id: xyz(patch.mesh.vertices) for patch in message.patches})
 
 
-def picture_of_markers(messages: list[MarkerArray]) -> Picture:
+def keep_markers(known: Picture, message: MarkerArray) -> None:
     """Points by id, kept as a viewer keeps markers."""
-    known: Picture = {}
-    for message in messages:
-        for marker in message.markers:
-            known.pop(marker.id, None)
-            if marker.action == Marker.ADD:
-                known[marker.id] = xyz(marker.points)
-    return known
+    for marker in message.markers:
+        known.pop(marker.id, None)
+        if marker.action == Marker.ADD:
+            known[marker.id] = xyz(marker.points)
+
+
+class Viewer:
+    """Keeps a picture by the messages of a list that grows; each is read once, so that it never falls behind."""
+
+    def __init__(self, messages: list[Any], keep: Callable[[Picture, Any], None]) -> None:
+        self._messages, self._keep = messages, keep
+        self._read, self._known = 0, Picture()
+
+    @property
+    def picture(self) -> Picture:
+        """What is to be seen by now."""
+        while self._read < len(self._messages):
+            self._keep(self._known, self._messages[self._read])
+            self._read += 1
+        return dict(self._known)
 
 
 def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) -> None:
@@ -47,12 +58,13 @@ def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) ->
     with probe.running(parameters=SETTINGS):
         patches = probe.received[f"{COLLIDER}/collider_patches"]
         markers = probe.received[f"{COLLIDER}/patches"]
+        of_patches, of_markers = Viewer(patches, keep_patches), Viewer(markers, keep_markers)
         probe.publish_map(heights)
 
         def shown(*names: str) -> bool:
             probe.publish_bodies(bodies)
             probe.spin()
-            return picture_of_patches(patches).keys() == set(names) and len(picture_of_markers(markers)) == len(names)
+            return of_patches.picture.keys() == set(names) and len(of_markers.picture) == len(names)
 
         probe.wait_for(lambda: shown("left", "right"))
 
@@ -65,10 +77,10 @@ def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) ->
         said = len(patches), len(markers)
         heights[30:, 30:] += 0.5
         probe.publish_map(heights)
-        low = picture_of_patches(patches)["right"]
+        low = of_patches.picture["right"]
 
         def raised() -> bool:
-            return shown("left", "right") and picture_of_patches(patches)["right"] != low
+            return shown("left", "right") and of_patches.picture["right"] != low
 
         probe.wait_for(raised)
         changed = [message for message in patches[said[0] :] if message.incremental]
@@ -78,11 +90,12 @@ def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) ->
         late = Probe()
         try:
             theirs = late.received[f"{COLLIDER}/collider_patches"], late.received[f"{COLLIDER}/patches"]
+            late_patches, late_markers = Viewer(theirs[0], keep_patches), Viewer(theirs[1], keep_markers)
 
             def told() -> bool:
                 late.spin()
-                whole = picture_of_patches(theirs[0]), picture_of_markers(theirs[1])
-                return shown("left", "right") and whole == (picture_of_patches(patches), picture_of_markers(markers))
+                whole = late_patches.picture, late_markers.picture
+                return shown("left", "right") and whole == (of_patches.picture, of_markers.picture)
 
             probe.wait_for(told)
             assert any(not message.incremental for message in theirs[0][:5])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros.testing import PATIENCE
+from smartmesh_ros.testing import TIMEOUT
 
 NAMESPACES = ["unshare", "--user", "--map-root-user", "--net"]
 
@@ -27,7 +27,7 @@ def test_a_peer_that_was_cut_off_is_heard_again() -> None:
     and patches received again once the cable is joined."""
     command = [*NAMESPACES, sys.executable, "-m", "tests.node.partition", "--times", "2"]
     root = Path(__file__).parents[2]
-    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=8 * PATIENCE, check=False)
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=8 * TIMEOUT, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
     cuts = [json.loads(line) for line in result.stdout.splitlines() if line.startswith("{")]
     assert [cut["past_lease"] for cut in cuts] == [False, True]

@@ -15,7 +15,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, ColliderPatch
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import PATIENCE, Probe, Process
+from smartmesh_ros.testing import TIMEOUT, Probe, Process
 from smartmesh_ros.testing.messages import pose_message
 from smartmesh_ros.view.looks import BODY_COLOURS, PatchLook
 
@@ -35,7 +35,7 @@ def page(shown: tuple[Probe, Process], browser: Any) -> Iterator[Any]:
     opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
     opened.goto(f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
-    opened.set_default_timeout(1000 * PATIENCE)
+    opened.set_default_timeout(1000 * TIMEOUT)
     opened.get_by_text("running", exact=False).first.wait_for()
     yield opened
     opened.close()
