@@ -17,7 +17,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # Files that take longest, which start first: the last to run should be short, or a core waits for the other.
 # studies/test_consumer.py, in step with real time, runs last, where most other processes have ended.
-LONGEST = ("newcomer/test_workspace.py", "newcomer/test_wheel.py", "fuzz/test_quick.py")
+LONGEST = ("newcomer/test_workspace.py", "newcomer/test_wheel.py", "tune/test_search.py", "node/test_processes.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

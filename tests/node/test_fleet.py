@@ -23,6 +23,8 @@ from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_messag
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 NODES = layout.node_names(2)
+# After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
+FRONT_TIMEOUT = 5.0
 PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction": 0.0, "bodies.timeout": 2.0}
 
 
@@ -83,7 +85,7 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
     patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
     with ExitStack() as stack:
         processes = [stack.enter_context(node(index)) for index in range(2)]
-        front = stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": 2.0}))
+        front = stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": FRONT_TIMEOUT}))
         fleet.show_ground()
         probe.wait_for(fleet.complete)
         assert fleet.spawn("still", 0.0).success
