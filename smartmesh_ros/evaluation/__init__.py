@@ -1,1 +1,1 @@
-"""How well bodies follow a scene's ground: scenes, references, measures. Shared by the tuner and the studies."""
+"""Measurement of accuracy: scenes, reference runs and measures. Shared by the tuner and the studies."""

@@ -1,4 +1,4 @@
-"""How far the surface of a body is from the ground."""
+"""Distance between the surface of a body and the ground."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smartmesh_ros.evaluation.distance import Surface, nearest
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 
-# Samples along the longest edge of a box, and around the rim of a cylinder.
+# Numbers of samples: along the longest edge of a box, and around the rim of a cylinder.
 SAMPLES = 8
 RIM = 24
 
@@ -22,7 +22,8 @@ RIM = 24
 class Skin:
     """A body as spheres of ``radius`` [m] around ``points`` (M, 3) [m] in its own frame.
 
-    Exact for a sphere; dense along a capsule's axis; radius zero and points on the surface for boxes and cylinders.
+    Exact for spheres. The points of a capsule lie along its axis; those of boxes and cylinders on the surface, with
+    radius zero.
     """
 
     points: FloatArray
@@ -31,7 +32,7 @@ class Skin:
 
 @lru_cache
 def skin(shape: Shape) -> Skin:
-    """The sampled surface of a shape."""
+    """Return the sampled surface of a shape."""
     if isinstance(shape, Sphere):
         return Skin(np.zeros((1, 3)), shape.radius)
     if isinstance(shape, Capsule):
@@ -44,7 +45,7 @@ def skin(shape: Shape) -> Skin:
 
 
 def _box_points(box: Box) -> FloatArray:
-    """A grid on every face; corners and edges are among its points."""
+    """Return the points of a grid on every face, including corners and edges."""
     edges = np.array([box.x, box.y, box.z])
     counts = np.maximum(np.ceil(SAMPLES * edges / edges.max()).astype(int), 1) + 1
     axes = [np.linspace(-0.5 * edge, 0.5 * edge, count) for edge, count in zip(edges, counts, strict=True)]
@@ -53,7 +54,7 @@ def _box_points(box: Box) -> FloatArray:
 
 
 def _cylinder_points(cylinder: Cylinder) -> FloatArray:
-    """Rims, lines along the side, and rings on the two caps."""
+    """Return points on rings along the side, including both rims, and on the two caps."""
     angle = 2.0 * math.pi * np.arange(RIM) / RIM
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     lines = max(2, math.ceil(SAMPLES * cylinder.height / max(cylinder.height, 2.0 * cylinder.radius)) + 1)
@@ -68,7 +69,7 @@ def _cylinder_points(cylinder: Cylinder) -> FloatArray:
 
 
 def rotate(orientations: FloatArray, points: FloatArray) -> FloatArray:
-    """Points (M, 3) turned by each orientation (N, 4) (x, y, z, w); shape (N, M, 3)."""
+    """Return points (M, 3) rotated by each orientation (N, 4) (x, y, z, w); shape (N, M, 3)."""
     axis, w = orientations[:, None, :3], orientations[:, None, 3:]
     twice = 2.0 * np.cross(axis, points[None])
     return np.asarray(points[None] + w * twice + np.cross(axis, twice))
@@ -77,8 +78,10 @@ def rotate(orientations: FloatArray, points: FloatArray) -> FloatArray:
 def clearances(
     surface: Surface, shape: Shape, positions: FloatArray, orientations: FloatArray, reach: float = 0.1
 ) -> FloatArray:
-    """Signed distance (N,) [m] from the surface of bodies at ``positions`` (N, 3) and ``orientations`` (N, 4) to the
-    ground: negative = they overlap by so much. Beyond ``reach`` [m] from the skin's points it is cut off there."""
+    """Return the signed distances (N,) [m] from the surface of bodies to the ground; negative = penetration depth.
+
+    ``positions``: (N, 3) [m]. ``orientations``: (N, 4). Distances are clamped to ``reach`` [m] from the skin's points.
+    """
     sample = skin(shape)
     points = positions[:, None] + rotate(orientations, sample.points)
     count = len(sample.points)
@@ -91,13 +94,13 @@ def clearances(
 
 
 def _lowest_points(surface: Surface, points: FloatArray) -> NDArray[np.bool_]:
-    """Which points (N, M, 3) may be the nearest to the ground of their body's, (N, M).
+    """Return True (N, M) for the points (N, M, 3) that may be the nearest ones of their body to the ground.
 
-    Over ground no steeper than s, a distance is between the vertical gap and that times 1 / sqrt(1 + s^2).
+    If no slope exceeds s, a distance lies between the vertical gap and the gap times 1 / sqrt(1 + s^2).
     """
     gap = points[..., 2] - surface.below(points.reshape(-1, 3)).reshape(points.shape[:2])
     cosine = 1.0 / math.sqrt(1.0 + surface.steepest**2)
     least, most = np.where(gap > 0.0, gap * cosine, gap), np.where(gap > 0.0, gap, gap * cosine)
     unknown = np.isnan(gap)
-    most[unknown], least[unknown] = np.inf, -np.inf  # beside the ground; it may still be near
+    most[unknown], least[unknown] = np.inf, -np.inf  # points beside the map may still be near the ground
     return np.asarray(least <= most.min(axis=1, keepdims=True))

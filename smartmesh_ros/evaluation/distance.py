@@ -1,6 +1,6 @@
-"""Signed distance from points to the triangulated surface of a height map: the one yardstick of accuracy.
+"""Signed distance from points to the triangulated surface of a height map, the basis of all accuracy figures.
 
-It knows nothing of patches, so it judges every collider and every simulator alike.
+The distance is independent of patches, so the same measure applies to all colliders and simulators.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from smartmesh_ros.evaluation import triangles
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 
-# Vertices looked at in one go, to bound memory.
+# Number of vertices processed at a time. Raising it costs memory.
 CHUNK = 2_000_000
 
 
@@ -28,13 +28,13 @@ class Surface:
 
     @cached_property
     def steepest(self) -> float:
-        """The slope [-] that no triangle exceeds."""
+        """Upper bound of the slope of all triangles [-]."""
         across = [np.abs(np.diff(self.heights, axis=axis)) for axis in (0, 1)]
         largest = [float(np.nanmax(steps)) if np.isfinite(steps).any() else 0.0 for steps in across]
         return math.hypot(*largest) / self.geometry.resolution
 
     def below(self, points: FloatArray) -> FloatArray:
-        """Height of the ground under points (N, 3) [m]; NaN where there is none. Shape (N,)."""
+        """Return the heights (N,) [m] of the ground under points (N, 3) [m]; NaN where there is no ground."""
         geometry = self.geometry
         grid = geometry.to_grid(points[:, :2])
         found = triangles.locate(grid, geometry.rows, geometry.columns)
@@ -46,18 +46,20 @@ class Surface:
 
 
 class Nearest(NamedTuple):
-    """Of N points: signed ``distance`` to the surface (N,) [m], positive above it, at most the reach asked for; and
-    ``normal`` (N, 3), unit, from the nearest point of the surface outwards, NaN beyond the reach."""
+    """Distances and normals of N points.
+
+    ``distance``: to the surface (N,) [m], positive above it, at most the given reach. ``normal``: unit vector from the
+    nearest point of the surface outwards (N, 3), NaN beyond the reach.
+    """
 
     distance: FloatArray
     normal: FloatArray
 
 
 def nearest(surface: Surface, points: FloatArray, reach: float) -> Nearest:
-    """Exact distance to the nearest triangle for points (N, 3) [m] within ``reach`` [m] of it.
+    """Return the exact distances to the nearest triangle for points (N, 3) [m] within ``reach`` [m] of it.
 
-    The sign is that of the vertical gap; where there is no ground below, a point counts as above. Positions that are
-    not finite get NaN.
+    The sign is that of the vertical gap; without ground below, a point counts as above. Non-finite positions give NaN.
     """
     half = math.ceil(reach / surface.geometry.resolution + 1.5)
     step = max(1, CHUNK // (2 * half + 1) ** 2)
@@ -97,10 +99,11 @@ def _nearest(surface: Surface, points: FloatArray, reach: float, half: int) -> N
 def _candidates(
     surface: Surface, points: FloatArray, gap: FloatArray, reach: float, half: int
 ) -> tuple[IntArray, FloatArray]:
-    """Triangles that may hold the nearest point: owners (P,) among the points, and corners (P, 3, 3).
+    """Return the triangles that may contain the nearest point: indices of the points (P,), and corners (P, 3, 3).
 
-    No point of a triangle is farther from its corners than its longest edge over the square root of three, and the
-    nearest vertex and the vertical gap bound the distance from above; what lies beyond the sum of both is left out.
+    The nearest vertex and the vertical gap are upper bounds of the distance. Every point of a triangle is at most the
+    longest edge over the square root of three from one of its corners. Triangles whose corners are all farther away
+    than the sum of both are skipped.
     """
     geometry = surface.geometry
     middle = np.rint(geometry.to_grid(points[:, :2])).astype(np.int64)
@@ -116,7 +119,7 @@ def _candidates(
     vertex = np.sqrt(dx[:, None] ** 2 + dy[:, :, None] ** 2 + (z - points[:, 2, None, None]) ** 2)
     vertex[np.isnan(vertex)] = np.inf
     bound = np.fmin(np.fmin(vertex.min(axis=(1, 2)), gap), reach)
-    # The four corners of a cell; one that is missing takes one or both of its triangles away.
+    # The four corners of each cell. A missing corner removes one or both of the cell's triangles.
     corners = np.stack([z[:, :-1, :-1], z[:, :-1, 1:], z[:, 1:, 1:], z[:, 1:, :-1]])
     with np.errstate(invalid="ignore"):
         drop = np.fmax.reduce(corners) - np.fmin.reduce(corners)
@@ -137,14 +140,14 @@ def _candidates(
 def _vertex(
     geometry: GridGeometry, z: FloatArray, body: IntArray, row: IntArray, column: IntArray, middle: IntArray, half: int
 ) -> FloatArray:
-    """Positions (P, 3) [m] of vertices given by their place in the windows around the points."""
+    """Return the positions (P, 3) [m] of vertices given by row and column in the windows around the points."""
     x = geometry.origin[0] + (middle[body, 1] + column - half) * geometry.resolution
     y = geometry.origin[1] + (middle[body, 0] + row - half) * geometry.resolution
     return np.stack([x, y, z[body, row, column]], axis=1)
 
 
 def closest_points(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """The point of each triangle (P, 3, 3) that is closest to each point (P, 3)."""
+    """Return the closest point (P, 3) of each triangle (P, 3, 3) to each point (P, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac, ap = b - a, c - a, points - a
     aa, bb, cc = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)

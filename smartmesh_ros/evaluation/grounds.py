@@ -1,4 +1,4 @@
-"""Ground of the studies beyond that of `smartmesh_ros.scenes.moving`, and all of it by name."""
+"""Ground of the studies in addition to `smartmesh_ros.scenes.moving`, and the list of all ground by name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 
 
 class Rigid(Scene):
-    """Ground that stays as it is: ``surface`` (rows, columns) [m]."""
+    """Static ground with heights ``surface`` (rows, columns) [m]."""
 
     def __init__(self, geometry: GridGeometry, surface: Any) -> None:
         super().__init__(geometry)
@@ -27,7 +27,7 @@ class Rigid(Scene):
 
 
 class Lift(Scene):
-    """Flat ground that moves at ``speed`` [m/s] for ``duration`` [s], upwards or (below zero) downwards, and stops."""
+    """Flat ground that rises at ``speed`` [m/s] (negative = falls) for ``duration`` [s] and stops."""
 
     def __init__(self, geometry: GridGeometry, speed: float = 2.0, duration: float = 1.0) -> None:
         super().__init__(geometry)
@@ -39,7 +39,7 @@ class Lift(Scene):
 
 
 class Drop(Scene):
-    """Flat ground that falls away from time zero with ``acceleration`` [m/s^2] until it is ``depth`` [m] down."""
+    """Flat ground that falls from time zero with ``acceleration`` [m/s^2] down to ``depth`` [m], where it stops."""
 
     def __init__(self, geometry: GridGeometry, acceleration: float = 20.0, depth: float = 2.0) -> None:
         super().__init__(geometry)
@@ -51,38 +51,40 @@ class Drop(Scene):
 
 
 def flat(geometry: GridGeometry) -> Scene:
-    """Level ground at z = 0."""
+    """Return level ground at z = 0."""
     return Rigid(geometry, 0.0)
 
 
 def slope(geometry: GridGeometry, angle: float = 20.0) -> Scene:
-    """Ground that rises along x by ``angle`` [deg]."""
+    """Return ground that rises along x with a slope of ``angle`` [deg]."""
     plain = Rigid(geometry, 0.0)
     return Rigid(geometry, plain.x * math.tan(math.radians(angle)))
 
 
 def sinusoid(geometry: GridGeometry, amplitude: float = 0.05, wavelength: float = 2.0) -> Scene:
-    """Ripples along x and y [m]."""
+    """Return ripples along x and y of ``amplitude`` and ``wavelength`` [m]."""
     plain = Rigid(geometry, 0.0)
     number = 2.0 * math.pi / wavelength
     return Rigid(geometry, 0.5 * amplitude * (np.sin(number * plain.x) + np.sin(number * plain.y)))
 
 
 def stairs(geometry: GridGeometry, rise: float = 0.1, tread: float = 1.0) -> Scene:
-    """Steps along x, each a cell steep."""
+    """Return steps along x of height ``rise`` and length ``tread`` [m]; each riser is one cell wide."""
     plain = Rigid(geometry, 0.0)
     return Rigid(geometry, rise * np.floor(plain.x / tread + 1e-6))
 
 
 def noise(geometry: GridGeometry, deviation: float = 0.02, seed: int = 1) -> Scene:
-    """Independent normal heights at every sample: the roughest ground a map can hold."""
+    """Return independent normally distributed heights of standard ``deviation`` [m], the roughest possible map."""
     rng = np.random.default_rng(seed)
     return Rigid(geometry, rng.normal(0.0, deviation, (geometry.rows, geometry.columns)))
 
 
 def elevation(geometry: GridGeometry, spacing: float = 10.0, relief: float = 100.0) -> Scene:
-    """The elevation model of the Jacksboro fault with samples ``spacing`` [m] apart, scaled to ``relief`` [m], around
-    its middle; a finer map gets bilinear heights between them."""
+    """Return the middle of the elevation model of the Jacksboro fault, scaled to ``relief`` [m].
+
+    The model's samples are ``spacing`` [m] apart; finer maps are interpolated bilinearly.
+    """
     model = jacksboro_fault(relief)
     plain = Rigid(geometry, 0.0)
     row = np.clip(plain.y[:, 0] / spacing + model.shape[0] / 2, 0, model.shape[0] - 1.001)
@@ -96,7 +98,7 @@ def elevation(geometry: GridGeometry, spacing: float = 10.0, relief: float = 100
 
 
 def waves(geometry: GridGeometry, amplitude: float = 0.3, number: float = 1.0, frequency: float = 4.0) -> Scene:
-    """The report's inward waves."""
+    """Return the report's inward waves."""
     return InwardWaves(geometry, Wave(amplitude, number, frequency))
 
 
@@ -117,7 +119,7 @@ GROUNDS: dict[str, Callable[..., Scene]] = {
 
 
 def make_ground(geometry: GridGeometry, kind: str, **settings: Any) -> Scene:
-    """Ground by name; raises `InputError` where there is none of that name or it has no such setting."""
+    """Return ground by name; raises `InputError` for an unknown name or setting."""
     if kind not in GROUNDS:
         raise InputError("scene", f"there is no ground {kind!r}; choose {', '.join(GROUNDS)}")
     try:

@@ -1,4 +1,4 @@
-"""What a bench ran on: cores, CPU model, load and versions, and nothing that tells whose machine it is."""
+"""Description of the machine of a benchmark: cores, CPU model, load and versions, but nothing that identifies it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PACKAGES = ("numpy", "numba", "pybullet", "mujoco", "sapien", "coal")
 
 
 def describe() -> dict[str, object]:
-    """Cores, CPU model, load average over the last five minutes, and versions of Python and of what is measured."""
+    """Return cores, CPU model, load average over five minutes, and versions of Python and the measured packages."""
     load = round(os.getloadavg()[1], 1)
     return {"cores": os.cpu_count() or 1, "cpu": _cpu_model(), "load": load, "versions": _versions()}
 

@@ -1,4 +1,4 @@
-"""What accuracy means here: the figures of a run, each defined once."""
+"""Definitions of the accuracy figures of a run."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from smartmesh_ros.terrain.grid import FloatArray
 BoolArray = NDArray[np.bool_]
 
 GRAVITY = 9.81  # [m/s^2]
-# A body is held up by something where its acceleration differs from gravity's by more than this share of it.
+# A body is supported if its acceleration differs from free fall by more than this fraction of gravity.
 HELD_UP = 0.1
 
 
 @dataclass(frozen=True)
 class Penetration:
-    """How well bodies stay on the surface.
+    """Penetration figures of a run.
 
-    ``p50``, ``p99``, ``most``: how deep they are in the ground [m], over all samples of all bodies that are not lost.
-    ``hover`` [m]: 99th percentile of the gap below bodies that something holds up. ``lost``: bodies whose centre was
-    below the ground at any sample. ``bodies``: how many there were.
+    ``p50``, ``p99``, ``most`` [m]: percentiles and maximum of the penetration depth, over all samples of all bodies
+    that are not lost. ``hover`` [m]: 99th percentile of the gap below supported bodies. ``lost``: number of bodies
+    whose centre was below the ground at any sample. ``bodies``: number of all bodies.
     """
 
     p50: float
@@ -34,8 +34,11 @@ class Penetration:
 
 
 def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Penetration:
-    """Figures of T samples of N bodies: ``clearance`` (T, N) [m], NaN = not on the map; whether their centre is
-    ``below`` the ground, and whether something holds them up, (T, N)."""
+    """Return the figures of T samples of N bodies, all arguments (T, N).
+
+    ``clearance`` [m]: NaN = not on the map. ``below``: the body's centre is below the ground. ``held``: the body is
+    supported.
+    """
     gone = np.logical_or.accumulate(below, axis=0)
     valid = np.isfinite(clearance) & ~gone
     depth = np.maximum(-clearance[valid], 0.0)
@@ -46,28 +49,30 @@ def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Pen
 
 
 def held_up(before: FloatArray, after: FloatArray, dt: float, gravity: float = GRAVITY) -> BoolArray:
-    """Which bodies something holds up, from their velocities (N, 3) [m/s] before and after one step of ``dt`` [s]."""
+    """Return True (N,) for supported bodies, by velocities (N, 3) [m/s] before and after a step of ``dt`` [s]."""
     felt = (after - before) / dt
     felt[:, 2] += gravity
     return np.asarray(np.linalg.norm(felt, axis=1) > HELD_UP * gravity)
 
 
 def deviation(positions: FloatArray, reference: FloatArray) -> FloatArray:
-    """Distance [m] from a reference run, (T, N, 3) each; shape (T, N)."""
+    """Return the distances (T, N) [m] from a reference run; both arguments (T, N, 3) [m]."""
     return np.asarray(np.linalg.norm(positions - reference, axis=-1))
 
 
 def energies(
     mass: float, inertia: FloatArray, positions: FloatArray, linear: FloatArray, angular: FloatArray
 ) -> FloatArray:
-    """Mechanical energy [J] of bodies: ``positions``, ``linear``, ``angular`` (..., 3), ``inertia`` (3,) [kg m^2] in a
-    frame in which it is diagonal and that ``angular`` is given in; a sphere's holds in every frame. Shape (...)."""
+    """Return the mechanical energies (...) [J] of bodies; ``positions``, ``linear``, ``angular``: (..., 3).
+
+    ``inertia``: principal moments (3,) [kg m^2]. ``angular`` is in the principal frame, or in any frame for spheres.
+    """
     kinetic: FloatArray = mass * (linear**2).sum(axis=-1) + (inertia * angular**2).sum(axis=-1)
     total: FloatArray = 0.5 * kinetic + mass * GRAVITY * positions[..., 2]
     return total
 
 
 def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
-    """Angle [deg] between unit vectors (N, 3); shape (N,). Accurate for small ones."""
+    """Return the angles (N,) [deg] between unit vectors (N, 3); accurate for small angles."""
     sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)

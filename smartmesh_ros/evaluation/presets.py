@@ -1,4 +1,4 @@
-"""The presets that come with the package, as points of the chart."""
+"""The presets of the package, as configurations of patches and physics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAMES = ("accurate", "fast", "fleet", "quadruped", "rover")
 
 
 class Preset(NamedTuple):
-    """What a preset says of patches and physics."""
+    """Name of a preset, and its configurations of patches and physics."""
 
     name: str
     patch: PatchConfig
@@ -24,7 +24,7 @@ class Preset(NamedTuple):
 
 
 def folder() -> Path | None:
-    """Where the presets lie: in the source tree, or in the share folder of an installed package."""
+    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
     package = Path(smartmesh_ros.__file__).parent
     for above in package.parents:
         for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
@@ -34,7 +34,7 @@ def folder() -> Path | None:
 
 
 def read_presets() -> list[Preset]:
-    """All presets; none where they are not installed."""
+    """Return all presets; an empty list if they are not installed."""
     found = folder()
     return [_read(found / f"{name}.yaml") for name in NAMES] if found else []
 

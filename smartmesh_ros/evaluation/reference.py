@@ -1,4 +1,4 @@
-"""Runs that others are compared with: as true as can be had, whatever it costs."""
+"""Reference runs: as accurate as possible, at any cost."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 
-# Steps of the reference [Hz], and when bodies are compared with it [s]: later contacts make their ways chaotic.
+# Step rate of the reference [Hz], and instant of the comparison [s]. A later comparison is meaningless, because
+# repeated contacts make the motion chaotic.
 FINE_RATE = 8 * 240.0
 HORIZON = 1.0
 
 
 def reference_positions(scene: Scene) -> FloatArray | None:
-    """Where the bodies (N, 3) [m] are after `HORIZON`; None where the scene has no reference.
+    """Return the positions (N, 3) [m] of the bodies after `HORIZON`; None if the scene has no reference.
 
-    On rigid ground a filtered trimesh of the whole map; on moving ground, where no whole collider can carry the
-    velocity, patches of our finest setting on maps that come with every step. Rigid ground that slides is at rest for
-    who slides along with it: bodies move the other way there.
+    The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider cannot
+    carry the velocity, it is our finest patch setting with a map at every step. Sliding rigid ground is simulated in
+    the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
     """
     if scene.reference == "none":
         return None
@@ -38,7 +39,7 @@ def reference_positions(scene: Scene) -> FloatArray | None:
         engine: Engine = BulletTrimesh(setup, BulletTrimeshOptions(edge_filter=True))
     else:
         finest = PatchConfig(kind="heightfield", tolerance=1e-4, rate=0.0)
-        # Maps that come with every step are none of them a part of another.
+        # A map arrives at every step, so short intervals must not merge maps.
         motion = MotionConfig(min_interval=0.0)
         engine = SmartMesh(setup, SmartMeshOptions(patch=finest, motion=motion))
     with engine:
@@ -51,7 +52,7 @@ def reference_positions(scene: Scene) -> FloatArray | None:
 
 
 def _starts(scene: Scene) -> list[BodyState]:
-    """Where bodies start and how fast, for who slides along with the ground."""
+    """Return the initial states of the bodies in the frame of the sliding ground."""
     return [
         replace(state, linear=(state.linear[0] - scene.slide[0], state.linear[1] - scene.slide[1], state.linear[2]))
         for state in scene.starts()

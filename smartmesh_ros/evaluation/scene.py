@@ -1,4 +1,4 @@
-"""Scenes of the accuracy study: small YAML files that say which ground moves how under which bodies."""
+"""Scenes of the accuracy study: small YAML files that define the ground, its motion and the bodies."""
 
 from __future__ import annotations
 
@@ -24,9 +24,12 @@ SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cyli
 
 @dataclass(frozen=True, kw_only=True)
 class Bodies:
-    """``count`` bodies of one ``shape`` and ``size`` [m], dropped from ``drop`` [m] above the ground at random places
-    within ``spread`` [m] of the map's middle (along x and y), with ``velocity`` [m/s]; ``rolling``: spheres turn as
-    fast as they move."""
+    """Bodies of one shape at random positions.
+
+    ``count``: number of bodies. ``shape``, ``size`` [m]: of each. ``spread`` [m]: maximum distance from the middle of
+    the map along x and y. ``drop`` [m]: initial height above the ground. ``velocity`` [m/s]: initial velocity.
+    ``rolling``: spheres start rolling without slip.
+    """
 
     count: int = 48
     shape: str = "sphere"
@@ -39,7 +42,7 @@ class Bodies:
     seed: int = 5
 
     def make_shape(self) -> Shape:
-        """The shape of each body."""
+        """Return the shape of each body."""
         if self.shape not in SHAPES:
             raise InputError("scene", f"there is no shape {self.shape!r}; choose {', '.join(SHAPES)}")
         return SHAPES[self.shape](*self.size)
@@ -49,12 +52,11 @@ class Bodies:
 class Scene:
     """A scene of the study.
 
-    ``grid``: samples on a side and their distance [m]; sample (0, 0) lies at the origin. ``map_rate`` [Hz]: how often
-    the engines are told about the ground; 0 = once. ``settle`` [s]: what is not measured at first. ``samples`` [Hz]:
-    how often is measured. ``slide`` [m/s]: the map moves along x and y as one piece, beside what its ground does.
-    ``reference``: the run that bodies are compared with, at an eighth of the step: a *whole* filtered collider where
-    the ground is rigid, also where it slides, or our *finest* setting on maps of that rate. ``quick``: part of the
-    quick run.
+    ``grid``: number of samples along each side and their distance [m]; sample (0, 0) lies at the origin. ``map_rate``
+    [Hz]: rate of maps for the engines; 0 = one map. ``settle`` [s]: initial time that is not measured. ``samples``
+    [Hz]: rate of measurements. ``slide`` [m/s]: velocity of the whole map along x and y, in addition to the motion of
+    its ground. ``reference``: reference run, with an eighth of the step: a *whole* filtered collider for rigid ground,
+    also sliding, or our *finest* setting with a map at every step. ``quick``: part of the quick run.
     """
 
     name: str
@@ -72,36 +74,36 @@ class Scene:
 
     @cached_property
     def geometry(self) -> GridGeometry:
-        """Where the samples lie."""
+        """Positions of the samples."""
         size, resolution = self.grid
         return GridGeometry(rows=size, columns=size, resolution=resolution)
 
     @property
     def side(self) -> float:
-        """Length of the map [m]."""
+        """Side length of the map [m]."""
         return (self.grid[0] - 1) * self.grid[1]
 
     @property
     def moves(self) -> bool:
-        """Whether the ground moves."""
+        """True if the ground moves."""
         return self.map_rate > 0.0
 
     def make_ground(self) -> MovingGround:
-        """The ground, fresh: some remember what has been dug."""
+        """Return new ground, because some ground keeps its deformation."""
         return make_ground(self.geometry, **self.ground)
 
     @property
     def slides(self) -> bool:
-        """Whether the map moves along x and y."""
+        """True if the map moves along x and y."""
         return self.slide != (0.0, 0.0)
 
     def surface(self, heights: Any, time: float = 0.0) -> Surface:
-        """The main mesh of a map of heights, where it lies at ``time`` [s]."""
+        """Return the main mesh of a map of heights at its position at ``time`` [s]."""
         x, y = self.slide[0] * time, self.slide[1] * time
         return Surface(replace(self.geometry, origin=(x, y, 0.0)), np.asarray(heights))
 
     def starts(self) -> list[BodyState]:
-        """Where the bodies start: apart from one another by their own size."""
+        """Return the initial states of the bodies, which are at least a bounding diameter apart."""
         bodies = self.bodies
         apart = 2.0 * bodies.make_shape().bounding_radius
         rng = np.random.default_rng(bodies.seed)
@@ -113,7 +115,7 @@ class Scene:
             if all(np.hypot(*(place - other)) >= apart for other in places):
                 places.append(place)
         if len(places) < bodies.count:
-            raise InputError("scene", f"{bodies.count} bodies do not fit into {bodies.spread} m; spread them more")
+            raise InputError("scene", f"{bodies.count} bodies do not fit into {bodies.spread} m; raise spread")
         xy = np.array(places)
         surface = self.surface(self.make_ground().heights(0.0))
         low = lowest(surface, bodies.make_shape(), xy) + bodies.drop
@@ -126,7 +128,7 @@ class Scene:
 
 
 def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
-    """Height (N,) [m] of the centres of upright bodies over (N, 2) [m] that touch no ground vertically."""
+    """Return the lowest heights (N,) [m] of the centres of upright bodies at (N, 2) [m] without penetration."""
     reach = shape.bounding_radius
     offsets = np.linspace(-reach, reach, 9)
     dx, dy = (axis.ravel() for axis in np.meshgrid(offsets, offsets))
@@ -144,7 +146,7 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
 
 
 def read_scene(path: Path) -> Scene:
-    """The scene of a YAML file; raises `InputError` where it does not say what a scene needs."""
+    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields."""
     loaded = yaml.safe_load(path.read_text())
     if not isinstance(loaded, dict) or not {"title", "ground", "grid"} <= set(loaded):
         raise InputError("scene", f"{path.name} lacks title, ground or grid; see {FOLDER}/flat.yaml")
@@ -158,7 +160,7 @@ def _require_known(path: Path, mapping: dict[str, Any], target: type[Scene] | ty
     known = {entry.name for entry in fields(target)} - {"name"}
     unknown = set(mapping) - known
     if unknown:
-        raise InputError("scene", f"{path.name} has unknown {sorted(unknown)}; it may have {sorted(known)}")
+        raise InputError("scene", f"{path.name} has unknown fields {sorted(unknown)}; known are {sorted(known)}")
 
 
 def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:
@@ -166,5 +168,5 @@ def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_scenes(folder: Path = FOLDER) -> list[Scene]:
-    """All scenes of a folder, by name."""
+    """Return all scenes of a folder, sorted by name."""
     return [read_scene(path) for path in sorted(folder.glob("*.yaml"))]

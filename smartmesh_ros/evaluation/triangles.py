@@ -1,8 +1,8 @@
 """Sampling of the triangulated surface of a grid.
 
 Every cell is cut along the diagonal from (row, column) to (row + 1, column + 1), as in the report's Figures 3 and 4.
-Heights between samples lie on those two triangles, not on a bilinear patch: a body that collides with triangles and is
-measured against anything else hovers or sinks.
+Heights between samples are interpolated on these two triangles and not bilinearly. Bodies collide with triangles, so
+any other reference surface would show false gaps and penetrations.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 class TrianglePoints(NamedTuple):
-    """Barycentric position of N points in a grid: three corners (N, 3) as rows and columns, and weights (N, 3)."""
+    """Barycentric positions of N points in a grid: rows and columns of three corners (N, 3), and weights (N, 3)."""
 
     rows: IntArray
     columns: IntArray
@@ -21,7 +21,7 @@ class TrianglePoints(NamedTuple):
 
 
 def locate(grid_rc: FloatArray, rows: int, columns: int) -> TrianglePoints:
-    """Triangles under points given as fractional (row, column), shape (N, 2); points outside use the nearest cell."""
+    """Return the triangles at points given as fractional (row, column) (N, 2); points outside use the nearest cell."""
     row = np.clip(np.floor(grid_rc[:, 0]), 0, rows - 2).astype(np.int64)
     column = np.clip(np.floor(grid_rc[:, 1]), 0, columns - 2).astype(np.int64)
     v = grid_rc[:, 0] - row

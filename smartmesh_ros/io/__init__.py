@@ -1,1 +1,1 @@
-"""Files of terrain and robots."""
+"""Reading of terrain and robot files."""

@@ -1,4 +1,4 @@
-"""Heights from files: NumPy arrays, PNG pictures, and whatever GDAL reads (GeoTIFF, ESRI ASCII grids)."""
+"""Heights from files: NumPy arrays, PNG images, GeoTIFF and ESRI ASCII grids (through GDAL)."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ KINDS = (".npy", ".png", *GEOGRAPHIC)
 
 
 def load(path: str | Path, config: RasterConfig | None = None, max_samples: int = 64_000_000) -> Raster:
-    """The surface in a file.
+    """Return the surface in a file.
 
-    ``.npy`` arrays and ``.png`` pictures (8 or 16 bit grey) are placed by the configuration. GeoTIFF and ESRI ASCII
-    files bring their own place and resolution in metres and their own mark of missing values, and need rasterio.
-    Sizes are checked before values are read. Raises `InputError`.
+    ``config`` places ``.npy`` arrays and ``.png`` images (8 or 16 bit grey). GeoTIFF and ESRI ASCII files contain their
+    position, their resolution in metres and their no-data value, and need rasterio. The size is checked before the
+    values are read. Raises `InputError`.
     """
     path, config = Path(path).expanduser(), config or RasterConfig()
     if path.suffix.lower() not in KINDS:
-        raise InputError("file", f"{path} is of no known kind; terrain files end in {', '.join(KINDS)}")
+        raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
     if not path.is_file():
         raise InputError("file", f"there is no file {path}")
     try:
         if path.suffix.lower() in GEOGRAPHIC:
             return _geographic(path, config, max_samples)
-        values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _picture(path, max_samples)
+        values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
     except (OSError, ValueError, EOFError) as error:
         if isinstance(error, InputError):
             raise
@@ -47,16 +47,16 @@ def _array(path: Path, max_samples: int) -> NDArray[Any]:
     return np.asarray(mapped)
 
 
-def _picture(path: Path, max_samples: int) -> NDArray[Any]:
+def _image(path: Path, max_samples: int) -> NDArray[Any]:
     try:
         from PIL import Image
     except ModuleNotFoundError:
         raise _missing(path, "Pillow", "pillow", "python3-pil") from None
-    with Image.open(path) as picture:
-        _require_size(path, (picture.height, picture.width), max_samples)
-        if picture.mode not in ("L", "I", "I;16", "F"):
-            raise InputError("type", f"{path} is a picture of mode {picture.mode}; heights need 8 or 16 bit grey")
-        return np.asarray(picture)
+    with Image.open(path) as image:
+        _require_size(path, (image.height, image.width), max_samples)
+        if image.mode not in ("L", "I", "I;16", "F"):
+            raise InputError("type", f"{path} is an image of mode {image.mode}; heights need 8 or 16 bit grey")
+        return np.asarray(image)
 
 
 def _geographic(path: Path, config: RasterConfig, max_samples: int) -> Raster:
@@ -70,13 +70,14 @@ def _geographic(path: Path, config: RasterConfig, max_samples: int) -> Raster:
             raise InputError("geometry", f"{path} is in degrees ({source.crs}); reproject it to metres, e.g. to UTM")
         place = source.transform
         resolution = math.hypot(place.a, place.d)
-        # Rows run down from the top: the second axis is the first one turned by -90 degrees, equally long.
+        # Rows run from top to bottom: the second axis must be the first one rotated by -90 degrees.
         skew = math.hypot(place.b - place.d, place.e + place.a)
         if not skew <= 1e-6 * resolution:
-            raise InputError("geometry", f"{path} has cells that are not square and upright: {tuple(place)[:6]}")
+            problem = "cells that are not square, or rows that do not run from top to bottom"
+            raise InputError("geometry", f"{path} has {problem}: {tuple(place)[:6]}")
         values = source.read(1, masked=True).astype(np.float32).filled(np.nan)
     heights = np.ascontiguousarray(scaled(values, config)[::-1])
-    # The outer corner of the last row's first cell.
+    # Outer corner of the first cell in the last row.
     corner = (place.b * len(heights) + place.c, place.e * len(heights) + place.f, 0.0)
     return from_cells(heights, corner=corner, yaw=math.atan2(place.d, place.a), resolution=resolution)
 
@@ -85,7 +86,7 @@ def _require_size(path: Path, shape: tuple[int, ...], max_samples: int) -> None:
     if len(shape) != 2:
         raise InputError("length", f"{path} has shape {shape}; heights must be (rows, columns)")
     if shape[0] * shape[1] > max_samples:
-        raise InputError("size", f"{path} has {shape[0]} x {shape[1]} samples; the most allowed is {max_samples}")
+        raise InputError("size", f"{path} has {shape[0]} x {shape[1]} samples; the maximum is {max_samples}")
 
 
 def _missing(path: Path, library: str, wheel: str, package: str) -> InputError:

@@ -1,7 +1,7 @@
-"""Surfaces as others keep them - grid maps, images, occupancy grids, organised clouds - as geometry and heights.
+"""Conversion of grid maps, images, occupancy grids and organised clouds to geometry and heights.
 
-Pure functions from arrays to a `Raster`, whose rows run along +y and columns along +x as in `GridGeometry`. What cannot
-be a surface raises `InputError`.
+Pure functions from arrays to a `Raster`, whose rows run along +y and columns along +x as in `GridGeometry`. They raise
+`InputError` for invalid input.
 """
 
 from __future__ import annotations
@@ -19,16 +19,15 @@ from smartmesh_ros.terrain.grid import GridGeometry
 FloatGrid = NDArray[np.float32]
 FirstRow = Literal["top", "bottom"]
 
-# How far a point of an organised cloud may lie from its place on the grid, as a share of a cell. A height there
-# is taken as the height at the place.
+# Largest horizontal distance of a point of an organised cloud from its sample [cells]. The height of the point becomes
+# the height of the sample.
 GRID_TOLERANCE = 0.1
-# Points that lie in one line do not say where a grid lies; their normal equations are this badly conditioned.
+# Largest condition number of the normal equations of a grid fit. Points in a line exceed it and define no grid.
 MAX_CONDITION = 1e12
 
 
 class Raster(NamedTuple):
-    """Where a surface lies, its heights (rows, columns) [m], NaN = no ground, and the variances of these [m^2], None =
-    not told."""
+    """Geometry of a surface, its heights (rows, columns) [m], NaN = no ground, and their variances [m^2] or None."""
 
     geometry: GridGeometry
     heights: FloatGrid
@@ -37,12 +36,12 @@ class Raster(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RasterConfig:
-    """How values become heights, ``scale`` x value + ``offset`` [m], and where surfaces that do not say so lie.
+    """Conversion of values to heights, ``scale`` x value + ``offset`` [m], and position of images and plain files.
 
-    ``layer``: the layer of a grid map that holds heights, ``variance_layer``: the one that holds their variances [m^2
-    before scaling], empty = none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left
-    corner, and ``yaw`` [rad] place images and plain files; ``first_row`` says whether their first row is at the top
-    (the largest y) or at the bottom. ``zero_is_hole``: in images and plain files zero means no ground.
+    ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
+    scaling], empty = none. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in the bottom left corner, and
+    ``yaw`` [rad]: of images and plain files. ``first_row``: their first row is at the top (the largest y) or at the
+    bottom. ``zero_is_hole``: zero means no ground in images and plain files.
     """
 
     layer: str = "elevation"
@@ -64,8 +63,8 @@ class RasterConfig:
 
 
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
-    """Values as heights [m]; what is not finite is a hole."""
-    with np.errstate(over="ignore", invalid="ignore"):  # becomes infinity or NaN, and so a hole
+    """Return values as heights [m]; non-finite values become holes."""
+    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinity, and so holes
         heights = values.astype(np.float32)
         if config.scale != 1.0:
             heights *= np.float32(config.scale)
@@ -77,9 +76,9 @@ def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
 
 
 def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
-    """A picture of heights (rows, columns), placed by the configuration."""
+    """Return an image of heights (rows, columns) as a raster, placed by the configuration."""
     if values.ndim != 2:
-        raise InputError("length", f"the picture has shape {values.shape}; heights need one channel: (rows, columns)")
+        raise InputError("length", f"the image has shape {values.shape}; heights need one channel: (rows, columns)")
     heights = scaled(values, config)
     if config.zero_is_hole:
         heights[values == 0] = np.nan
@@ -104,11 +103,10 @@ def from_grid_map(
     config: RasterConfig,
     variances: NDArray[Any] | None = None,
 ) -> Raster:
-    """A layer of a grid map: ``cells`` (along -x, along -y), whose first row and column in space is ``start``, and one
-    of ``variances``.
+    """Return a layer ``cells`` (along -x, along -y) of a grid map, and optionally its ``variances``, as a raster.
 
-    A grid map's storage is a circular buffer: it scrolls by moving ``start``, and its cells stay where they are.
-    ``centre`` (x, y) [m] is the middle of the map; heights belong to the middles of cells.
+    A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
+    instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
     """
     along_x, along_y = cells.shape
     if not (0 <= start[0] < along_x and 0 <= start[1] < along_y):
@@ -122,12 +120,12 @@ def from_grid_map(
 
 
 def _unrolled(cells: NDArray[Any], start: tuple[int, int]) -> NDArray[Any]:
-    """Cells of a grid map (along -x, along -y) as rows along +y and columns along +x."""
+    """Return the cells of a grid map (along -x, along -y) as rows along +y and columns along +x."""
     return np.ascontiguousarray(np.roll(cells, (-start[0], -start[1]), (0, 1))[::-1, ::-1].T)
 
 
 def occupancy_heights(cells: NDArray[np.int8], config: RasterConfig) -> FloatGrid:
-    """Occupancy in percent as heights: ``scale`` metres where it is certain, and no ground where it is unknown (-1)."""
+    """Return occupancy in percent as heights: ``scale`` metres at 100 %, and no ground where it is unknown (-1)."""
     if cells.size and cells.max() > 100:
         raise InputError("occupancy", f"occupancy {cells.max()} % is not possible; it is 0 to 100, or -1 for unknown")
     heights = scaled(cells.astype(np.float32) / np.float32(100.0), config)
@@ -136,7 +134,10 @@ def occupancy_heights(cells: NDArray[np.int8], config: RasterConfig) -> FloatGri
 
 
 def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: float, resolution: float) -> Raster:
-    """Heights of cells (rows, columns) from the outer ``corner`` of the first; samples lie in their middles."""
+    """Return heights of cells (rows, columns) as a raster; ``corner`` [m]: outer corner of the first cell.
+
+    Samples lie at the centres of cells.
+    """
     cos, sin, half = math.cos(yaw), math.sin(yaw), 0.5 * resolution
     origin = (corner[0] + half * (cos - sin), corner[1] + half * (sin + cos), corner[2])
     rows, columns = heights.shape
@@ -144,7 +145,7 @@ def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: f
 
 
 def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
-    """An organised cloud (rows, columns, 3) [m] whose points lie over a uniform grid; NaN points are holes."""
+    """Return an organised cloud (rows, columns, 3) [m] over a uniform grid as a raster; NaN points become holes."""
     with np.errstate(all="ignore"):
         known = np.isfinite(points.sum(axis=2))
     fit = _fitted_grid(points, known)
@@ -161,7 +162,7 @@ def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
         raise InputError(
             "not_a_grid",
             f"points of the cloud lie up to {off:.3g} m off a grid of {resolution:.3g} m; rows and columns must be "
-            "equally spaced and square to each other in x and y",
+            "equally spaced and perpendicular to each other in x and y",
         )
     heights = scaled(points[..., 2], config)
     heights[~known] = np.nan
@@ -180,10 +181,12 @@ def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
 
 
 def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(x, y) of the first sample, a step along columns and a step along rows, (3, 2) [m], that fit the known points
-    best: the normal equations, whose sums over rows and columns cost a few passes over the cloud."""
+    """Return (x, y) of the first sample, a step along columns and a step along rows (3, 2) [m], by least squares.
+
+    The sums of the normal equations are computed by rows and columns, which takes a few passes over the cloud.
+    """
     rows, columns = known.shape
-    # About the middle of the grid and one of the points, for the sake of precision.
+    # Indices relative to the middle of the grid, positions relative to one of the points, for precision.
     r, c = np.arange(rows) - 0.5 * (rows - 1), np.arange(columns) - 0.5 * (columns - 1)
     some = np.unravel_index(np.argmax(known), known.shape)
     in_row, in_column = known.sum(axis=1), known.sum(axis=0)
@@ -192,7 +195,9 @@ def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArr
         [[in_row.sum(), sum_c, sum_r], [sum_c, in_column @ c**2, sum_rc], [sum_r, sum_rc, in_row @ r**2]], np.float64
     )
     if not np.linalg.cond(normal) < MAX_CONDITION:
-        raise InputError("not_a_grid", "the cloud has too few finite points to say where its grid lies; it needs three")
+        raise InputError(
+            "not_a_grid", "the finite points of the cloud do not define a grid; it needs three that are not in a line"
+        )
     right = np.empty((3, 2))
     for axis in range(2):
         offsets = np.where(known, points[..., axis] - points[some][axis], 0.0)

@@ -1,7 +1,7 @@
-"""Robot descriptions that somebody else sent: checked before PyBullet reads them.
+"""Validation of untrusted robot descriptions before PyBullet loads them.
 
-PyBullet opens whatever file a description names. So a description, and every mesh and picture it names, must lie in one
-of the folders allowed, symbolic links followed; and its numbers must be some that the engine can compute with.
+PyBullet opens every file that a description names. So the description and all meshes and images it names must lie in an
+allowed folder, after symbolic links are resolved. All numbers must be in the range that the engine can handle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.limits import FARTHEST_BODY, MASSES, SIZES
 
-# Schemes that a file name may carry; what follows is looked for beside the description and in the folders above it.
+# Schemes of file names. The rest of the name is searched in the folder of the description and the folders above it.
 _SCHEMES = ("package://", "model://", "file://")
 _SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
 _NUMBER = re.compile(r"nan|inf|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
@@ -27,8 +27,8 @@ _LARGEST_INERTIA = 1e18  # [kg m^2]
 
 @dataclass(frozen=True, kw_only=True)
 class UrdfRules:
-    """``folders``: where descriptions and meshes may lie. ``longest``: bytes of a description. ``most_links``: of one
-    robot."""
+    """``folders``: allowed for descriptions and meshes. ``longest``: maximum length of a description [bytes].
+    ``most_links``: maximum number of links of a robot."""
 
     folders: tuple[Path, ...]
     longest: int = 10_000_000
@@ -36,8 +36,10 @@ class UrdfRules:
 
 
 def checked_urdf(urdf: str, rules: UrdfRules) -> str:
-    """The description as it may be loaded: the text itself, or the path of its file without symbolic links. Raises
-    `InputError`."""
+    """Return a description that is safe to load: the text itself, or the resolved path of its file.
+
+    Raises `InputError`.
+    """
     if urdf.lstrip().startswith("<"):
         _require_length(len(urdf), rules)
         _check_text(urdf, None, rules)
@@ -66,11 +68,11 @@ def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
         raise InputError("urdf", f"the URDF does not load ({error}); check it with check_urdf") from None
     links = sum(1 for _ in root.iter("link"))
     if links > rules.most_links:
-        raise InputError("size", f"the URDF has {links} links; the most allowed is {rules.most_links}")
+        raise InputError("size", f"the URDF has {links} links; the maximum is {rules.most_links}")
     for element in root.iter():
         _check_numbers(element)
         for key, name in element.attrib.items():
-            if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # a simulator's, not PyBullet's
+            if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # PyBullet ignores plugins
                 _require_file(name, folder, rules, must_exist=element.tag == "mesh")
     children = {child.get("link") for child in root.iter("child")}
     for link in root.iter("link"):
@@ -101,8 +103,11 @@ def _check_numbers(element: ElementTree.Element) -> None:
 
 
 def _check_inertia(root_link: ElementTree.Element) -> None:
-    """PyBullet takes an inertia that no body can have for zero, with which the root of a robot may be nowhere after a
-    step. Other links go on without one, and some robots have none on purpose: their links have it."""
+    """Raise `InputError` if no body can have the inertia of a robot's root link.
+
+    PyBullet replaces an impossible inertia by zero, and the position of a root without inertia may become NaN after a
+    step. Other links work with zero inertia, and some robots use that on purpose.
+    """
     inertia, mass = root_link.find("inertial/inertia"), root_link.find("inertial/mass")
     if inertia is None or mass is None or not any(_numbers(mass, "value")):
         return
@@ -112,21 +117,21 @@ def _check_inertia(root_link: ElementTree.Element) -> None:
     if least < 0.0 or most > least + middle:
         raise InputError(
             "urdf",
-            f"no body has the principal moments of inertia {least:g}, {middle:g}, {most:g} kg m^2, as link "
-            f"{root_link.get('name')!r} does: none may be negative, nor more than the other two together",
+            f"link {root_link.get('name')!r} has impossible principal moments of inertia {least:g}, {middle:g}, "
+            f"{most:g} kg m^2: none may be negative or greater than the sum of the other two",
         )
 
 
 def _numbers(element: ElementTree.Element, key: str) -> Sequence[float]:
     text = element.get(key, "")
-    values = [float(number) for number in _NUMBER.findall(text)]  # whatever else stands there PyBullet takes for zero
+    values = [float(number) for number in _NUMBER.findall(text)]  # PyBullet reads other text as zero
     if not all(map(math.isfinite, values)):
         raise InputError("urdf", f"{key} of a {element.tag} is {text[:80]!r}; every number must be finite")
     return values
 
 
 def _require_file(name: str, folder: Path | None, rules: UrdfRules, *, must_exist: bool) -> None:
-    """Every file that PyBullet might take for ``name`` must be in the folders."""
+    """Raise `InputError` unless every file that PyBullet might open for ``name`` is in an allowed folder."""
     for scheme in _SCHEMES:
         name = name.removeprefix(scheme)
     if "\0" in name or not name:
@@ -135,7 +140,7 @@ def _require_file(name: str, folder: Path | None, rules: UrdfRules, *, must_exis
     for path in found:
         _require_inside(path, rules, f"the URDF names the file {name!r}, which")
     if must_exist and not found:
-        raise InputError("urdf", f"the URDF names a file {name!r} that is not there")
+        raise InputError("urdf", f"the URDF names a file {name!r} that does not exist")
 
 
 def _candidates(name: str, folder: Path | None) -> Iterable[Path]:
@@ -149,15 +154,15 @@ def _resolved(path: Path) -> Path:
     try:
         return path.expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:
-        raise InputError("urdf", f"{str(path)[:200]!r} is no path: {error}") from None
+        raise InputError("urdf", f"{str(path)[:200]!r} is not a path: {error}") from None
 
 
 def _require_inside(path: Path, rules: UrdfRules, what: str) -> None:
     if not any(path.is_relative_to(_resolved(folder)) for folder in rules.folders):
         folders = ", ".join(map(str, rules.folders)) or "none"
-        raise InputError("folder", f"{what} is outside the folders allowed ({folders}); see bodies.urdf_folders")
+        raise InputError("folder", f"{what} is outside the allowed folders ({folders}); see bodies.urdf_folders")
 
 
 def _require_length(length: int, rules: UrdfRules) -> None:
     if length > rules.longest:
-        raise InputError("size", f"the URDF has {length} bytes; the most allowed is {rules.longest}")
+        raise InputError("size", f"the URDF has {length} bytes; the maximum is {rules.longest}")

@@ -1,1 +1,1 @@
-"""Ground to try things on."""
+"""Example terrain for demos, tests and studies."""

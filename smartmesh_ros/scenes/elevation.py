@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 
 def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
-    """Elevations (344, 403) [m], rows northwards along +y; scaled so that the highest lies ``relief`` [m] above the
-    lowest, which is then zero, or as measured. Raises `ModuleNotFoundError` where Matplotlib is not installed."""
+    """Return elevations (344, 403) [m], rows northwards along +y, as measured or scaled to 0 .. ``relief`` [m].
+
+    Raises `ModuleNotFoundError` if Matplotlib is not installed.
+    """
     from matplotlib.cbook import get_sample_data
 
     data: Any = get_sample_data("jacksboro_fault_dem.npz")

@@ -1,4 +1,4 @@
-"""Terrain that moves, as a simulator would make it: heights as functions of time."""
+"""Simulated moving terrain: heights as functions of time."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ class Region(NamedTuple):
 
 
 class Scene(ABC):
-    """A moving surface on a grid. ``heights`` is the whole map at a time; ``changed`` the part that moves then."""
+    """A moving surface on a grid. `heights` returns the whole map at a time, `changed` the part that moves then."""
 
     def __init__(self, geometry: GridGeometry) -> None:
         self.geometry = geometry
         columns = np.arange(geometry.columns, dtype=np.float32) * np.float32(geometry.resolution)
         rows = np.arange(geometry.rows, dtype=np.float32) * np.float32(geometry.resolution)
-        # Positions on the grid [m], with the middle of the map as their origin.
+        # Positions on the grid relative to the middle of the map [m].
         self.x = columns - columns[-1] / 2
         self.y = (rows - rows[-1] / 2)[:, None]
 
     @abstractmethod
     def heights(self, time: float) -> FloatGrid:
-        """The whole map (rows, columns) [m] at ``time`` [s]."""
+        """Return the whole map (rows, columns) [m] at ``time`` [s]."""
 
     def changed(self, time: float) -> Region:
-        """What moves at ``time``; the whole map unless a scene knows better."""
+        """Return the region that moves at ``time`` [s]; by default the whole map."""
         return Region(0, 0, self.heights(time))
 
     def _window(self, x: float, y: float, reach: float) -> tuple[slice, slice]:
-        """Rows and columns within ``reach`` [m] of a point, at least one of each."""
+        """Return the rows and columns within ``reach`` [m] of a point, at least one of each."""
         step = self.geometry.resolution
         slices = []
         for centre, first, count in (
@@ -66,13 +66,13 @@ class Wave:
 
 
 class InwardWaves(Scene):
-    """The report's terrain (Figure 1): circular waves that run towards the middle of the map."""
+    """The report's terrain (Figure 1): circular waves that travel towards the middle of the map."""
 
     def __init__(self, geometry: GridGeometry, wave: Wave | None = None) -> None:
         super().__init__(geometry)
         self.wave = wave or Wave()
         phase = np.hypot(self.x, self.y) * np.float32(self.wave.number)
-        # sin(a + b) = sin a cos b + cos a sin b: no trigonometry per sample and frame.
+        # sin(a + b) = sin a cos b + cos a sin b avoids trigonometric functions per sample and frame.
         self._sin, self._cos = np.sin(phase), np.cos(phase)
 
     def heights(self, time: float) -> FloatGrid:
@@ -84,7 +84,7 @@ class InwardWaves(Scene):
 
 
 class Heave(Scene):
-    """The whole ground rises and falls: ``height`` [m] up and down again in every ``period`` [s]."""
+    """Flat ground that rises by ``height`` [m] and falls again in every ``period`` [s]."""
 
     def __init__(self, geometry: GridGeometry, height: float = 0.5, period: float = 4.0) -> None:
         super().__init__(geometry)
@@ -96,7 +96,7 @@ class Heave(Scene):
 
 
 class Crater(Scene):
-    """A crater that opens in the middle of flat ground within ``duration`` [s], with a raised rim."""
+    """A crater with a raised rim that opens in the middle of flat ground within ``duration`` [s]."""
 
     def __init__(self, geometry: GridGeometry, radius: float = 2.0, depth: float = 0.6, duration: float = 3.0) -> None:
         super().__init__(geometry)
@@ -117,7 +117,7 @@ class Crater(Scene):
 
 
 class Rut(Scene):
-    """A rut that follows a wheel along a circle; the ground stays down where the wheel has been."""
+    """A rut that a wheel presses into the ground along a circle; the ground stays deformed."""
 
     def __init__(
         self, geometry: GridGeometry, radius: float = 3.0, speed: float = 1.0, width: float = 0.4, depth: float = 0.12
@@ -128,7 +128,7 @@ class Rut(Scene):
         self._time = 0.0
 
     def wheel(self, time: float) -> tuple[float, float]:
-        """Where the wheel is [m], from the middle of the map."""
+        """Return the position (x, y) of the wheel relative to the middle of the map [m]."""
         angle = self.speed * time / self.radius
         return self.radius * math.cos(angle), self.radius * math.sin(angle)
 
@@ -137,7 +137,7 @@ class Rut(Scene):
         return self._ground.copy()
 
     def changed(self, time: float) -> Region:
-        """Presses the ground down along the wheel's way since the last call."""
+        """Press the ground down along the wheel's path since the last call; return the region around the wheel."""
         if time < self._time:
             self._ground[:] = 0.0
             self._time = 0.0
@@ -155,7 +155,7 @@ class Rut(Scene):
 
 
 class WaveOnRelief(Scene):
-    """A wave over fixed ground, ``relief`` (rows, columns) [m]: an elevation model, say."""
+    """Waves added to a fixed ``relief`` (rows, columns) [m], for example an elevation model."""
 
     def __init__(self, geometry: GridGeometry, relief: FloatGrid, wave: Wave | None = None) -> None:
         super().__init__(geometry)

@@ -1,1 +1,1 @@
-"""Nearest-vertex search: which sample of the main mesh lies under a body. Needs the terrain room only."""
+"""Nearest-vertex search: find the sample of the main mesh under a body. Imports the terrain room only."""

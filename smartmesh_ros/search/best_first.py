@@ -1,6 +1,6 @@
-"""Best-first search: walk from the previous nearest vertex to whichever neighbour is nearest, until none is nearer.
+"""Best-first search: walk from the previous nearest vertex to the nearest neighbour, until no neighbour is nearer.
 
-Distances are horizontal (the report's h(n) = |N - P|, Chapter 3). Ties go to the lower index, everywhere alike.
+Distances are horizontal (the report's h(n) = |N - P|, Chapter 3). Ties go to the lower index in all searches.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _COLUMN_STEPS = np.array([0, -1, 0, 1, -1, 1, -1, 0, 1])
 
 
 def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
-    """Vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
+    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
 
-    Assumes what `TriangleMesh.shape` calls greedy. O(steps): a body that moves with the physics is a step or two from
-    where it was; one that teleports is as far as the mesh is wide.
+    Requires a mesh whose `TriangleMesh.shape` is greedy. The cost is proportional to the number of steps: one or two
+    for a body that moves continuously, up to the width of the mesh for one that teleports.
     """
     coordinates = mesh.coordinates
     xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
@@ -39,14 +39,14 @@ def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) ->
 
 
 def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
-    """The same for N bodies at once, positions (N, 3) [m] and starts (N,); ``table`` is the graph's `padded` form."""
+    """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: of `TriangleGraph.padded`."""
     x, y = mesh.coordinates[:2]
     found = starts.copy()
     walking = np.arange(len(found))
     while walking.size:
         here = found[walking]
         options = np.concatenate([here[:, None], table[here]], axis=1)
-        options.sort(axis=1)  # the first of equal distances is then the lowest index
+        options.sort(axis=1)  # so that argmin returns the lowest index among equal distances
         place = positions_w[walking]
         distance = (x[options] - place[:, :1]) ** 2 + (y[options] - place[:, 1:2]) ** 2
         best = options[np.arange(len(options)), distance.argmin(axis=1)]
@@ -56,9 +56,9 @@ def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatA
 
 
 def best_first_cells(geometry: GridGeometry, grid_rc: FloatArray, starts: Cells) -> Cells:
-    """Vertices of a height map nearest to points given as fractional (row, column) (N, 2), the rim left out.
+    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
 
-    Walks over the eight-neighbour graph (Figure 6) from ``starts``, vertices inside the rim.
+    Walks over the eight-neighbour graph (Figure 6) from ``starts``, which must not lie on the rim.
     """
     rows, columns = starts.rows.copy(), starts.columns.copy()
     walking = np.arange(len(rows))

@@ -1,4 +1,4 @@
-"""Brute force: the distance to every vertex. Always right, and O(n)."""
+"""Brute force: compare the distances to all vertices. Correct on every mesh, and O(n)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
-# Vertices of a grid that are compared at a time.
+# Number of grid vertices compared at a time. Raising it costs memory.
 CHUNK = 1 << 16
 
 
 class BruteForce:
-    """Nearest vertex of a general mesh in 3D, the only certain way when nothing is assumed about it.
+    """Search for the vertex of a general mesh nearest in 3D, without assumptions about the mesh.
 
-    Keeps the buffers for one mesh size, so that a search allocates nothing.
+    Reuses buffers for one mesh size, so that a search allocates nothing.
     """
 
     def __init__(self, count: int) -> None:
@@ -22,7 +22,10 @@ class BruteForce:
         self._part = np.empty(count)
 
     def nearest(self, coordinates: FloatArray, position_w: FloatArray) -> int:
-        """Index of the vertex of ``coordinates`` (3, V) [m] nearest to a position (3,) [m]; lowest first."""
+        """Return the index of the vertex of ``coordinates`` (3, V) [m] nearest to a position (3,) [m].
+
+        Ties go to the lower index.
+        """
         distance, part = self._distance, self._part
         np.subtract(coordinates[0], position_w[0], out=distance)
         np.multiply(distance, distance, out=distance)
@@ -34,9 +37,9 @@ class BruteForce:
 
 
 def brute_force_cells(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
-    """Vertices of a height map nearest to points given as fractional (row, column) (N, 2), the rim left out.
+    """Return the vertices of a height map, without its rim, nearest to points given as fractional (row, column) (N, 2).
 
-    Compares horizontal distances to every vertex. Ties go to the lower row and column.
+    Compares horizontal distances to all vertices. Ties go to the lower row and column.
     """
     columns = np.arange(1, geometry.columns - 1, dtype=np.float64)
     step = max(1, CHUNK // len(columns))

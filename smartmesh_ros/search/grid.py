@@ -1,4 +1,4 @@
-"""Grid traversal: the nearest vertex of a uniform grid by arithmetic, for all bodies in one pass."""
+"""Grid traversal: compute the nearest vertices of a uniform grid by rounding, for all bodies at once."""
 
 from typing import NamedTuple
 
@@ -9,19 +9,18 @@ from smartmesh_ros.terrain.mesh_shape import UniformGrid
 
 
 class Cells(NamedTuple):
-    """Nearest vertices of N bodies: row and column, shape (N,)."""
+    """Nearest vertices of N bodies: rows and columns, shape (N,)."""
 
     rows: IntArray
     columns: IntArray
 
 
 def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
-    """Vertices horizontally nearest to points given as fractional (row, column), shape (N, 2) (see
-    `GridGeometry.to_grid`), the map's rim left out.
+    """Return the vertices, without the map's rim, horizontally nearest to points given as fractional (row, column).
 
-    Leaving out the rim keeps the topology of every patch constant (the report's Chapter 3, Figure 7); bodies beyond it
-    get the nearest vertex inside. Assumes a uniform grid, where rounding finds the nearest vertex itself and no
-    best-first step is left to take. Ties go to the lower row and column.
+    ``grid_rc``: (N, 2), see `GridGeometry.to_grid`. The rim is excluded to keep the topology of every patch constant
+    (the report's Chapter 3, Figure 7); bodies beyond it get the nearest vertex inside. On a uniform grid, rounding
+    gives the nearest vertex, so no best-first step is needed. Ties go to the lower row and column.
     """
     nearest = grid_rc - 0.5
     np.ceil(nearest, out=nearest)
@@ -32,9 +31,9 @@ def nearest_vertices(geometry: GridGeometry, grid_rc: FloatArray) -> Cells:
 
 
 def uniform_grid_vertices(grid: UniformGrid, positions_w: FloatArray) -> IntArray:
-    """Vertices (N,) of a general mesh that is an evenly spaced grid, horizontally nearest to positions (N, 2+) [m].
+    """Return the vertices (N,) of an evenly spaced general mesh horizontally nearest to positions (N, 2+) [m].
 
-    Nothing is left out: a general mesh has patches at its rim, too. Ties go to the lower row and column.
+    The rim is included, because patches of a general mesh may lie there. Ties go to the lower row and column.
     """
     offset = positions_w[:, :2] - grid.origin
     row = np.ceil(offset @ (grid.per_row / (grid.per_row @ grid.per_row)) - 0.5)

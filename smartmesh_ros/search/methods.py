@@ -1,4 +1,4 @@
-"""The report's nearest-vertex searches (Chapter 3) by name, and on which meshes each may be used."""
+"""Names of the report's nearest-vertex searches (Chapter 3), and the meshes on which each is valid."""
 
 from __future__ import annotations
 
@@ -9,30 +9,31 @@ from smartmesh_ros.terrain.mesh_shape import MeshShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal"]
-# Methods that assume nothing about the mesh.
+# Methods that are valid on every mesh.
 ANYWHERE = ("brute_force", "ray_cast")
 
 
 def require_search(method: SearchMethod, mesh: TriangleMesh) -> None:
-    """Raises `InputError` where ``method`` would not find the nearest vertex of a general mesh, naming what would.
+    """Raise `InputError`, which names valid methods, if ``method`` is not valid on a general mesh.
 
-    Height maps are uniform grids, on which every method is right.
+    A method is valid if it finds the nearest vertex. On height maps, which are uniform grids, every method is.
     """
     if method not in ANYWHERE:
         require_search_on(method, mesh.shape)
 
 
 def require_search_on(method: SearchMethod, shape: MeshShape) -> None:
-    """The same for a shape that a mesh has or would have."""
-    reason = _objection(method, shape)
+    """Raise `InputError`, which names valid methods, if ``method`` is not valid on a mesh of this ``shape``."""
+    reason = _why_invalid(method, shape)
     if reason:
-        working = ", ".join(other for other in get_args(SearchMethod) if not _objection(other, shape))
+        valid = ", ".join(other for other in get_args(SearchMethod) if not _why_invalid(other, shape))
         raise InputError(
-            "search_method", f"search.method {method!r} cannot be used on this mesh: {reason}; use {working}"
+            "search_method", f"search.method {method!r} cannot be used on this mesh: {reason}; use {valid}"
         )
 
 
-def _objection(method: SearchMethod, shape: MeshShape) -> str:
+def _why_invalid(method: SearchMethod, shape: MeshShape) -> str:
+    """Return the reason why a method is not valid, "" if it is."""
     if method == "best_first":
         return shape.reason
     if method == "grid_traversal" and shape.grid is None:

@@ -1,8 +1,8 @@
-"""Ray cast: a ray straight down onto the local collider of the update before (the report's first implementation).
+"""Ray cast: a vertical ray from the body onto its previous patch (the report's first implementation).
 
-It only works while a body is above the patch it had; where the ray misses, the caller falls back to brute force, as the
-report does. The ray meets the patch's own triangles here, not the engine's: patches collide with their one body alone,
-so the engine's rays do not see them.
+The search needs a body above its previous patch. If the ray misses, the caller falls back to brute force, as the report
+does. The ray is intersected with the patch's triangles here and not by the engine, because patches collide with their
+own body only and so are invisible to the engine's rays.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
-# A ray that meets an edge is not to slip through between two triangles: barycentric weights from here on hit.
+# Smallest barycentric weight of a hit. Slightly negative, so that a ray at an edge hits one of the two triangles.
 ON_EDGE = -1e-9
 
 
 def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray[np.integer]) -> IntArray:
-    """Vertex of each patch that is nearest to where a ray down from its body meets the patch; -1 where it misses.
+    """Return the vertex (N,) of each patch, 0 .. K - 1, nearest to the hit of a ray down from its body; -1 = no hit.
 
-    ``positions_w``: (N, 3) [m]; ``vertices_w``: (N, K, 3) [m]; ``triangles``: (T, 3) corners among the K, the same for
-    all. Distances from the hit are horizontal; ties go to the lower vertex. The result is (N,), in 0 .. K - 1.
+    ``positions_w``: (N, 3) [m]. ``vertices_w``: (N, K, 3) [m]. ``triangles``: (T, 3) corners among the K vertices, the
+    same for all patches. Distances from the hit are horizontal; ties go to the lower vertex.
     """
     corners = vertices_w[:, triangles]  # (N, T, 3, 3)
     a, b, c = (corners[:, :, corner] for corner in range(3))
@@ -32,7 +32,8 @@ def ray_cast(positions_w: FloatArray, vertices_w: FloatArray, triangles: NDArray
         u = 1.0 - v - w
         height = u * a[..., 2] + v * b[..., 2] + w * c[..., 2]
         hit = (u >= ON_EDGE) & (v >= ON_EDGE) & (w >= ON_EDGE) & (height <= positions_w[:, None, 2])
-    # Of several (a patch that overlaps itself) the highest is met first; of equal ones any has the same corner nearest.
+    # If a patch overlaps itself, the ray hits the highest triangle first. Equally high triangles share the nearest
+    # corner.
     first = np.where(hit, height, -np.inf).argmax(axis=1)
     row = np.arange(len(first))
     options = np.sort(triangles[first].astype(np.int64), axis=1)

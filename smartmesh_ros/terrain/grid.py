@@ -26,7 +26,7 @@ RESOLUTION_RANGE = (1e-6, 1e6)
 class GridGeometry:
     """A uniform grid of ``rows`` x ``columns`` vertices in the terrain's frame (z up).
 
-    Rows run along the grid's own +y axis and columns along its +x axis. ``origin`` [m]: position of sample (0, 0), whose
+    Rows run along the grid's own +y axis and columns along its +x axis. ``origin`` [m]: position of sample (0, 0); its
     z is added to every height. ``yaw`` [rad]: rotation of the grid about z. ``resolution`` [m]: distance between
     neighbouring samples.
     """

@@ -64,7 +64,7 @@ def noise_variances(clock, noise):
 
 @compiled
 def acceleration_variance(later: float, earlier: float, noise: float) -> float:
-    """Return the variance of an acceleration [m^2/s^4] from three heights, ``later`` and ``earlier`` [s] apart."""
+    """Return the variance of an acceleration [m^2/s^4] from three heights and the intervals between them [s]."""
     if not (later > 0.0 and earlier > 0.0):
         return math.inf
     a, b = noise / later, noise / earlier

@@ -166,7 +166,7 @@ SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
         ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
         ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
         ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
-        ("outside the folders", {"urdf": "/no/such/file.urdf"}),
+        ("outside the allowed folders", {"urdf": "/no/such/file.urdf"}),
         ("does not load", {"urdf": "<robot>"}),
     ],
 )

@@ -92,7 +92,7 @@ def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules
         (SHAPE.format('<inertial><mass value="1e-300"/></inertial>'), "mass"),
         (SHAPE.format('<inertial><inertia ixx="1e300"/></inertial>'), "ixx"),
         (SHAPE.format('<visual><origin xyz="0 0 1e200"/></visual>'), "xyz"),
-        (MESH.format("nothing.obj"), "not there"),
+        (MESH.format("nothing.obj"), "does not exist"),
     ],
 )
 def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:

@@ -81,7 +81,7 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, monkeypatch: 
     write_tiff(tmp_path / "upside_down.tif", Affine.scale(2.0, 2.0))
     for name, words in (
         ("absent.npy", "there is no file"),
-        ("map.stl", "no known kind"),
+        ("map.stl", "unknown file type"),
         ("cube.npy", "shape"),
         ("words.npy", "real numbers"),
         ("objects.npy", "cannot be read"),
@@ -92,7 +92,7 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, monkeypatch: 
         ("broken.tif", "cannot be read"),
         ("degrees.tif", "reproject"),
         ("oblong.tif", "not square"),
-        ("upside_down.tif", "upright"),
+        ("upside_down.tif", "top to bottom"),
     ):
         with pytest.raises(InputError, match=words):
             load(tmp_path / name, max_samples=10_000)

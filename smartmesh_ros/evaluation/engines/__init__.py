@@ -1,1 +1,1 @@
-"""The engines that references are computed with."""
+"""The physics engines of the reference runs."""

@@ -17,10 +17,10 @@ from smartmesh_ros.physics.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
-# Share of a penetration that the solver takes back in one step: the package's default, so that engines differ in their
-# colliders alone.
+# Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
+# in their colliders only.
 CONTACT_ERP = 0.2
-# Orientation of a heightfield's body that brings the diagonals of PyBullet's cells to ours.
+# Orientation of a heightfield that makes the diagonals of PyBullet's cells agree with ours.
 QUARTER_TURN = (0.0, 0.0, math.sin(0.25 * math.pi), math.cos(0.25 * math.pi))
 
 
@@ -34,8 +34,8 @@ class BulletTrimeshOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class BulletHeightfieldOptions:
-    """``edge_filter``: no ghost collisions at inner edges. ``carry_velocity``: the collider carries the mean velocity
-    of the map. A whole map has one motion only, so that makes sense for ground that moves as one piece."""
+    """``edge_filter``: no ghost collisions at inner edges. ``carry_velocity``: the collider moves with the mean
+    velocity of the map, which is only useful if all ground has the same velocity."""
 
     edge_filter: bool = False
     carry_velocity: bool = False
@@ -43,7 +43,7 @@ class BulletHeightfieldOptions:
 
 
 class _Bullet(Engine):
-    """What both have in common: the client and the bodies."""
+    """Common part of both engines: the client and the bodies."""
 
     def __init__(self, setup: Setup, contact_erp: float) -> None:
         self._setup = setup
@@ -59,7 +59,7 @@ class _Bullet(Engine):
         self._steps += 1
 
     def _slid(self) -> tuple[float, float]:
-        """How far the map has slid by now [m]."""
+        """Return the current displacement of the map along x and y [m]."""
         return self._setup.offset(self._steps * self._setup.dt)
 
     def positions(self) -> FloatArray:
@@ -94,13 +94,13 @@ class _Bullet(Engine):
 
     def _ground(self, shape: int, position: Any, orientation: Any) -> int:
         uid = self._client.createMultiBody(0.0, shape, basePosition=position, baseOrientation=orientation)
-        # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
+        # PyBullet multiplies the coefficients of both bodies. With 1 here, those of the moving body apply.
         self._client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         return int(uid)
 
 
 class BulletTrimesh(_Bullet):
-    """A triangle mesh of the whole map, built anew for every map. PyBullet keeps some memory of each."""
+    """A triangle mesh of the whole map, rebuilt for every map. PyBullet leaks some memory of each mesh."""
 
     name: ClassVar[str] = "bullet_trimesh"
 
@@ -139,7 +139,7 @@ class BulletHeightfield(_Bullet):
         chosen = options or BulletHeightfieldOptions()
         super().__init__(setup, chosen.contact_erp)
         rows, columns = setup.heights.shape
-        # A quarter turn brings the diagonals of PyBullet's cells to ours; its rows run along x then.
+        # With the quarter turn, PyBullet's rows run along x.
         self._layout = {"numHeightfieldRows": rows, "numHeightfieldColumns": columns}
         self._flags = pb.GEOM_CONCAVE_INTERNAL_EDGE if chosen.edge_filter else 0
         self._carry = chosen.carry_velocity
@@ -147,7 +147,7 @@ class BulletHeightfield(_Bullet):
         bounds[0], bounds[-1] = (
             -COLLIDERS.hole,
             COLLIDERS.hole,
-        )  # for good: PyBullet keeps the bounds a heightfield is created with
+        )  # PyBullet never updates the bounds of a heightfield
         self._shape: int = self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,
             meshScale=[setup.resolution, setup.resolution, 1.0],
@@ -172,13 +172,14 @@ class BulletHeightfield(_Bullet):
             (base_x, base_y, base_z), orientation = self._pose
             self._client.resetBasePositionAndOrientation(self._uid, (base_x + x, base_y + y, base_z), orientation)
         if self._carry and velocities is not None:
-            # What carries a velocity is moved on by the step: back to its place first, which stops it.
+            # A step moves a body that has a velocity. Resetting its pose also sets the velocity to zero, so the pose
+            # comes first.
             self._client.resetBasePositionAndOrientation(self._uid, *self._pose)
             self._client.resetBaseVelocity(self._uid, (0.0, 0.0, float(velocities.mean())), (0.0, 0.0, 0.0))
 
 
 def body_arrays(client: Any, uids: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions (N, 3) [m], orientations (N, 4) and velocities (N, 6) [m/s, rad/s] of PyBullet's bodies."""
+    """Return positions (N, 3) [m], orientations (N, 4) and velocities (N, 6) [m/s, rad/s] of PyBullet's bodies."""
     poses = [client.getBasePositionAndOrientation(uid) for uid in uids]
     twists = [client.getBaseVelocity(uid) for uid in uids]
     return (

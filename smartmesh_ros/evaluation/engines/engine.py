@@ -1,6 +1,6 @@
-"""What a physics engine must do to be compared.
+"""Interface of the physics engines that are compared.
 
-A further engine is one file: a subclass of `Engine`, a frozen dataclass of its options, and a line in
+To add an engine, write one file with a subclass of `Engine` and a frozen dataclass of its options, and add a line to
 `studies.engines.registry`.
 """
 
@@ -18,8 +18,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class EngineBody:
-    """A rigid body of uniform density; ``mass`` [kg]. ``friction`` and ``restitution`` are those of its contacts with
-    the ground."""
+    """A rigid body of uniform density; ``mass`` [kg]. ``friction``, ``restitution``: of contacts with the ground."""
 
     shape: Sphere | Box
     mass: float = 1.0
@@ -33,8 +32,8 @@ class Setup:
     """Bodies on a height map.
 
     ``heights``: (R, C) float64 [m], finite; sample (row r, column c) lies at (c, r) * ``resolution`` [m], and every
-    cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: length of a step [s]. ``slide``: velocity with
-    which the map moves along x and y as one piece [m/s]; its samples lie further on by so much at every `set_ground`.
+    cell is cut along the diagonal from (r, c) to (r + 1, c + 1). ``dt``: duration of a step [s]. ``slide``: velocity of
+    the whole map along x and y [m/s]; every `set_ground` places the samples at their current positions.
     """
 
     heights: FloatArray
@@ -46,11 +45,11 @@ class Setup:
 
     @property
     def slides(self) -> bool:
-        """Whether the map moves along x and y."""
+        """True if the map moves along x and y."""
         return self.slide != (0.0, 0.0)
 
     def offset(self, time: float) -> tuple[float, float]:
-        """How far the map has slid by ``time`` [m]."""
+        """Return the displacement of the map along x and y [m] at ``time`` [s]."""
         return self.slide[0] * time, self.slide[1] * time
 
     @property
@@ -61,43 +60,43 @@ class Setup:
 
 
 class Engine(ABC):
-    """Bodies on moving ground in one engine. Close it, or use it as a context manager.
+    """Simulation of bodies on moving ground in one engine. Call `close`, or use it as a context manager.
 
-    The collider is brought to the ground in `set_ground` and nowhere else, so that timing it times the update; `step`
-    is the physics. An engine whose colliders follow the bodies moves them on in `step` too.
+    The time of `set_ground` is the cost of updating the collider, because no other method does that; `step` runs the
+    physics. Only an engine whose colliders follow the bodies also moves its colliders in `step`.
     """
 
     name: ClassVar[str]
-    # Whether the engine makes use of the ground's velocity.
+    # True if the engine uses the ground's velocity.
     carries_velocity: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, setup: Setup, options: Any = None) -> None:
-        """Builds the scene; ``options``: the engine's own dataclass, None = its defaults."""
+        """Create the simulation; ``options``: the engine's own dataclass, None = defaults."""
 
     @abstractmethod
     def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
-        """Takes the whole map (R, C) [m] as it is now, and how fast it rises, (R, C) [m/s] or None = not known."""
+        """Replace the map by the current heights (R, C) [m]; ``velocities``: vertical (R, C) [m/s], None = unknown."""
 
     @abstractmethod
     def step(self) -> None:
-        """Runs one step of the setup's ``dt``."""
+        """Run one step of the setup's ``dt``."""
 
     @abstractmethod
     def positions(self) -> FloatArray:
-        """Centres of the bodies (N, 3) [m]."""
+        """Return the centres of the bodies (N, 3) [m]."""
 
     @abstractmethod
     def orientations(self) -> FloatArray:
-        """Orientations of the bodies (N, 4) as (x, y, z, w)."""
+        """Return the orientations of the bodies (N, 4) as (x, y, z, w)."""
 
     @abstractmethod
     def velocities(self) -> FloatArray:
-        """Linear and angular velocities of the bodies in the world's frame (N, 6) [m/s, rad/s]."""
+        """Return linear and angular velocities of the bodies in the world frame (N, 6) [m/s, rad/s]."""
 
     @abstractmethod
     def close(self) -> None:
-        """Ends the scene."""
+        """Release the simulation."""
 
     def __enter__(self) -> Engine:
         return self

@@ -1,4 +1,4 @@
-"""This package: a small velocity-carrying patch under each body."""
+"""This package as an engine: a small velocity-carrying patch under each body."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from smartmesh_ros.terrain.motion import MotionConfig
 
 @dataclass(frozen=True, kw_only=True)
 class SmartMeshOptions:
-    """How patches are made, what the ground does between maps, and the physics but for what the scene says of it."""
+    """Configurations of patches, of motion between maps, and of physics; the scene overrides step rate and gravity."""
 
     patch: PatchConfig = field(default_factory=PatchConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -25,8 +25,7 @@ class SmartMeshOptions:
 
 
 class SmartMesh(Engine):
-    """`World` on a `HeightMap`. `set_ground` takes the map in and has the patches prepared for the step; where no
-    new map came, `step` does."""
+    """`World` on a `HeightMap`. `set_ground` prepares the patches; in steps without a new map, `step` does."""
 
     name: ClassVar[str] = "smartmesh"
     carries_velocity: ClassVar[bool] = True
@@ -42,12 +41,12 @@ class SmartMesh(Engine):
         for uid, body in zip(self._uids, setup.bodies, strict=True):
             self.world.client.changeDynamics(uid, -1, lateralFriction=body.friction, restitution=body.restitution)
         self._setup = setup
-        self._fresh = False
+        self._prepared = False
 
     def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
         time = self.world.time
         if self._setup.slides:
-            # The map comes anew, elsewhere: that is how ground that slides is told.
+            # A new map at another position tells the terrain that the ground slides.
             x, y = self._setup.offset(time)
             geometry = replace(self.heightmap.geometry, origin=(x, y, 0.0))
             moved = HeightMap(
@@ -57,12 +56,12 @@ class SmartMesh(Engine):
         else:
             self.heightmap.replace(heights, time=time, velocities=velocities)
         self.world.prepare()
-        self._fresh = True
+        self._prepared = True
 
     def step(self) -> None:
-        if not self._fresh:
+        if not self._prepared:
             self.world.prepare()
-        self._fresh = False
+        self._prepared = False
         self.world.client.stepSimulation()
         self.world.time += self._setup.dt
 
