@@ -39,7 +39,7 @@ def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) ->
 
 
 def best_first_vertices(mesh: TriangleMesh, table: IntArray, positions_w: FloatArray, starts: IntArray) -> IntArray:
-    """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: of `TriangleGraph.padded`."""
+    """Return the nearest vertices (N,) for positions (N, 3) [m] and starts (N,); ``table``: from `padded`."""
     x, y = mesh.coordinates[:2]
     found = starts.copy()
     walking = np.arange(len(found))
