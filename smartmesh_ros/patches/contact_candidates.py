@@ -283,8 +283,8 @@ def on_plane(facet: Facet, plane: Plane) -> Facet:
 
 @compiled
 def plane_deviation(
-    window: Window, solid: Solid, travel: Travel, candidates: Candidates, marks: NDArray[np.uint8], plane: Plane, rise: Plane,
-    limit: float,
+    window: Window, solid: Solid, travel: Travel, candidates: Candidates, marks: NDArray[np.uint8], plane: Plane,
+    rise: Plane, limit: float,
 ) -> float:  # fmt: skip
     """Bound on the vertical distance between a plane that rises by ``rise`` and the ground until the next update,
     wherever the solid can touch either [m].

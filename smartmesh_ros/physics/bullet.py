@@ -1,7 +1,7 @@
-"""The few PyBullet calls made for every body and step.
+"""PyBullet calls that run for every body in every step.
 
-A `BulletClient` adds the client to each call as a keyword, which costs as much as the call itself; these pass it by
-position. Everything else goes through the client.
+A `BulletClient` adds the client to each call as a keyword, which costs as much as the call itself. These functions pass
+it by position. All other calls go through the client.
 """
 
 from itertools import chain
@@ -21,18 +21,19 @@ class BulletCalls:
         self._client: int = getattr(client, "_client", 0)
 
     def positions(self, bodies: list[int]) -> list[Vector]:
-        """Position of each body [m]."""
+        """Return the position of each body [m]."""
         get, client = pb.getBasePositionAndOrientation, self._client
         return [get(body, client)[0] for body in bodies]
 
     def states(self, bodies: list[int]) -> FloatArray:
-        """Position, orientation (x, y, z, w), velocity and angular velocity of each body (n, 13) [m, m/s, rad/s]."""
+        """Return position, orientation (x, y, z, w), velocity and angular velocity of each body (n, 13) [m, m/s,
+        rad/s]."""
         pose, velocity, client = pb.getBasePositionAndOrientation, pb.getBaseVelocity, self._client
         numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
 
     def add_velocities(self, bodies: list[int], changes: list[list[float]]) -> list[list[float]]:
-        """Changes the linear velocities of bodies by so much; returns what they are then, three numbers each [m/s]."""
+        """Add ``changes`` to the linear velocities of bodies; returns the new velocities, three numbers each [m/s]."""
         get, reset, client = pb.getBaseVelocity, pb.resetBaseVelocity, self._client
         found = []
         for body, (x, y, z) in zip(bodies, changes, strict=True):

@@ -12,11 +12,11 @@ class PhysicsConfig:
     """How the world is stepped.
 
     ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
-    body against the ground. ``restitution``: share of the closing speed that a body bounces back with.
-    ``contact_erp``: share of a penetration that the solver takes back in one step. ``guard``: bodies found below the
-    ground are put back onto it. ``landing``: bodies that would run into the ground within a step arrive at its surface
-    instead. ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end
-    once none changes a contact's velocity by more than its root.
+    body against the ground. ``restitution``: ratio of rebound speed to impact speed. ``contact_erp``: share of a
+    penetration that the solver corrects in one step. ``guard``: put bodies found below the ground back onto it.
+    ``landing``: clamp bodies that would penetrate the ground within a step, so that they arrive at its surface.
+    ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end early once
+    none changes a contact's velocity by more than the square root of this value.
     """
 
     rate: float = 240.0

@@ -14,7 +14,7 @@ class GroundContact:
     """A contact of a body, or a robot's link, with the ground.
 
     ``position``: on the ground's surface [m]. ``normal``: unit, from the ground into the body. ``depth`` [m]: positive
-    when they overlap. ``normal_force`` [N]: NaN for tracked bodies.
+    if they overlap. ``normal_force`` [N]: NaN for tracked bodies.
     """
 
     body: str
@@ -25,7 +25,8 @@ class GroundContact:
 
 
 def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[GroundContact]:
-    """Contacts with the ground in the last step, and those of tracked bodies with the ground as of the last update.
+    """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
+    update.
 
     ``names``: of the ground's followers, in their order.
     """
@@ -38,14 +39,15 @@ def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[Groun
     contacts = contacts_of_step(client, colliders)
     tracked = [index for index, follower in enumerate(followers) if not follower.solid]
     if tracked:
-        ground.batches  # noqa: B018  # supports of tracked bodies are worked out with their patches
+        ground.batches  # noqa: B018  # computes the supports of tracked bodies
         found = (_contact_of_sphere(names[index], ground, index) for index in tracked)
         contacts += [contact for contact in found if contact is not None]
     return contacts
 
 
 def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundContact]:
-    """Contacts of the last step with the ``colliders``, which map PyBullet bodies to the names of their followers."""
+    """Return the contacts of the last step with the ``colliders``, which map PyBullet bodies to the names of their
+    followers."""
     contacts = []
     for point in client.getContactPoints():
         first, second = colliders.get(point[1]), colliders.get(point[2])
@@ -58,8 +60,8 @@ def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundConta
 
 
 def _contact_of_sphere(name: str, ground: Ground, index: int) -> GroundContact | None:
-    """The deepest contact of a tracked sphere; where its centre is below the surface, that of a sphere pushed through
-    the ground."""
+    """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
+    contact is that of a sphere pushed through the ground."""
     support, radius = ground.supports[index], float(ground.shapes["radius"][index])
     if support.state == Support.NONE:
         return None

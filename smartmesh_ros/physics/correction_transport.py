@@ -1,8 +1,9 @@
-"""Bodies are taken along by corrections of the ground under them: their poses are set, their velocities kept.
+"""Moves bodies with corrections of the ground under them: sets their poses and keeps their velocities.
 
-Under each body a plane is fitted to the ground as it was shown and one to what was corrected of it. The body is turned
-as the first plane turns and moved up or down as the second says, about the foot below its middle. So what lay on the
-ground lies on it again, as fast as before. A robot goes as a whole, by the ground under the links that stand on it.
+For each body, one plane is fitted to the ground as shown before the correction and one to the correction itself. The
+body is rotated as the first plane tilts and moved vertically by the second plane, about the foot below its middle. A
+body that lay on the ground therefore lies on it again, at the same velocity. A robot moves as a whole, by the ground
+under the links that stand on it.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from smartmesh_ros.physics.follower import Follower
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
 
-# Bodies whose lowest point is no higher above the ground than this are taken along, so that stacks stay whole [m].
+# Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
+# for stacked bodies, so that stacks stay whole.
 HIGHEST_MOVED = 1.0
-# Points on a side of the grid that is laid under a shape.
+# Points on a side of the sampling grid under a shape.
 POINTS = 5
-# Of a ball, how far that grid reaches from its middle [radii]: it stands on one point.
+# Half width of the sampling grid under a ball [radii]. Small, because a ball touches the ground at one point.
 BALL_GRID = 0.25
-# Weight of links that do not stand on the ground, beside those that do.
+# Weight of links that do not stand on the ground, relative to links that do.
 AIRBORNE_WEIGHT = 1e-6
 # Sums over the points under a body: weights, and products with x, y, the height before and the correction.
 SUMS = 12
@@ -47,7 +49,8 @@ class CorrectionTransport:
         states: FloatArray,
         supports: Any,
     ) -> None:
-        """Takes along what stands on tiles that were corrected; ``moves``: their indices, before and after."""
+        """Move the bodies on corrected tiles; ``moves``: each tile's index, and its grid before and after the
+        correction."""
         uids = list(dict.fromkeys(follower.body for follower in followers if follower.solid))
         places = {uid: place for place, uid in enumerate(uids)}
         owners = np.array([places[f.body] if f.solid else -1 for f in followers], np.int64)
@@ -66,7 +69,7 @@ class CorrectionTransport:
 
     def _put(self, uid: int, pose: list[float]) -> None:
         client = self._client
-        if client.getDynamicsInfo(uid, -1)[0] == 0.0:  # fixed to the world
+        if client.getDynamicsInfo(uid, -1)[0] == 0.0:  # a fixed body
             return
         linear, angular = client.getBaseVelocity(uid)
         client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
@@ -85,8 +88,11 @@ def height_on(grid, row, column):
 
 @compiled
 def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
-    """Adds the points under the followers on a tile to the ``sums`` (B, SUMS) of their bodies; ``owners`` (N,): their
-    bodies' places, -1 = stays where it is. ``poses`` (B, 7): of the bodies; points count from there."""
+    """Add the points under the attached bodies on a tile to the ``sums`` (B, SUMS) of their PyBullet bodies.
+
+    ``owners`` (N,): row of each attached body's PyBullet body in ``sums``, -1 = is not moved. ``poses`` (B, 7): of the
+    PyBullet bodies, which are the origins of the points.
+    """
     local = np.empty(13)
     for i in range(len(owners)):
         if owners[i] < 0:
@@ -102,7 +108,7 @@ def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
             continue
         share = BALL_GRID * solid.radius
         ax, ay, bx, by = share, 0.0, 0.0, share
-        if not solid.ball:  # the two axes that lie flattest
+        if not solid.ball:  # the two most level axes
             u, v, w, half = solid.u, solid.v, solid.w, solid.half
             if abs(u.z) >= abs(v.z) and abs(u.z) >= abs(w.z):
                 ax, ay, bx, by = v.x * half.y, v.y * half.y, w.x * half.z, w.y * half.z
@@ -137,29 +143,29 @@ def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
 
 @compiled
 def fitted(total, first):
-    """Mean and slopes along x and y of the plane fitted to the values whose sums start at ``first``."""
+    """Mean, and slopes along x and y, of the plane fitted to the values whose sums start at ``first``."""
     n, sx, sy, value = total[0], total[1], total[2], total[first]
     sxx, sxy, syy = total[3] - sx * sx / n, total[4] - sx * sy / n, total[5] - sy * sy / n
     sxz, syz = total[first + 1] - sx * value / n, total[first + 2] - sy * value / n
-    _, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)  # level where the points lie along a line
+    _, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)  # zero if the points lie along a line
     return value / n, slope_x, slope_y
 
 
 @compiled
 def corrected_pose(total, pose, moved):
-    """Writes where a body at ``pose`` (7,) goes to ``moved`` (7,), by the sums of the points under it; whether it
-    does."""
+    """Write the corrected pose of a body at ``pose`` (7,) to ``moved`` (7,), from the sums of the points under it;
+    returns False if the ground did not change."""
     x0, y0 = total[1] / total[0], total[2] / total[0]
     height, hx, hy = fitted(total, 6)
     rise, gx, gy = fitted(total, 9)
     if rise == 0.0 and gx == 0.0 and gy == 0.0:
         return False
-    # The foot: the point of the plane before that is nearest to the body's middle, as seen from there.
+    # The foot, relative to the body's middle: the nearest point of the plane before the correction.
     over = (pose[2] - (height - hx * x0 - hy * y0)) / (1.0 + hx * hx + hy * hy)
     away_x, away_y, away_z = -hx * over, -hy * over, over
     foot_x, foot_y = hx * over, hy * over
     lift = rise + gx * (foot_x - x0) + gy * (foot_y - y0)
-    # The shortest turn from the normal before to the one after.
+    # The shortest rotation from the normal before the correction to the normal after it.
     ax, ay, bx, by = -hx, -hy, -hx - gx, -hy - gy
     x, y, z = ay - by, bx - ax, ax * by - ay * bx
     w = math.sqrt((1.0 + ax * ax + ay * ay) * (1.0 + bx * bx + by * by)) + 1.0 + ax * bx + ay * by

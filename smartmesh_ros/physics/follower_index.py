@@ -1,4 +1,4 @@
-"""Which bodies the followers of a ground belong to."""
+"""Maps attached bodies and links to the world's bodies."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from smartmesh_ros.terrain.grid import BoolArray, IntArray
 
 
 class FollowerIndex(NamedTuple):
-    """By the followers' indices: their ``names``, links as ``robot/link``; the simulated ``bodies`` they belong to,
-    None = tracked or a guest; which may be clamped before impact, ``free`` (N,): those that are no links; which this
-    world simulates, ``own`` (N,), and which other worlds do, ``guest`` (N,). ``first``: the first follower of each
-    PyBullet body; ``moving``: those PyBullet bodies that move by physics."""
+    """Data of the attached bodies, by their index.
+
+    ``names``: links are ``robot/link``. ``bodies``: the simulated body, None = tracked, or simulated by another node.
+    ``free`` (N,): may be clamped before impact, because it is no link. ``own`` (N,): simulated by this world. ``guest``
+    (N,): simulated by another node. ``first``: index of the first entry of each PyBullet body. ``moving``: PyBullet
+    bodies that move by physics.
+    """
 
     names: list[str]
     bodies: list[Body | None]
@@ -27,12 +30,12 @@ class FollowerIndex(NamedTuple):
     moving: frozenset[int]
 
     def bodies_of(self, indices: IntArray) -> list[str]:
-        """Names of the bodies that followers belong to, each once, in order."""
+        """Return the names of the bodies at ``indices``, sorted and without duplicates."""
         return sorted({self.names[index].partition("/")[0] for index in indices.tolist()})
 
 
 def index_followers(bodies: Iterable[Body], followers: list[Follower]) -> FollowerIndex:
-    """The index of ``followers`` of a world's ``bodies``."""
+    """Build the index of the ``followers`` of a world's ``bodies``."""
     owners = {body.uid: body for body in bodies}
     names, all_of = [], []
     for follower in followers:

@@ -1,4 +1,4 @@
-"""Where followers are and how they move, read from PyBullet."""
+"""Reads poses and velocities of attached bodies from PyBullet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 
 class FollowerReader:
-    """Reads bodies by few calls, and links by their own."""
+    """Reads the base of each body with two PyBullet calls, and links with a call each."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -20,7 +20,7 @@ class FollowerReader:
         self.adopt([])
 
     def adopt(self, followers: list[Follower]) -> None:
-        """Takes the followers that are read from now on."""
+        """Replace the list of attached bodies to read."""
         self._bodies = [follower.body for follower in followers]
         self._links = [(index, f.body, f.link) for index, f in enumerate(followers) if f.link >= 0]
 

@@ -32,7 +32,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
-# The number of a tile that no support stands on yet.
+# Index of a tile that no support refers to yet.
 NEW_TILE = -2
 
 
@@ -40,10 +40,10 @@ class Ground:
     """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
-    bodies, and call `step` in place of ``stepSimulation``. Who must step himself calls `update` before each
-    ``stepSimulation``, or before some of them and `go_on` before the others; fast bodies are then not clamped before
-    impact, and bodies below the ground stay there. Nothing else in the world collides with the terrain. ``gravity``
-    [m/s^2]: how fast bodies fall, as far as it tells how far they may go; `step` reads it from PyBullet.
+    bodies, and call `step` in place of ``stepSimulation``. To call ``stepSimulation`` yourself, call `update` before
+    each step, or `update` before some steps and `go_on` before the others. Fast bodies are then not clamped before
+    impact, and bodies below the ground are not put back. Bodies that are not attached do not collide with the terrain.
+    ``gravity`` [m/s^2]: acceleration that predicts the motion of falling bodies; `step` reads it from PyBullet.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Ground:
         self.stopwatch = stopwatch or Stopwatch()
         self.followers: list[Follower] = []
         self.colliders = Colliders(client)
-        self.stale = True  # whether the next step needs an update, whatever the last one was made for
+        self.stale = True  # the next step needs an update, even if the last one has not expired
         self.time = 0.0  # of the last update [s]
         self._client = client
         self._reader = FollowerReader(client)
@@ -69,18 +69,18 @@ class Ground:
         self._transport = CorrectionTransport(client)
         self._waking = Waking(client)
         self._whole = WholeMesh(client, self.terrain)
-        self._steps = 1  # that the last update was made for
+        self._steps = 1  # lifetime of the last update [steps]
         self.shapes = np.zeros(0, SHAPE).view(np.recarray)
         self._roles = roles_of([])
-        self.states = np.empty((0, BODY_COLUMNS))  # of the followers at the last update
-        self.positions_w = np.empty((0, 3))  # of the followers in the last step [m]
-        self.moved_w = np.empty((0, 3))  # how far they move in a step [m]
+        self.states = np.empty((0, BODY_COLUMNS))  # of the attached bodies at the last update
+        self.positions_w = np.empty((0, 3))  # of the attached bodies before the current step [m]
+        self.moved_w = np.empty((0, 3))  # their motion in one step [m]
         self._expected_moves: list[tuple[list[int], FloatArray]] = []
-        self._together: list[Follower] | None = None  # what is attached within `together`
+        self._together: list[Follower] | None = None  # attached bodies at the end of `together`
 
     @property
     def supports(self) -> Any:
-        """What the followers stand on, as of the last update: records of ``SUPPORT`` (N,)."""
+        """Supports of the attached bodies as of the last update: records of ``SUPPORT`` (N,)."""
         return self._selector.supports
 
     @property
@@ -90,19 +90,20 @@ class Ground:
 
     @property
     def radii(self) -> FloatArray:
-        """The followers' bounding radii (N,) [m]."""
+        """Bounding radii of the attached bodies (N,) [m]."""
         return np.asarray(self.shapes["radius"])
 
     def colliders_of(self, follower: Follower) -> list[int]:
-        """PyBullet's bodies that are ground to a follower: its own collider, or those of the whole terrain."""
+        """Return the PyBullet bodies that are ground to a follower: its own collider, or those of the whole terrain."""
         return self._whole.bodies if follower.collider is None else [follower.collider]
 
     def will_move(self, indices: list[int], moved_w: FloatArray) -> None:
-        """Says how far followers (n,) will move in the next step (n, 3) [m] where the last one does not tell."""
+        """Set the motion of attached bodies (n,) in the next step (n, 3) [m] if it differs from their motion in the
+        last one."""
         self._expected_moves.append((indices, moved_w))
 
     def placed(self, body: int | None = None) -> None:
-        """Says that a body (None = every body) was put somewhere: how it got there is no motion that goes on."""
+        """Note that a body (None = every body) was teleported, so that this jump does not count as its motion."""
         self.colliders.renew(
             [index for index, follower in enumerate(self.followers) if body is None or follower.body == body]
         )
@@ -110,12 +111,12 @@ class Ground:
 
     @property
     def replacements(self) -> int:
-        """Colliders whose surface was changed so far."""
+        """Number of colliders whose surface was changed so far."""
         return self.colliders.replacements + self.colliders.meshes.built
 
     @property
     def leaked(self) -> int:
-        """Colliders that were built anew so far; PyBullet keeps some KiB of each."""
+        """Number of colliders that were rebuilt so far; PyBullet leaks a few KiB for each."""
         return self.colliders.meshes.built
 
     def attach(
@@ -127,10 +128,10 @@ class Ground:
         solid: bool = True,
         shape: Shape | None = None,
     ) -> Follower:
-        """Puts a patch under ``body`` (or its ``link``).
+        """Put a patch under ``body`` (or its ``link``).
 
-        Its shape is read from PyBullet, unless it is given: as a ``shape`` about its centre of mass, or as the
-        ``radius`` [m] of a sphere that holds it. ``solid=False`` computes the patch without a collider.
+        The shape is read from PyBullet, unless it is given: as a ``shape`` about the centre of mass, or as the
+        ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a collider.
         """
         attached = self.followers if self._together is None else self._together
         if any(follower.body == body and follower.link == link for follower in attached):
@@ -146,7 +147,7 @@ class Ground:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Takes on at its end, in one pass, the patches that are attached and detached in the block."""
+        """Collect the bodies attached and detached in the block, and apply the changes in one pass at its end."""
         self._together = [*self.followers]
         try:
             yield
@@ -155,7 +156,7 @@ class Ground:
             self._adopt(followers)
 
     def detach(self, body: int) -> None:
-        """Takes the patches of ``body`` and its links away. Call it before the body is removed from PyBullet."""
+        """Remove the patches of ``body`` and its links. Call it before the body is removed from PyBullet."""
         for index, follower in enumerate(self.followers):
             if follower.body == body:
                 self.colliders.release(index)
@@ -165,9 +166,9 @@ class Ground:
             self._together = [follower for follower in self._together if follower.body != body]
 
     def configure(self, config: PatchConfig, *, gravity: float | None = None) -> None:
-        """Takes other settings for patches, and another ``gravity`` [m/s^2] unless it is None, from the next update on;
-        bodies may rest on patches meanwhile. Raises `InputError` and changes nothing where the terrain does not allow
-        the settings."""
+        """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
+        may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
+        settings."""
         for mesh in self.terrain.tiles.values():
             require_usable(config, mesh)
         if config.edge_filter != self.config.edge_filter:
@@ -179,7 +180,7 @@ class Ground:
             self._selector.gravity = gravity
 
     def step(self, time: float, dt: float) -> None:
-        """Runs one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
+        """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
 
         Refreshes the patches when they are due, puts bodies that are below the ground back onto it, and clamps fast
         bodies before impact. Raises `InputError` if ``dt`` is not PyBullet's time step.
@@ -191,11 +192,11 @@ class Ground:
 
     @property
     def rescues(self) -> int:
-        """Bodies that `step` found below the ground and put back onto it so far."""
+        """Number of bodies that `step` found below the ground and put back onto it so far."""
         return self._stepper.counts.rescues
 
     def update(self, time: float, dt: float, steps: int = 1) -> None:
-        """Brings every patch to where its body and the ground are at ``time`` [s], before ``steps`` of ``dt`` [s]."""
+        """Refresh every patch at ``time`` [s], for the next ``steps`` steps of ``dt`` [s]."""
         with self.stopwatch.stage("bodies"):
             self._correct(time)
             self._read_states(dt)
@@ -207,9 +208,9 @@ class Ground:
             self._apply(time)
 
     def go_on(self, time: float, dt: float) -> bool:
-        """Leaves the patches to move on as they do, before a further step of ``dt`` [s] that the last `update` was made
-        for; but brings them up to date if a body goes farther than they reach, because something has hit it. Returns
-        whether it did."""
+        """Let the patches of the last `update` move on for a further step of ``dt`` [s]. If a body leaves the ground
+        that its patch covers, for example because another body hit it, refresh the patches. Returns True if they were
+        refreshed."""
         if self.stale:
             self.update(time, dt, self._steps)
             return True
@@ -226,13 +227,13 @@ class Ground:
         return bool(left)
 
     def stand_still(self, duration: float) -> None:
-        """Says that for a ``duration`` [s] time went on without a step; the next one needs an `update`."""
+        """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
         self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True
 
     def close(self) -> None:
-        """Takes all colliders away."""
+        """Remove all colliders."""
         for index in range(len(self.followers)):
             self.colliders.release(index)
         self._whole.release()
@@ -240,13 +241,14 @@ class Ground:
 
     @cached_property
     def _stepper(self) -> Stepper:
-        """What `step` works with; made when it is first used, since a `World` has its own."""
+        """The stepper of `step`; created on first use, because a `World` has its own."""
         return Stepper(self._client, self, lambda: self._roles)
 
     def _correct(self, time: float) -> None:
-        """Works corrections of the ground off up to ``time`` [s] and takes the bodies along that are on it or near."""
+        """Apply corrections of the ground up to ``time`` [s], and move the bodies on or near the corrected ground with
+        them."""
         moves = []
-        numbers = {name: number for number, name in enumerate(self._selector.names)}  # as the supports have them
+        numbers = {name: number for number, name in enumerate(self._selector.names)}  # the supports' tile indices
         for name, mesh in self.terrain.tiles.items():
             if isinstance(mesh, HeightMap) and mesh.motion.corrects:
                 correcting, before = mesh.correcting, mesh.moved_to(time)
@@ -259,7 +261,7 @@ class Ground:
             self._transport.move_bodies(moves, self.followers, self.shapes, self.states, self.supports)
 
     def _apply(self, time: float) -> None:
-        """Makes the colliders those of the supports."""
+        """Set the colliders to the current supports."""
         config = self.config
         if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":
             self._whole.update(config.kind, time)
@@ -273,7 +275,7 @@ class Ground:
         self._waking.note(self.colliders.changed)
 
     def _adopt(self, followers: list[Follower]) -> None:
-        """Makes ``followers`` the attached ones; what is known of those that stay is kept."""
+        """Replace the list of attached bodies; the data of those that stay is kept."""
         kept = kept_rows(self.followers, followers)
         count = len(followers)
         self.followers = followers
@@ -293,7 +295,7 @@ class Ground:
 
     def _read_states(self, dt: float) -> None:
         self.states = self._reader.states()
-        self.positions_w = np.ascontiguousarray(self.states[:, :3])  # for compiled functions of one type
+        self.positions_w = np.ascontiguousarray(self.states[:, :3])  # one array type for compiled functions
         self.moved_w = self.states[:, 7:10] * dt
         self._expected_moves.clear()
 

@@ -1,7 +1,7 @@
-"""Bodies found below the ground are put back onto it.
+"""Puts bodies that are below the ground back onto it.
 
-No collider is perfect: a body may be spawned under ground, teleported there, or hit by another. The guard is the last
-resort, is counted, and can be switched off to see what the colliders do without it.
+No collider is perfect: a body may be spawned below the ground, teleported there, or pushed there by another body. The
+guard is the last resort. Its rescues are counted, and it can be switched off to test the colliders alone.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 if TYPE_CHECKING:
     from smartmesh_ros.physics.ground import Ground
 
-# Speed along the ground that a rescued body keeps at most [m/s].
+# Largest horizontal speed that a rescued body keeps [m/s].
 FASTEST_RESCUED = 5.0
-# Bodies whose middle is nearer to the plane of the ground under them are looked at closely [radii].
+# Height of a body's middle above the plane under it below which the exact height of the ground is checked [radii].
 SUSPECT_HEIGHT = 0.5
 
 
 class Guard:
-    """Looks after the bodies on one `Ground`."""
+    """Rescues the bodies on one `Ground`."""
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
 
     def rescue(self, client: Any, own: BoolArray, time: float) -> int:
-        """Puts bodies that are below the ground back onto it and returns how many. ``own`` (N,): the followers whose
-        bodies may be moved; the others have their pose from elsewhere."""
+        """Put bodies that are below the ground back onto it and return their number. ``own`` (N,): followers whose
+        bodies may be moved; other bodies get their pose from elsewhere."""
         ground = self._ground
         index = np.flatnonzero(own & possibly_buried(ground.states, ground.supports, ground.shapes, SUSPECT_HEIGHT))
         if not index.size:
@@ -51,7 +51,7 @@ class Guard:
         ):
             body = ground.followers[follower].body
             lift = self._lift(follower, height, time)
-            if body not in lifts or lift > lifts[body][0]:  # a robot as far as its link that needs most
+            if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
                 lifts[body] = (lift, rate)
         for body, (lift, rate) in lifts.items():
             put_back(client, body, lift, rate)
@@ -59,7 +59,7 @@ class Guard:
         return len(lifts)
 
     def _lift(self, follower: int, height: float, time: float) -> float:
-        """How far a follower is lifted so that its lowest point lies on the ground [m]."""
+        """Return the lift that puts a follower's lowest point onto the ground [m]."""
         ground = self._ground
         body = ground.states[follower]
         lift = height - body[2] + ground.shapes["radius"][follower]
@@ -75,14 +75,14 @@ class Guard:
 
 @compiled
 def lift_of(grid, shape, body, time, rules, memory_h, memory_r):
-    """`height_at_rest` for a record in an array of one."""
+    """Call `height_at_rest` with the record of an array of one."""
     return height_at_rest(grid, shape[0], body, time, rules, memory_h, memory_r)
 
 
 @compiled
 def possibly_buried(states: FloatArray, supports: Any, shapes: Any, near: float) -> BoolArray:
-    """Which bodies may be under the ground: those that touch none of it, and those whose middle is not well above the
-    plane under them (N,)."""
+    """Return the bodies that may be under the ground (N,): those without support, and those whose middle is not well
+    above the plane under them."""
     found = np.zeros(len(states), np.bool_)
     for i in range(len(states)):
         support = supports[i]
@@ -96,7 +96,7 @@ def possibly_buried(states: FloatArray, supports: Any, shapes: Any, near: float)
 
 
 def put_back(client: Any, body: int, lift: float, rate: float) -> None:
-    """Lifts a body (a robot as a whole) by ``lift`` [m] and gives it the ground's vertical velocity ``rate`` [m/s]."""
+    """Lift a body (a robot as a whole) by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
     position, orientation = client.getBasePositionAndOrientation(body)
     linear, angular = client.getBaseVelocity(body)
     along = np.array(linear[:2])

@@ -1,4 +1,4 @@
-"""Tells when a body goes farther than its patch reaches."""
+"""Detects bodies that leave the ground their patch covers."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from smartmesh_ros.compiled import compiled
 
 @compiled
 def leaves_support(positions, moved, states, supports, shapes, slack, fastest):
-    """Whether any body goes farther in the next step than it was taken to until the next update, from ``states`` (N,
-    13) on; ``positions``, ``moved`` (N, 3) [m]: where it is and how far it moves in a step. Bodies that move further
-    than ``fastest`` [m] are no reason."""
+    """Return True if any body moves farther, by the end of the next step, than its support was made for.
+
+    ``states`` (N, 13): at the last update; ``positions`` (N, 3) [m]: now; ``moved`` (N, 3) [m]: motion in one step.
+    Bodies that move more than ``fastest`` [m] in a step are ignored.
+    """
     for i in range(len(positions)):
         went = step = 0.0
         for axis in range(3):

@@ -1,7 +1,7 @@
-"""What the physics engine can compute with.
+"""Ranges of values that PyBullet can compute with.
 
-PyBullet squares and inverts what it is given: a spin of 1e200 rad/s, or a mass of 1e-300 kg, makes numbers that are
-none, and they spread to whatever the body touches.
+PyBullet squares and inverts its inputs. A spin of 1e200 rad/s or a mass of 1e-300 kg overflows to NaN, and the NaN
+spreads to every body in contact.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import math
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.state import BodyState
 
-FARTHEST_BODY = 1e7  # from the frame's origin [m]
+FARTHEST_BODY = 1e7  # largest coordinate of a body in the terrain's frame [m]
 FASTEST = 1e5  # [m/s]
 FASTEST_SPIN = 1e5  # [rad/s]
-STRONGEST = 1e12  # joint [Nm, N]
+STRONGEST = 1e12  # effort of a joint [Nm, N]
 SIZES = (1e-4, 1e4)  # of shapes and radii [m]
 MASSES = (1e-6, 1e9)  # [kg]
 
 
 def require_possible(name: str, state: BodyState) -> None:
-    """Raises `InputError` where a body is farther away or faster than anything simulated here."""
+    """Raise `InputError` if a body is farther away or faster than the limits."""
     for what, values, most, unit in (
         ("position", state.position, FARTHEST_BODY, "m"),
         ("velocity", state.linear, FASTEST, "m/s"),
@@ -31,7 +31,7 @@ def require_possible(name: str, state: BodyState) -> None:
 
 
 def require_between(what: str, value: float, bounds: tuple[float, float], unit: str) -> None:
-    """Raises `InputError` where a value is not within its bounds, or is no number."""
+    """Raise `InputError` if a value is not finite or not within its bounds."""
     low, high = bounds
     if not (math.isfinite(value) and value > 0.0):
         raise InputError("geometry", f"{what} is {value} {unit}; it must be greater than zero")

@@ -1,4 +1,4 @@
-"""What PyBullet is told about solving contacts."""
+"""Settings of PyBullet's contact solver."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import Any
 
 from smartmesh_ros.physics.config import PhysicsConfig
 
-# PyBullet keeps a contact point until it has moved by this share of the body's size; at its default of 0.02 the points
-# that a rolling body leaves behind hold it back and make it hop. Far smaller values let boxes creep down slopes. The
-# value holds for all worlds of a process.
+# Motion at which PyBullet drops a cached contact point [body sizes]. At PyBullet's default of 0.02 a rolling body is
+# held back by old contact points and hops. Far smaller values let boxes creep down slopes. PyBullet shares the value
+# among all worlds of a process.
 CONTACT_BREAKING = 2e-4
 
 
 def set_up(client: Any, physics: PhysicsConfig) -> None:
-    """Gives a client its gravity, its time step and what it needs for contacts."""
+    """Set the gravity, time step and contact parameters of a client."""
     client.setGravity(*physics.gravity)
     client.setTimeStep(physics.dt)
     client.setPhysicsEngineParameter(

@@ -1,4 +1,4 @@
-"""Where a body is and how it moves."""
+"""Pose and velocity of a body."""
 
 import math
 from dataclasses import dataclass
@@ -8,14 +8,15 @@ from smartmesh_ros.errors import InputError
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-# How far the length of a quaternion may be from one.
+# Largest accepted difference between a quaternion's length and one.
 QUATERNION_SLACK = 1e-3
 
 
 @dataclass(frozen=True)
 class BodyState:
     """Position [m] and orientation (x, y, z, w) of the centre of mass, its velocity [m/s] and angular velocity [rad/s],
-    all in the terrain's frame. Raises `InputError` where they cannot be a body's."""
+    all in the terrain's frame. Raises `InputError` if a number is not finite or the orientation is not a unit
+    quaternion."""
 
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)

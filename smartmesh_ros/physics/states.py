@@ -13,8 +13,8 @@ NOWHERE = np.empty((0, 13))
 
 
 class SimulatedStates:
-    """Reads the states of the simulated bodies of a world, in the order they were spawned. What else there is to say of
-    them is worked out only when one came or went: it would take as long as the states themselves."""
+    """Reads the states of a world's simulated bodies, in the order of spawning. Names, shapes and masses are read only
+    when a body is added or removed, because reading them takes as long as reading the states."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -22,7 +22,7 @@ class SimulatedStates:
         self._describe()
 
     def read(self) -> StateTable:
-        """The states as they are now."""
+        """Return the current states."""
         if self._world.followers is not self._followers:
             self._describe()
         return self._bodies._replace(numbers=BulletCalls(self._world.client).states(self._uids))
@@ -35,12 +35,12 @@ class SimulatedStates:
 
 
 def simulated_states(world: World) -> StateTable:
-    """States of the simulated bodies of a world, in the order they were spawned."""
+    """Return the states of a world's simulated bodies, in the order of spawning."""
     return SimulatedStates(world).read()
 
 
 def _table(bodies: list[Body]) -> StateTable:
-    """What there is to say of bodies beside where they are."""
+    """Return a table of the constant data of bodies, without states."""
     forms = [body.form for body in bodies]
     return StateTable(
         [body.name for body in bodies], NOWHERE, np.array([body.radius for body in bodies]),

@@ -20,12 +20,12 @@ from smartmesh_ros.terrain.grid import BoolArray
 if TYPE_CHECKING:
     from smartmesh_ros.physics.ground import Ground
 
-# Relative difference between two lengths of a step that is taken for rounding.
+# Largest relative difference between two step lengths that counts as rounding.
 ROUNDING = 1e-9
 
 
 class Roles(Protocol):
-    """What may be done to followers, by their index."""
+    """What may be done to attached bodies, by index."""
 
     @property
     def free(self) -> BoolArray:
@@ -47,8 +47,8 @@ class StepCounts:
 class Stepper:
     """Steps a PyBullet world whose bodies stand on one `Ground`.
 
-    ``roles`` returns the current roles of the ground's followers. ``drop_lost`` is called after each refresh; it
-    removes bodies that have no place any more and returns True if there were any.
+    ``roles`` returns the current roles of the attached bodies. ``drop_lost`` is called after each refresh; it removes
+    bodies whose position is not finite or too far away, and returns True if it removed any.
     """
 
     def __init__(
@@ -69,8 +69,8 @@ class Stepper:
         self._guard = Guard(ground)
 
     def refresh(self, time: float, physics: PhysicsConfig, *, behind_real_time: bool = False) -> None:
-        """Refreshes the patches at ``time`` [s], and puts bodies below the ground back onto it. ``behind_real_time``: as in
-        `UpdateSchedule.begin`."""
+        """Refresh the patches at ``time`` [s], and put bodies below the ground back onto it. ``behind_real_time``: as
+        in `UpdateSchedule.begin`."""
         self.counts.refreshes += 1
         ground, dt = self._ground, physics.dt
         steps = self._schedule.begin(ground.terrain, time, dt, ground.config.rate, behind_real_time=behind_real_time)
@@ -83,7 +83,7 @@ class Stepper:
             ground.update(time, dt, steps)
 
     def prepare(self, time: float, physics: PhysicsConfig, *, behind_real_time: bool = False) -> None:
-        """Refreshes the patches if they are due at ``time`` [s]; else lets them move on with the ground."""
+        """Refresh the patches if they are due at ``time`` [s]; otherwise let them move on with the ground."""
         ground = self._ground
         if ground.stale or self._schedule.due(ground.terrain, behind_real_time=behind_real_time):
             self.refresh(time, physics, behind_real_time=behind_real_time)
@@ -91,8 +91,8 @@ class Stepper:
             self.counts.refreshes += 1
 
     def step(self, time: float, physics: PhysicsConfig, simulate: Callable[[], object]) -> None:
-        """Clamps bodies before impact, runs the step from ``time`` [s] on by calling ``simulate``, and gives the bodies
-        their velocities back."""
+        """Clamp bodies before impact, run the step from ``time`` [s] on by calling ``simulate``, and restore the
+        bodies' velocities."""
         stopwatch, clamped = self._ground.stopwatch, None
         if physics.landing:
             with stopwatch.stage("bodies"):
@@ -105,7 +105,8 @@ class Stepper:
 
 
 def physics_of(client: Any, dt: float) -> PhysicsConfig:
-    """The gravity and the step of a client, for steps of ``dt`` [s]; raises `InputError` if the client's is another."""
+    """Return the gravity and time step of a client, for steps of ``dt`` [s]; raises `InputError` if the client has
+    another time step."""
     settings = client.getPhysicsEngineParameters()
     step = float(settings["fixedTimeStep"])
     if not (math.isfinite(dt) and abs(dt - step) <= ROUNDING * step):

@@ -1,41 +1,43 @@
-"""When patches are brought up to date: with the maps, and no more often than they are worth it.
+"""Decides when patches are refreshed: with new maps, and no more often than a refresh is worth.
 
-Colliders move on with the ground's velocity by themselves, and a support holds for as far as its body may go, so one of
-a step ago does nearly as well as a new one; updating it costs as much as stepping the physics.
+Between refreshes PyBullet moves the colliders with the ground's velocity, and a support covers the predicted motion of
+its body. A support that is one step old is therefore nearly as good as a new one, but a refresh costs as much as a
+physics step.
 """
 
 from __future__ import annotations
 
 from smartmesh_ros.terrain.terrain import Terrain
 
-# A map that is expected so soon is waited for, longer by a part of that time and of the time patches may last: to bring
-# them up to date just before it comes is to do it twice.
+# Wait up to MAP_WAIT map intervals for the next map, if the refresh then comes within LONGEST_LIFE refresh intervals.
+# Refreshing just before a map arrives would do the work twice.
 MAP_WAIT, LONGEST_LIFE = 1.25, 1.5
-# Patches last for this share of their time even if maps come more often, but for the first maps of many: how fast the
-# ground moves is known by the second of them.
+# Shortest lifetime of patches if maps arrive faster [refresh intervals]. Ignored for the first FIRST_MAPS maps, because
+# two maps are needed to estimate the ground's velocity.
 SHORTEST_LIFE, FIRST_MAPS = 0.5, 4
 
 
 class UpdateSchedule:
-    """Tells before each step whether patches are due."""
+    """Decides before each step whether patches must be refreshed."""
 
     def __init__(self) -> None:
-        self._age = 0  # steps since they were brought up to date
-        self._lifetime, self._lifetime_if_map = 0, 0  # steps that they last for, and that they last for if a map comes
-        self._maps = 0  # how often in a row it was a map that they were brought up to date for
-        self._revision, self._layout = -1, -1  # of the terrain then
+        self._age = 0  # steps since the last refresh
+        self._lifetime, self._lifetime_if_map = 0, 0  # steps until the next refresh; the same if a map arrives
+        self._maps = 0  # successive refreshes that a map triggered
+        self._revision, self._layout = -1, -1  # of the terrain at the last refresh
 
     def due(self, terrain: Terrain, *, behind_real_time: bool = False) -> bool:
-        """Whether they are: their time has come, or there is other ground. For a world that is ``behind_real_time`` real time a
-        map of the same ground is no reason."""
+        """Return True if the patches must be refreshed: they expired, or the terrain changed. If the world is
+        ``behind_real_time``, new maps of the same tiles do not trigger a refresh."""
         self._age += 1
         if self._age >= self._lifetime or terrain.layout_revision != self._layout:
             return True
         return self._age >= self._lifetime_if_map and not behind_real_time and terrain.changed_since(self._revision)
 
     def begin(self, terrain: Terrain, time: float, dt: float, rate: float, *, behind_real_time: bool = False) -> int:
-        """Notes that patches are brought up to date at ``time`` [s]; for how many steps of ``dt`` [s] that is to last:
-        as ``rate`` [Hz] says (0 = one), or until the next map comes, if that is soon; no less if ``behind_real_time``."""
+        """Note a refresh at ``time`` [s] and return its lifetime in steps of ``dt`` [s]: the interval of ``rate`` [Hz]
+        (0 = one step), or the time until the next map if that is about as long. If the world is ``behind_real_time``,
+        the lifetime is at least one interval."""
         self._maps = self._maps + 1 if terrain.changed_since(self._revision) else 0
         self._revision, self._layout = terrain.revision, terrain.layout_revision
         steps = max(round(1.0 / (rate * dt)), 1) if rate else 1

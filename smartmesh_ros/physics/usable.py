@@ -1,4 +1,4 @@
-"""Which settings of patches a main mesh allows."""
+"""Checks which patch settings a main mesh allows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 
 def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
-    """Raises `InputError` where patches cannot be made of ``mesh`` as ``config`` says; the message says what can."""
+    """Raise `InputError` if ``mesh`` does not allow the patch settings ``config``; the message names settings that it
+    allows."""
     if isinstance(mesh, TriangleMesh):
         require_search(config.search, mesh)
     if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":

@@ -1,6 +1,6 @@
-"""Simple-Mesh: one collider of each whole main mesh, which the report's patches are compared with.
+"""Simple-Mesh: one collider of each whole main mesh, the baseline that the report compares its patches with.
 
-It knows nothing of the ground's velocity, and costs the map and not the bodies: for studies, not for use.
+It ignores the ground's velocity, and its cost grows with the map instead of the bodies. For studies only.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from smartmesh_ros.terrain.trimesh import grid_triangles
 
 WholeKind = Literal["whole_trimesh", "whole_heightfield"]
 
-# PyBullet takes no larger arrays.
+# Largest arrays that PyBullet accepts.
 MOST_VERTICES = 131_072
 MOST_INDICES = 524_288
 
 
 def require_whole(kind: WholeKind, mesh: MainMesh) -> None:
-    """Raises `InputError` where PyBullet cannot make one collider of a whole mesh."""
+    """Raise `InputError` if PyBullet cannot make one collider of a whole mesh."""
     if kind == "whole_heightfield" and not isinstance(mesh, HeightMap):
         raise InputError("parameter", "a general mesh is no heightfield; use patch.kind 'whole_trimesh' or 'trimesh'")
     if kind == "whole_trimesh":
@@ -40,24 +40,24 @@ def require_whole(kind: WholeKind, mesh: MainMesh) -> None:
 
 
 class WholeMesh:
-    """Colliders of the whole terrain, which every body of the world touches."""
+    """Colliders of the whole terrain, shared by every body of the world."""
 
     def __init__(self, client: Any, terrain: Terrain) -> None:
         self._client = client
         self._terrain = terrain
         self._colliders: dict[str, tuple[MainMesh, int, int]] = {}  # by tile: mesh, shape and body
-        self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and whether it moved, at the last update
+        self._states: dict[str, tuple[int, bool]] = {}  # by tile: version and True if it moved, at the last update
         self._kind: WholeKind | None = None
 
     @property
     def bodies(self) -> list[int]:
-        """PyBullet's bodies of the colliders."""
+        """PyBullet bodies of the colliders."""
         return [body for _, _, body in self._colliders.values()]
 
     def update(self, kind: WholeKind, time: float) -> None:
-        """Brings the colliders to the ground as it is at ``time`` [s]: a trimesh is rebuilt, a heightfield replaced.
+        """Set the colliders to the ground at ``time`` [s]: a trimesh is rebuilt, a heightfield replaced in place.
 
-        Raises `InputError` where that is impossible (see `require_whole`).
+        Raises `InputError` if that is impossible (see `require_whole`).
         """
         for mesh in self._terrain.tiles.values():
             require_whole(kind, mesh)
@@ -79,7 +79,7 @@ class WholeMesh:
             self._states[name] = (mesh.version, moving)
 
     def release(self) -> None:
-        """Takes all whole colliders away."""
+        """Remove all whole colliders."""
         for _, _, body in self._colliders.values():
             self._client.removeBody(body)
         self._colliders.clear()
@@ -104,11 +104,11 @@ class WholeMesh:
         geometry = mesh.geometry
         heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.hole)
         rotated = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
-        rows, columns = geometry.columns, geometry.rows  # of the collider, a quarter turn from the map
+        rows, columns = geometry.columns, geometry.rows  # of the collider, which is rotated by 90 degrees
         if name not in self._colliders:
             bounds = np.zeros(geometry.size)
             bounds[0], bounds[-1] = -COLLIDERS.hole, COLLIDERS.hole
-            # PyBullet counts along its x first, whatever it calls that.
+            # PyBullet's first index runs along its x axis, although the argument is called columns.
             shape = self._client.createCollisionShape(
                 pb.GEOM_HEIGHTFIELD,
                 meshScale=[geometry.resolution, geometry.resolution, 1.0],
@@ -134,7 +134,7 @@ class WholeMesh:
 
 
 def whole_vertices(heightmap: HeightMap, time: float) -> FloatArray:
-    """All vertices of a height map at ``time`` [s], row by row (V, 3) [m]."""
+    """Return all vertices of a height map at ``time`` [s], row by row (V, 3) [m]."""
     geometry = heightmap.geometry
     rows, columns = np.divmod(np.arange(geometry.size), geometry.columns)
     indices: IntArray = np.arange(geometry.size).reshape(geometry.rows, geometry.columns)
@@ -145,7 +145,7 @@ def whole_vertices(heightmap: HeightMap, time: float) -> FloatArray:
 
 
 def _quarter_turn(yaw: float) -> tuple[float, float, float, float]:
-    """Orientation (x, y, z, w) of a heightfield's body over a grid turned by ``yaw`` [rad]: a quarter turn from it, see
+    """Orientation (x, y, z, w) of a heightfield's body over a grid with yaw ``yaw`` [rad]: 90 degrees more, see
     `make_field`."""
     half = 0.5 * (yaw + 0.5 * math.pi)
     return (0.0, 0.0, math.sin(half), math.cos(half))

@@ -38,7 +38,7 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
-    """Settings of a world: its physics, its patches, and the bodies of other worlds."""
+    """Settings of a world: its physics, its patches, and remote bodies (``guests``), which other nodes simulate."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     patch: PatchConfig = field(default_factory=PatchConfig)
@@ -48,8 +48,9 @@ class WorldConfig:
 class World:
     """Bodies on a terrain, stepped at a fixed rate. Close it, or use it as a context manager.
 
-    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: whether the
-    world is behind real time, so that patches are to last as long as their rate allows although maps come.
+    ``time`` [s] starts at zero and advances by one step at a time; maps are stamped with it. ``behind_real_time``: set
+    True while the simulation runs behind real time; new maps then do not shorten the lifetime of patches. ``guests``:
+    remote bodies, simulated by other nodes.
     """
 
     def __init__(
@@ -63,11 +64,11 @@ class World:
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
         self._counts = StepCounts()
-        self.lost: list[str] = []  # bodies taken out because they left everything; whoever reads it may clear it
+        self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
 
     def _start(self) -> None:
-        """Begins without bodies, at time zero."""
+        """Initialise without bodies, at time zero."""
         self.time = 0.0
         self.bodies: dict[str, Body] = {}
         self.client: Any = BulletClient(pb.DIRECT)
@@ -79,7 +80,7 @@ class World:
         self._motors = Motors(self.client)
         self._index = index_followers([], [])
         self.guests = Guests(self, self.config.guests)
-        self._indexes = True  # not within `together`, which indexes its followers at its end
+        self._indexes = True  # False within `together`, which rebuilds the index once at its end
 
     def __enter__(self) -> World:
         return self
@@ -88,7 +89,8 @@ class World:
         self.close()
 
     def configure(self, config: WorldConfig) -> None:
-        """Takes other settings while bodies rest on their patches; friction and restitution hold for later bodies."""
+        """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
+        only."""
         self.config = config
         set_up(self.client, config.physics)
         self._factory.config = config.physics
@@ -96,13 +98,13 @@ class World:
         self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
     def close(self) -> None:
-        """Ends the world."""
+        """Disconnect from PyBullet."""
         if self.client.isConnected():
             self.client.disconnect()
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Makes adding or removing many bodies cheap: those of the block get, or lose, their patches at its end."""
+        """Add or remove many bodies cheaply: patches are attached and detached once, at the end of the block."""
         self._indexes = False
         try:
             with self.ground.together():
@@ -112,21 +114,21 @@ class World:
             self._index_followers()
 
     def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
-        """Adds a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
+        """Add a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
         self._require_free(name)
         state = state or BodyState()
         require_possible(name, state)
         self._add(self._factory.simulated(name, shape, mass, state))
 
     def spawn_robot(self, name: str, urdf: str, state: BodyState | None = None) -> None:
-        """Adds a robot from a URDF file or text, with a patch for each link that has a collision shape."""
+        """Add a robot from a URDF file or text, with a patch for each link that has a collision shape."""
         self._require_free(name)
         state = state or BodyState()
         require_possible(name, state)
         self._add(self._factory.robot(name, urdf, state))
 
     def replace_robot(self, name: str, urdf: str) -> None:
-        """Puts another robot in place of one, where its base is now; raises `InputError` and changes nothing if its
+        """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
         old = self._body(name)
         new = self._factory.robot(name, urdf, self.state(name))
@@ -135,9 +137,9 @@ class World:
         self._add(new)
 
     def track(self, name: str, radius: float, state: BodyState) -> None:
-        """Adds a body whose pose is dictated, or dictates its next pose.
+        """Add a tracked body, whose pose is dictated, or set its next pose.
 
-        Between calls it moves on with its velocity. A new radius replaces the body.
+        Between calls the body moves on with its velocity. A new radius replaces the body.
         """
         require_possible(name, state)
         body = self.bodies.get(name)
@@ -154,24 +156,25 @@ class World:
             self._factory.place(body, state)
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the world; raises `InputError` if there is none of that name, or it is a guest."""
+        """Remove a body from the world; raises `InputError` if there is none of that name, or another node simulates
+        it."""
         self._own_body(name)
         self._remove(name)
 
     def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int:
-        """Adds a guest, which ``owner`` simulates, and returns its PyBullet body; `Guests` says where it is."""
+        """Add a remote body, which ``owner`` simulates, and return its PyBullet body; `Guests` sets its state."""
         body = self._factory.simulated(name, shape, mass, BodyState())
         body.owner = owner
         self._add(body)
         return body.uid
 
     def remove_guest(self, name: str) -> None:
-        """Takes a guest out of the world."""
+        """Remove a remote body from the world."""
         if name in self.bodies:
             self._remove(name)
 
     def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None:
-        """Says that guests were put into states (n, 13): none was thrown there."""
+        """Note that remote bodies were set to states (n, 13), so that a jump does not count as motion."""
         ground = self.ground
         chosen = [self._index.first[uid] for uid in uids]
         moved = numbers[:, :3] - ground.positions_w[chosen]
@@ -180,42 +183,43 @@ class World:
         ground.will_move(chosen, numbers[:, 7:10] * self.config.physics.dt)
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
-        """Drives a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = its limit."""
+        """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
+        limit."""
         self.command(name, joint, JointCommand(velocity=velocity, effort=force))
 
     def command(self, name: str, joint: str, command: JointCommand) -> None:
-        """Has a robot's joint driven so from now on."""
+        """Drive a robot's joint by a command from now on."""
         self.require_joint(name, joint)
         body = self.bodies[name]
         body.commands[joint] = command
         self._motors.command(body.uid, body.joints[joint], command)
 
     def require_joint(self, name: str, joint: str) -> None:
-        """Raises `InputError` if there is no robot of that name with such a joint."""
+        """Raise `InputError` if there is no robot of that name with this joint."""
         joints = self._body(name).joints
         if joint not in joints:
             raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
 
     @property
     def refreshes(self) -> int:
-        """Refreshes of the patches so far."""
+        """Number of refreshes of the patches so far."""
         return self._counts.refreshes
 
     @property
     def rescues(self) -> int:
-        """Bodies put back onto the ground so far."""
+        """Number of bodies put back onto the ground so far."""
         return self._counts.rescues
 
     def refresh(self) -> None:
-        """Brings the patches to the bodies and the ground as they are now, and bodies below it back."""
+        """Refresh the patches now, and put bodies below the ground back onto it."""
         self.stepper.refresh(self.time, self.config.physics, behind_real_time=self.behind_real_time)
 
     def prepare(self) -> None:
-        """Brings the patches up to date before a step if they are due, as the settings' rate of patches has it."""
+        """Refresh the patches if the next step needs it, by the patches' rate."""
         self.stepper.prepare(self.time, self.config.physics, behind_real_time=self.behind_real_time)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
-        """Runs physics steps. ``prepared`` is called before each, once the patches are as it meets them."""
+        """Run physics steps. ``prepared`` is called before each, after the patches are ready for it."""
         for _ in range(count):
             with self.stopwatch.stage("total"):
                 self.guests.advance()
@@ -228,34 +232,34 @@ class World:
             self.stopwatch.lap()
 
     def skip(self, steps: int) -> None:
-        """Lets the time of some steps go by without them: the ground goes on, and bodies stay where they are."""
+        """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place."""
         if steps > 0:
             duration = steps * self.config.physics.dt
             self.time += duration
             self.ground.stand_still(duration)
 
     def reset(self) -> None:
-        """Puts every simulated body back where it was spawned and the time to zero; the terrain stays."""
+        """Put every simulated body back to its initial state and the time to zero; the terrain stays."""
         self.reset_time()
         self.reset_bodies()
 
     def reset_time(self) -> None:
-        """Sets the time to zero; bodies and terrain stay as they are, and guests come again with their next states."""
+        """Set the time to zero. Bodies and terrain stay; remote bodies are removed until their next states arrive."""
         self.guests.clear()
         self.terrain.shift_time(-self.time)
         self.ground.stand_still(-self.time)
         self.time = 0.0
 
     def reset_bodies(self) -> None:
-        """Puts every simulated body back where it was spawned. What drives its joints goes on."""
+        """Put every simulated body back to its initial state. Commands of joints stay in force."""
         for body in self.bodies.values():
             if body.simulated:
                 self._factory.place(body, body.initial)
         self.ground.placed()
-        self.ground.configure(self.config.patch)  # what was chosen for them elsewhere has no say any more
+        self.ground.configure(self.config.patch)  # discards supports chosen at the old places
 
     def move(self, name: str, state: BodyState) -> None:
-        """Puts a simulated body's centre of mass into a state; a robot's joints stay as they are."""
+        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are."""
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
@@ -263,21 +267,21 @@ class World:
         self.ground.placed(body.uid)
 
     def state(self, name: str) -> BodyState:
-        """Where a body is and how it moves."""
+        """Return the state of a body's centre of mass."""
         body = self._body(name)
         return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
 
     def base_state(self, name: str) -> BodyState:
-        """Where the frame of a robot's base link is and how it moves; of another body, its centre of mass."""
+        """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
         return frame_state(self.state(name), self._body(name).inertial)
 
     def joints(self, name: str) -> list[JointReading]:
-        """The joints of a robot as they are now."""
+        """Return the current readings of a robot's joints."""
         body = self._body(name)
         return read_joints(self.client, body.uid, body.joints, body.commands)
 
     def snapshot(self) -> Snapshot:
-        """The bodies as they are now."""
+        """Return the current bodies as data."""
         return Snapshot(
             time=self.time,
             bodies=tuple(
@@ -288,13 +292,14 @@ class World:
         )
 
     def save(self) -> Snapshot:
-        """The bodies as they are now; this world goes on exactly as one will that is restored from them."""
+        """Return a snapshot, and rebuild this world from it, so that it evolves exactly as any world restored from the
+        snapshot."""
         snapshot = self.snapshot()
         self.restore(snapshot)
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Makes the bodies those of a snapshot, in a new PyBullet client; the terrain stays."""
+        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain stays."""
         self.close()
         self._start()
         self.time = snapshot.time
@@ -315,15 +320,15 @@ class World:
 
     @property
     def followers(self) -> FollowerIndex:
-        """What has patches, by the indices that the batches use."""
+        """The attached bodies and links, by the indices of the batches."""
         return self._index
 
     def follower_names(self) -> list[str]:
-        """Names of what has patches, in the order that the batches' indices use; links are ``robot/link``."""
+        """Names of the attached bodies and links, in the order of the batches' indices; links are ``robot/link``."""
         return self._index.names
 
     def shown_batches(self) -> list[PatchBatch]:
-        """Patches as of the last update, but those of guests, which are their owners' to show."""
+        """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
         batches, guest = self.ground.batches, self._index.guest
         if not guest.any():
             return batches
@@ -331,31 +336,34 @@ class World:
         return [batch for batch in kept if batch.bodies.size]
 
     def contacts(self) -> list[GroundContact]:
-        """Contacts with the ground in the last step; those of tracked bodies with their patches as they are."""
+        """Return the contacts with the ground in the last step; for tracked bodies, contacts with their current
+        patches."""
         found = ground_contacts(self.client, self.ground, self._index.names)
         return found if not self._index.guest.any() else [c for c in found if not self._is_guest(c.body)]
 
     def wrenches(self) -> list[GroundWrench]:
-        """What the ground exerted in the last step on each simulated body and link that can touch it."""
+        """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
         found = wrenches_of_step(self.client, self.ground.followers, self._index.names)
         return found if not self._index.guest.any() else [w for w in found if not self._is_guest(w.body)]
 
     def below_ground(self) -> list[str]:
-        """Simulated bodies and links whose centre was under the ground at the last update: a collider has failed."""
+        """Return simulated bodies and links whose centre was under the ground at the last update, because a collider
+        failed."""
         positions = self.ground.positions_w
         heights = self.terrain.at(positions[:, :2], self.time).heights
         below = np.flatnonzero(positions[:, 2] < heights)
         return [self._index.names[index] for index in below if self._index.own[index]]
 
     def _simulate(self) -> None:
-        """Steps PyBullet, with the motors' efforts."""
+        """Step PyBullet with the motors' efforts."""
         self._motors.apply_efforts()
         self.client.stepSimulation()
 
     def _drop_lost(self) -> bool:
-        """Takes out bodies that are at no place, or farther away than anything; says whether there were any."""
+        """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`; returns True if there were
+        any."""
         positions = self.ground.positions_w
-        if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # not so either where there is a NaN
+        if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
             return False
         there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
         for name in self._index.bodies_of(np.flatnonzero(~there)):
@@ -373,7 +381,7 @@ class World:
             raise InputError("unknown_body", f"there is no body {name!r}") from None
 
     def _own_body(self, name: str) -> Body:
-        """A body that is no guest."""
+        """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""
         body = self._body(name)
         if body.owner:
             raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")

@@ -1,4 +1,4 @@
-"""What the ground exerts on simulated bodies."""
+"""Wrenches of the ground on simulated bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 @dataclass(frozen=True)
 class GroundWrench:
-    """Force [N] and torque [Nm] about the centre of mass [m], all (3,) in the terrain's frame, on a body or link."""
+    """Force [N], and torque [Nm] about the centre of mass [m], of the ground on a body or link; all (3,) in the
+    terrain's frame."""
 
     body: str
     centre: FloatArray
@@ -22,9 +23,9 @@ class GroundWrench:
 
 
 def wrenches_of_step(client: Any, followers: list[Follower], names: list[str]) -> list[GroundWrench]:
-    """Wrenches of the last step on the simulated ones of the ``followers``, which have ``names``.
+    """Return the wrenches of the last step on the simulated bodies among ``followers`` with ``names``.
 
-    Rolling and spinning friction, which URDFs may ask for, are not among them.
+    Rolling and spinning friction, which URDFs may ask for, are not included.
     """
     found: dict[str, GroundWrench] = {}
     of_colliders: dict[int, GroundWrench] = {}
@@ -35,7 +36,7 @@ def wrenches_of_step(client: Any, followers: list[Follower], names: list[str]) -
             if follower.collider is not None:
                 of_colliders[follower.collider] = found[name]
     for point in client.getContactPoints():
-        # PyBullet tells the forces on the first of the two bodies.
+        # PyBullet reports the forces on the first of the two bodies.
         if (wrench := of_colliders.get(point[2])) is not None:
             sign, position = 1.0, point[5]
         elif (wrench := of_colliders.get(point[1])) is not None:

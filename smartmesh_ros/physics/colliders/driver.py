@@ -145,8 +145,8 @@ class Colliders:
         """Makes the colliders those of the supports at ``time`` [s]."""
         self._changes[:], self._wanted[:] = NOTHING, -1
         limits = Limits(
-            0.0 if self.exact else SELECTION.collider_slack * config.tolerance, config.carry_velocity, COLLIDERS.same_height,
-            COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
+            0.0 if self.exact else SELECTION.collider_slack * config.tolerance, config.carry_velocity,
+            COLLIDERS.same_height, COLLIDERS.same_velocity, COLLIDERS.elsewhere, COLLIDERS.sunk, COLLIDERS.hole,
         )  # fmt: skip
         if config.grid_kind == "heightfield":
             for tile, name in enumerate(selector.names):
