@@ -20,10 +20,10 @@ from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
 from smartmesh_ros.physics.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.physics.state import BodyState
 
-# PyBullet rounds the edges of boxes and cylinders by its margin, usually 1 mm: standing on one, a box would be 0.4 mm
-# deep in the ground [m].
+# Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
+# on an edge would be 0.4 mm deep in the ground.
 ROUNDED = 1e-4
-# Otherwise PyBullet makes inertias up from collision shapes.
+# Use the URDF's inertias; PyBullet otherwise computes them from the collision shapes.
 URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE
 
 
@@ -36,8 +36,8 @@ class Surface(NamedTuple):
 
 @dataclass(eq=False)
 class Body:
-    """One thing in the world: simulated (moves by physics), tracked (its pose is dictated), or a guest that ``owner``,
-    another world, simulates."""
+    """A body of the world: simulated (moves by physics), tracked (its pose is dictated), or remote (another node, its
+    ``owner``, simulates it)."""
 
     name: str
     uid: int
@@ -54,26 +54,27 @@ class Body:
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
-    hull: Box | None = None  # of a robot: the box around its links where they were at first, about its base
+    hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
 
     @property
     def simulated(self) -> bool:
-        """Whether this world decides how it moves."""
+        """True if this world simulates the body."""
         return not self.tracked and not self.owner
 
     @cached_property
     def form(self) -> Form:
-        """What others may take it for."""
+        """Shape that other nodes use for the body; of a robot its box."""
         return form_of(self.shape or self.hull or Sphere(self.radius))
 
     @property
     def is_robot(self) -> bool:
-        """Whether it is a URDF robot."""
+        """True if the body is a URDF robot."""
         return bool(self.links)
 
 
 class BodyFactory:
-    """Creates bodies in one PyBullet world. Shapes of the same size are made once: PyBullet leaks removed ones."""
+    """Creates bodies in one PyBullet world. Shapes of equal size are created once, because PyBullet leaks removed
+    shapes."""
 
     def __init__(self, client: Any, config: PhysicsConfig) -> None:
         self._client = client
@@ -81,10 +82,10 @@ class BodyFactory:
         self._shapes: dict[Shape, int] = {}
 
     def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
-        """A body that moves by physics, with the configured friction and restitution or the given ones.
+        """Create a body that moves by physics, with the configured friction and restitution or the given ones.
 
-        It is a rigid body (PyBullet's maximal coordinates): several times faster against a patch than a multibody of no
-        joints, and the only kind that continuous collision detection works for.
+        It is a rigid body (PyBullet's maximal coordinates), because against a patch this is several times faster than a
+        multibody without joints, and the only kind that supports continuous collision detection.
         """
         require_between(f"mass of {name!r}", mass, MASSES, "kg")
         client, config = self._client, self.config
@@ -104,8 +105,8 @@ class BodyFactory:
         return body
 
     def tracked(self, name: str, radius: float, state: BodyState) -> Body:
-        """A sphere whose pose is dictated; simulated bodies collide with it."""
-        # A multibody, because only a fixed multibody carries its velocity into contacts and on through the steps.
+        """Create a sphere whose pose is dictated; simulated bodies collide with it."""
+        # A multibody, because only a fixed multibody moves at its velocity and carries it into contacts.
         uid = self._client.createMultiBody(
             0.0, self._shape(Sphere(radius)), basePosition=state.position, baseOrientation=state.orientation
         )
@@ -114,7 +115,7 @@ class BodyFactory:
         return body
 
     def robot(self, name: str, urdf: str, state: BodyState) -> Body:
-        """A robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely."""
+        """Load a robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely."""
         client = self._client
         try:
             if urdf.lstrip().startswith("<"):
@@ -130,12 +131,12 @@ class BodyFactory:
             raise InputError(
                 "urdf", f"the URDF of {name!r} does not load ({error}); check it with check_urdf"
             ) from None
-        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # no drag that the URDF does not ask for
+        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
             if client.getCollisionShapeData(uid, index):
                 links[index] = self._link_name(uid, index)
-                # PyBullet leaves links beside the base as they are whose shapes have an origin of their own.
+                # PyBullet ignores this for links other than the base whose shapes have an origin of their own.
                 client.changeDynamics(uid, index, collisionMargin=ROUNDED)
             if index >= 0:
                 info = client.getJointInfo(uid, index)
@@ -163,18 +164,18 @@ class BodyFactory:
         return body
 
     def move(self, body: Body, state: BodyState) -> None:
-        """Puts a body into a state; a robot's joints stay as they are."""
+        """Set the state of a body; a robot's joints stay as they are."""
         self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
         self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
 
     def place(self, body: Body, state: BodyState) -> None:
-        """Puts a body into a state, and a robot's joints to zero."""
+        """Set the state of a body, and a robot's joints to zero."""
         self.move(body, state)
         for joint in body.joints.values():
             self._client.resetJointState(body.uid, joint, 0.0, 0.0)
 
     def _hull(self, body: Body) -> Box:
-        """The box around the links of a robot that is at the origin."""
+        """Return the box around the links of a robot at the origin."""
         bounds = np.array([self._client.getAABB(body.uid, link) for link in body.links])
         low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
         edges = np.clip(high - low, *SIZES).tolist()

@@ -1,4 +1,4 @@
-"""Shapes of PyBullet's bodies and links as the selection takes them."""
+"""Shapes of PyBullet's bodies and links as records of ``SHAPE``."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ UNTURNED: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 def ball(radius: float, offset: Vector = CENTRE) -> Any:
-    """A ball whose middle is at ``offset`` from the body's centre."""
+    """A ball whose middle is at ``offset`` from the body's centre of mass."""
     return _record(ShapeKind.BALL, (radius,) * 3, offset, UNTURNED, radius)
 
 
 def shape_record(shape: Shape) -> Any:
-    """A shape about the body's centre."""
+    """A shape about the body's centre of mass."""
     if isinstance(shape, Sphere):
         return ball(shape.radius)
     if isinstance(shape, Box):
@@ -35,11 +35,14 @@ def shape_record(shape: Shape) -> Any:
 
 
 def read_shape(client: Any, body: int, link: int = -1) -> Any:
-    """The shape of a body or link, as PyBullet tells it: several shapes are a box around all, meshes the box around
-    them; a ball that holds its bounds where PyBullet tells nothing. Its radius is zero where it has no shape."""
+    """Read the shape of a body or link from PyBullet.
+
+    Several shapes become the box around all of them, a mesh becomes the box around it. If PyBullet does not report the
+    shape, the result is the bounding ball. If the body has no shape, the radius is zero.
+    """
     try:
         found = client.getCollisionShapeData(body, link)
-    except pb.error:  # PyBullet does not tell the shapes of bodies in maximal coordinates
+    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
         return ball(_radius_of_bounds(client, body, link))
     if not found:
         return ball(0.0)
@@ -51,8 +54,8 @@ def read_shape(client: Any, body: int, link: int = -1) -> Any:
 
 
 def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> Any:
-    """The given ``shape``, or else a ball of the given ``radius`` [m], or else what PyBullet tells; raises `InputError`
-    if it has no size."""
+    """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
+    raises `InputError` if it has no size."""
     if shape is not None:
         record = shape_record(shape)
     else:
@@ -64,7 +67,7 @@ def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: flo
 
 
 def is_ball(shape: Any) -> bool:
-    """Return True if a shape is a ball about the body's centre: inner edges take little speed from those."""
+    """Return True if a shape is a ball about the body's centre: inner edges take little of a ball's speed."""
     return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
 
 
@@ -79,18 +82,18 @@ def _box(edges: Iterable[float], offset: Vector, turn: Quaternion) -> Any:
 
 
 def _round(radius: float, height: float, offset: Vector, turn: Quaternion, *, capped: bool) -> Any:
-    """A cylinder, or ``capped`` with half balls a capsule, whose ``height`` [m] is without them."""
+    """A cylinder, or a ``capped`` capsule, whose ``height`` [m] excludes its half balls."""
     half = (radius, radius, 0.5 * height + (radius if capped else 0.0))
     return _record(ShapeKind.ROUND, half, offset, turn, half[2] if capped else math.hypot(*half[1:]))
 
 
 def _record(kind: ShapeKind, half: Iterable[float], offset: Vector, turn: Quaternion, radius: float) -> Any:
-    """A record of a shape that a ball of such a ``radius`` [m] about its own middle holds."""
+    """A record of a shape with a bounding ``radius`` [m] about its own middle."""
     return np.array((kind, *half, offset, turn, radius + math.hypot(*offset)), SHAPE)
 
 
 def _part(kind: int, size: Any, file: bytes, position: Vector, turn: Quaternion) -> Any:
-    """One of a link's shapes, None where its size is unknown."""
+    """One of a link's shapes; None if its size is unknown."""
     if kind == pb.GEOM_SPHERE:
         return ball(size[0], position)
     if kind == pb.GEOM_BOX:
@@ -102,7 +105,7 @@ def _part(kind: int, size: Any, file: bytes, position: Vector, turn: Quaternion)
 
 
 def _box_around(parts: list[Any]) -> Any:
-    """The box, along the body's own axes, around several shapes."""
+    """The box around several shapes, along the body's axes."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for part in parts:
         extent = _extent(part)
@@ -122,7 +125,7 @@ def _extent(part: Any) -> FloatArray:
 
 
 def _radius_of_bounds(client: Any, body: int, link: int) -> float:
-    """Radius of the ball about the centre of mass that holds the axis-aligned bounds [m]."""
+    """Bounding radius, about the centre of mass, of the axis-aligned bounds [m]."""
     low, high = (np.array(corner) for corner in client.getAABB(body, link))
     pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
     centre = np.array(pose[0])

@@ -1,4 +1,4 @@
-"""What a patch is put under."""
+"""Attached bodies and links, which have a patch each."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from smartmesh_ros.terrain.grid import BoolArray
 
 @dataclass(eq=False)
 class Follower:
-    """A body or link with a patch under it.
+    """An attached body or link, with a patch under it.
 
-    ``shape``: a record of ``SHAPE``. ``solid``: it gets a collider; otherwise only the patch is computed. ``collider``:
-    PyBullet's body of the collider it has now, if any. ``movable``: its body has a mass, so that physics moves it.
-    ``rigid``: its body has no joints. ``ball``: it is a ball. ``round``: it is a cylinder or capsule that moves freely;
-    wheels are not, because their joints hold them.
+    ``shape``: a record of ``SHAPE``. ``solid``: has a collider; otherwise only the patch is computed. ``collider``:
+    PyBullet body of its current collider, None = no collider. ``movable``: the body has a mass, so that physics moves
+    it. ``rigid``: the body has no joints. ``ball``: the shape is a ball. ``round``: the shape is a cylinder or capsule
+    that moves freely; wheels are excluded, because their joints hold them.
     """
 
     body: int
@@ -35,11 +35,11 @@ class Follower:
 
     @property
     def radius(self) -> float:
-        """Radius of the sphere around its centre of mass that holds it [m]."""
+        """Bounding radius about the centre of mass [m]."""
         return float(self.shape["radius"])
 
     def read_mobility(self, client: Any) -> None:
-        """Reads from PyBullet whether the body is movable and rigid."""
+        """Read from PyBullet whether the body is movable and rigid."""
         self.movable = client.getDynamicsInfo(self.body, -1)[0] > 0.0
         self.rigid = client.getNumJoints(self.body) == 0
 
@@ -52,6 +52,7 @@ class FollowerRoles(NamedTuple):
 
 
 def roles_of(followers: list[Follower]) -> FollowerRoles:
-    """Roles by what PyBullet tells of the bodies: ``free`` are movable rigid bodies, ``own`` are movable bodies."""
+    """Return the roles of bodies from PyBullet's data: ``free`` are movable rigid bodies, ``own`` are movable
+    bodies."""
     own = np.array([follower.solid and follower.movable for follower in followers], bool)
     return FollowerRoles(own & np.array([follower.rigid for follower in followers], bool), own)

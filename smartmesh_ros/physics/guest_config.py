@@ -1,4 +1,4 @@
-"""Settings of guests."""
+"""Settings of guests: remote bodies, simulated by another node."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from smartmesh_ros.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class GuestConfig:
-    """How guests come, follow and go."""
+    """When remote bodies are added, how they follow their owner's states, and when they are removed."""
 
-    # Bodies of others that come so near to an own one, surface to surface, become guests [m]: a row of balls passes an
-    # impact on as far as that.
+    # Distance to an own body, surface to surface, below which a remote body is added [m]. A row of touching balls
+    # transmits an impact over this distance.
     margin: float = 1.0
-    # Also those that may come there in this time at the speed they have to each other [s]: longer than states are late.
+    # Remote bodies that can come within the margin in this time, at their relative speed, are added as well [s]. Must
+    # exceed the delay of states.
     horizon: float = 0.2
-    # They remain guests up to so many margins, so that none comes and goes at every step.
+    # Distance at which a remote body is removed [margins]. Above 1, so that none is added and removed in every step.
     stay: float = 1.5
-    # Worlds find the same contact up to so many steps apart: a state is used when it is so old.
+    # Age at which a received state is used [steps], because two worlds detect the same contact up to this many steps
+    # apart.
     steps_apart: int = 2
-    # In lasting contact the distance to the owner's state shrinks to 1/e in this time, or in the time that its states
-    # are late if that is longer [s]: what pulls faster than it is told swings.
+    # Time constant with which a body in lasting contact converges to its owner's state [s]. The delay of states is used
+    # if it is longer, because a faster pull would oscillate.
     settle: float = 0.03
-    # A state is moved on no farther than this [s]: a velocity says nothing of what comes later.
+    # Longest extrapolation of a state by its velocity [s].
     max_extrapolation: float = 0.2
-    # Bodies are asked for contacts where the balls around them are so near [m]: PyBullet's contacts reach as far.
+    # Gap between bounding spheres below which contacts are queried [m]; the range of PyBullet's contact points.
     touching: float = 0.02
-    # A delay that was longer is forgotten by this share at each state.
+    # Share by which the estimated delay decays towards a shorter measured one at each state.
     forget: float = 0.05
-    # States are taken to hold at the nearest step of this world, since both worlds are to find an impact at the same
-    # depth. By how much the owner's steps come later is followed by this share at each state.
+    # A state's time is rounded to a step of this world, so that both worlds detect an impact at the same depth. Filter
+    # gain of the estimated phase between the owner's steps and this world's, at each state.
     drift: float = 0.02
-    # Beyond so many steps the next step is the nearest: between half, where it could be either, and one.
+    # Phase beyond which rounding changes to the next step [steps]. Between 0.5, where rounding would alternate, and 1.
     slip: float = 0.7
 
     def __post_init__(self) -> None:

@@ -1,10 +1,10 @@
-"""Guests: bodies that other worlds simulate, as far as they are near bodies of this one.
+"""Guests: remote bodies, simulated by another node, that are near bodies of this world.
 
-A guest is a dynamic body with a patch of its own. It follows its owner: whenever a state comes, the guest is set to it,
-moved on by its velocity to now. But states are late. While a guest touches another body, and until its owner can have
-said what came of it, this world's physics stands: both worlds find the same impact from the same approach, so both
-are right about it at once, and states from before it would undo it. Where a contact lasts, the guest is drawn to
-the state of its owner by a share a step, so that both worlds agree on where things are pushed and piled.
+A guest is a dynamic body with a patch of its own, and follows its owner: each received state is extrapolated to the
+current time and set. States arrive late, however. While a guest touches another body, and until its owner's states can
+include the result, this world's physics is kept. Both worlds compute the same impact from the same approach, so both
+results are right, and states from before the impact would undo it. In a lasting contact the guest converges to its
+owner's state by a share in every step, so that both worlds agree where things are pushed and piled.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 if TYPE_CHECKING:
     from smartmesh_ros.physics.world import World
 
-# Of a contact as PyBullet tells it: the other body, and the normal force.
+# Indices into a contact point of PyBullet: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
-# States that wait until they are old enough: a world that is behind by a quarter of a second has as many at 240 Hz.
+# Largest number of received states that are not used yet; a quarter of a second at 240 Hz.
 MOST_PENDING = 64
-# Times that differ by rounding only are equal [s].
+# Largest difference of equal times, due to rounding [s].
 INSTANT = 1e-9
 NOBODY = np.zeros(0, bool)
 
 
 @dataclass(eq=False)
 class Guest:
-    """A body of another world in this one. ``touched``: when it first and last touched another body since its owner's
-    states were taken as they are [s], None = it has not."""
+    """A remote body in this world. ``touched``: first and last time that it touched another body since its owner's
+    states were last used unchanged [s], None = no contact since."""
 
-    row: int  # in its owner's states
+    row: int  # index in its owner's states
     uid: int
     touched: tuple[float, float] | None = None
 
 
 class _Received(NamedTuple):
-    """States of all bodies of an owner, and the time that they hold for [s]."""
+    """States of all bodies of an owner, and the time at which they hold [s]."""
 
     states: StateTable
     time: float
@@ -54,10 +54,13 @@ class _Received(NamedTuple):
 
 @dataclass(eq=False)
 class _Owner:
-    """Another world: what it ``pending`` and is too young to be used, and what is used ``now``, None before the first;
-    whether its ``guests`` have not been set to that yet; how ``delay`` it comes [s]; the names of its bodies, those
-    ``shared`` with others, and by the rows of ``now`` which may not be guests for that. ``phase``: by how much its
-    steps come after this world's, in steps, None before the first."""
+    """Another world, which simulates remote bodies.
+
+    ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
+    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``names``: of
+    its bodies. ``shared``: names that are also used by other worlds. ``barred``: bodies of ``now`` with a shared name,
+    which cannot be guests. ``phase``: lag of its steps behind this world's [steps], None before the first states.
+    """
 
     pending: deque[_Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
     now: _Received | None = None
@@ -70,7 +73,7 @@ class _Owner:
     phase: float | None = None
 
     def to_own_steps(self, steps: float, config: GuestConfig) -> int:
-        """The whole number of this world's steps that stands for a time of so many ``steps`` of the owner's."""
+        """Return the whole number of this world's steps for a time of ``steps`` steps that the owner sent."""
         if self.phase is None:
             self.phase = steps - round(steps)
         whole = round(steps - self.phase)
@@ -81,7 +84,8 @@ class _Owner:
 
 
 class Guests:
-    """The guests of one `World`, which calls `advance` before each step and `note_contacts` after it."""
+    """The guests (remote bodies) of one `World`, which calls `advance` before each step and `note_contacts` after
+    it."""
 
     def __init__(self, world: World, config: GuestConfig) -> None:
         self.config = config
@@ -91,16 +95,19 @@ class Guests:
 
     @property
     def counts(self) -> dict[str, tuple[int, int, float]]:
-        """By owner: its bodies, how many are guests, and how late its states come [s]."""
+        """By owner: number of its bodies, number of guests among them, and delay of its states [s]."""
         return {name: (len(known.names), len(known.guests), known.delay) for name, known in self._owners.items()}
 
     def owner_of(self, name: str) -> str:
-        """The other world that simulates a body, empty if none that is known does."""
+        """Return the other world that simulates a body, empty if no known one does."""
         return next((owner for owner, known in self._owners.items() if name in known.names), "")
 
     def take(self, owner: str, states: StateTable, time: float) -> list[InputError]:
-        """Takes the states that all bodies of an owner have at ``time`` [s]. Raises `InputError` if one is impossible;
-        returns the objections to bodies whose name is another's, which are left out."""
+        """Receive the states of all bodies of an owner at ``time`` [s].
+
+        Raises `InputError` if a state is impossible. Returns an error for each body whose name another world uses as
+        well; these bodies are ignored.
+        """
         require_valid(states)
         known = self._owners.setdefault(owner, _Owner())
         dt = self._world.config.physics.dt
@@ -115,7 +122,7 @@ class Guests:
         return self._share(owner, known)
 
     def forget(self, owner: str) -> None:
-        """Takes the guests of an owner away, and what is known of it."""
+        """Remove the guests of an owner and its states."""
         known = self._owners.pop(owner, None)
         if known is not None and known.guests:
             with self._world.together():
@@ -123,17 +130,17 @@ class Guests:
                     self._world.remove_guest(name)
 
     def clear(self) -> None:
-        """Forgets all owners."""
+        """Forget all owners."""
         for owner in list(self._owners):
             self.forget(owner)
 
     def dropped(self, name: str) -> None:
-        """Says that the world took a guest out by itself."""
+        """Note that the world removed a guest by itself."""
         for known in self._owners.values():
             known.guests.pop(name, None)
 
     def advance(self) -> None:
-        """Brings guests to where they are now, before a step."""
+        """Add, remove and move guests before a step."""
         latest = self._world.time - self.config.steps_apart * self._world.config.physics.dt
         for owner, known in self._owners.items():
             newest = None
@@ -146,7 +153,7 @@ class Guests:
                 self._follow(known, known.now)
 
     def note_contacts(self) -> None:
-        """Notes which guests touched another body in the step that was made."""
+        """Note which guests touched another body in the last step."""
         guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
         if not guests:
             return
@@ -164,8 +171,8 @@ class Guests:
                 guests[uid].touched = first, world.time
 
     def _share(self, owner: str, known: _Owner) -> list[InputError]:
-        """Finds the bodies whose names are also those of other worlds' bodies, or of this world's; objections to those
-        that were not known yet."""
+        """Find the bodies whose names are also used by other worlds or by this one; returns an error for each new
+        one."""
         rivals: dict[str, list[str]] = {}
         for other, of in self._owners.items():
             common = known.names & of.names if other != owner else frozenset()
@@ -185,7 +192,7 @@ class Guests:
         ]
 
     def _use(self, known: _Owner, newest: _Received) -> None:
-        """Has guests follow newer states; those that are not among them any more as what they were are taken away."""
+        """Use newer states; guests that are missing from them, or whose shape or mass changed, are removed."""
         states, before = newest.states, known.now
         known.now, known.new = newest, True
         if before is None or not states.same_bodies(before.states):
@@ -202,7 +209,7 @@ class Guests:
         known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
     def _add_and_remove(self, owner: str, known: _Owner, now: _Received) -> None:
-        """Makes guests of the bodies that come near, and takes those away that go."""
+        """Add guests for bodies that come near, and remove guests that are far away."""
         world, states, ground = self._world, now.states, self._world.ground
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
@@ -215,7 +222,7 @@ class Guests:
         if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
             return
         going = [name for name, guest in known.guests.items() if not near[guest.row]]
-        # A body that has just changed its owner may still be here as the guest of another, or as an own one.
+        # A body that has just changed its owner may still be here as a guest of the previous owner, or as an own body.
         coming = [
             (row, name)
             for row in np.flatnonzero(near).tolist()
@@ -233,7 +240,8 @@ class Guests:
         known.new = True
 
     def _follow(self, known: _Owner, now: _Received) -> None:
-        """Sets guests to their owner's states if there are new ones, or draws them there; or leaves them alone."""
+        """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise
+        do nothing."""
         dt = self._world.config.physics.dt
         hold = known.delay + self.config.steps_apart * dt
         setting, drawing = [], []
@@ -260,11 +268,11 @@ class Guests:
         return min(self._world.time - received.time, self.config.max_extrapolation)
 
     def _extrapolated(self, now: _Received, guests: list[Guest]) -> FloatArray:
-        """States of guests' owners, moved on to now (n, 13)."""
+        """Return the owners' states of guests, extrapolated to the current time (n, 13)."""
         return extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
 
     def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
-        """Puts guests into states (n, 13)."""
+        """Set guests to states (n, 13)."""
         client = self._world.client._client
         for guest, row in zip(guests, numbers.tolist(), strict=True):
             pb.resetBasePositionAndOrientation(guest.uid, row[:3], row[3:7], client)

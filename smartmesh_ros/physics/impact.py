@@ -1,7 +1,8 @@
-"""When a moving solid meets the ground, and how high it lies on it: conservative advancement on the nearest facet.
+"""Time of impact of a moving solid with the ground, and its height at rest, by conservative advancement on the nearest
+facet.
 
-A solid can move along the normal of a facet by its distance from it without meeting it. Moved on by that, again and
-again, it arrives at the surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
+A solid can advance along the normal of a facet by the gap between them without touching it. Repeated advances converge
+to the surface (Mirtich, *Impulse-based Dynamic Simulation of Rigid Body Systems*, 1996, 2.3).
 """
 
 from __future__ import annotations
@@ -29,18 +30,17 @@ from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import read_window
 
-# Advances after which a solid that grazes the ground is taken to miss it.
+# Largest number of advances; a solid that is still grazing the ground then counts as a miss.
 ADVANCES = 64
-# Solids so near to the ground touch it [m].
+# Gap below which a solid touches the ground [m].
 TOUCH = 1e-5
-# A clamped solid is moved so often to where the ground will be after the step, if it is no farther from it than this
-# [m].
+# Number of corrections of a clamped solid towards the ground after the step, and the largest gap to correct [m].
 REFINEMENTS, NEARBY = 2, 0.02
 
 
 class Impact(NamedTuple):
-    """Where on its path a solid meets the ground, 0 to 1, 2 = it does not; how far apart they are there [m]; and the
-    direction from there to the solid."""
+    """First contact of a solid on its path: ``share`` of the path (0 to 1, 2 = no contact); remaining ``gap`` [m];
+    ``normal`` from the ground to the solid."""
 
     share: float
     gap: float
@@ -51,10 +51,13 @@ class Impact(NamedTuple):
 def first_gap(
     window: Window, solid: Solid, path: Point, least: float, limit: float, by_share: bool
 ) -> tuple[float, Gap]:
-    """The gap, below a ``limit``, to a facet that a solid closes on by more than ``least`` [m] along its path: the one
-    that is least, or ``by_share`` the one that may be closed first. Also what was compared, the limit where there is
-    none: the distance [m], or the share of the path. A gap is closed by motion along its normal alone, since the plane
-    across it parts the facet from the solid."""
+    """Return the smallest gap below ``limit`` to a facet that a solid closes on by more than ``least`` [m] along its
+    path, and the value compared.
+
+    The value is the distance [m], or with ``by_share`` the share of the path after which the gap may be closed; it is
+    ``limit`` if there is no such facet. Only motion along a gap's normal can close it, because the plane across the
+    normal separates facet and solid.
+    """
     high, wide = window.heights.shape
     extent, z = extents(solid), window.heights
     length = math.sqrt(dot(path, path)) if by_share else 1.0
@@ -78,14 +81,15 @@ def first_gap(
 
 @compiled
 def nearest_gap(window: Window, solid: Solid, path: Point, least: float, reach: float) -> Gap:
-    """The gap to the nearest facet that a solid closes on by more than ``least`` [m] along its path, of those within
-    ``reach`` [m]; infinite where there is none."""
+    """Return the gap to the nearest facet within ``reach`` [m] that a solid closes on by more than ``least`` [m] along
+    its path; infinite if there is none."""
     return first_gap(window, solid, path, least, reach, False)[1]
 
 
 @compiled
 def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> Impact:
-    """Where a solid touches the ground on its path, closing on it by more than ``least`` [m]."""
+    """Return the first contact of a solid with a facet of the ground that it closes on by more than ``least`` [m] along
+    its path."""
     share = 0.0
     for _ in range(ADVANCES):
         advance, gap = first_gap(window, moved_by(solid, path, share), path, least, 1.0 - share, True)
@@ -99,15 +103,15 @@ def time_of_impact(window: Window, solid: Solid, path: Point, least: float) -> I
 
 @compiled
 def clamped_path(window: Window, solid: Solid, path: Point, least: float, arrival: float) -> Point:
-    """A path cut so that a solid arrives at the ground, ``arrival`` [m] deep, and slides along it for the rest of the
-    way; unchanged where it meets nothing."""
+    """Return the path of a solid that arrives at the ground, ``arrival`` [m] deep, and then slides along it; unchanged
+    if the solid touches nothing."""
     first = time_of_impact(window, solid, path, least)
     if first.share >= 1.0:
         return path
     closing = -(1.0 - first.share) * dot(first.normal, path)
     if closing - first.gap <= least:
         return path
-    # Off the facet by more than a touch, so that those beside it in its plane are none.
+    # Start off the facet by more than TOUCH, so that coplanar neighbours do not count as contacts.
     start = along(scaled(path, first.share), 2.0 * TOUCH - first.gap, first.normal)
     rest = along(scaled(path, 1.0 - first.share), closing, first.normal)
     second = time_of_impact(window, moved_by(solid, start, 1.0), rest, least)
@@ -118,8 +122,8 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
 
 @compiled
 def without_closing(path: Point, normals: FloatArray, cos: float, sin: float) -> Point:
-    """A path without its parts that close on contacts with unit ``normals`` (n, 3), which the solver takes away;
-    ``cos``, ``sin``: turn of the path's frame about z."""
+    """Remove from a path the components that close on contacts with unit ``normals`` (n, 3), because the solver removes
+    them; ``cos``, ``sin``: rotation of the path's frame about z."""
     for n in range(len(normals)):
         x, y = normals[n, 0], normals[n, 1]
         normal = Point(x * cos + y * sin, y * cos - x * sin, normals[n, 2])
@@ -131,15 +135,15 @@ def without_closing(path: Point, normals: FloatArray, cos: float, sin: float) ->
 
 @compiled
 def out_of_ground(window: Window, solid: Solid) -> Solid:
-    """A solid that is in contact, moved along the contact's normal until it just touches: as deep as it is, the ground
-    beside the contact would be in its way."""
+    """Move a solid in contact along the contact's normal until it just touches, because the ground beside a penetrating
+    contact would block its path."""
     gap = nearest_gap(window, solid, UP, -math.inf, 0.0)
     return moved_by(solid, gap.normal, 2.0 * TOUCH - gap.distance) if gap.distance < 0.0 else solid
 
 
 @compiled
 def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
-    """By how much a solid near the ground is moved to be ``arrival`` [m] deep in it."""
+    """Return the displacement that puts a solid near the ground ``arrival`` [m] deep into it."""
     moved = Point(0.0, 0.0, 0.0)
     for _ in range(REFINEMENTS):
         gap = nearest_gap(window, moved_by(solid, moved, 1.0), Point(0.0, 0.0, -1.0), 0.0, NEARBY)
@@ -151,7 +155,7 @@ def to_arrival(window: Window, solid: Solid, arrival: float) -> Point:
 
 @compiled
 def spin(body, dt):
-    """Turns a body (13,) by its angular velocity for a time ``dt`` [s]."""
+    """Rotate a body (13,) by its angular velocity for a time ``dt`` [s]."""
     x, y, z = body[10], body[11], body[12]
     rate = math.sqrt(x * x + y * y + z * z)
     if rate > 0.0:
@@ -162,8 +166,8 @@ def spin(body, dt):
 
 @compiled
 def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
-    """The ground that a solid can reach, at ``time`` [s] and how much it rises in ``dt`` [s]: its place and a window in
-    the memory given."""
+    """Read the ground that a solid can reach at ``time`` [s], with its rise in ``dt`` [s]; returns the window's place,
+    and the window in the given memory."""
     place = window_place(grid.resolution, solid, travel, rules)
     heights, rises = memory_h[: place.high, : place.wide], memory_r[: place.high, : place.wide]
     read_window(grid, place.row, place.column, place.stride, time, dt, heights, rises)
@@ -174,11 +178,12 @@ def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
 def clamp_before_impact(
     grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
 ):  # fmt: skip
-    """Writes the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
-    ``dt`` [s] from ``time`` [s], instead of going into it. Returns True if there is any.
+    """Write the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
+    ``dt`` [s] from ``time`` [s], instead of penetrating it. Returns True if the change is not zero.
 
-    ``fall`` (3,) [m/s]: what gravity adds in the step. ``normals`` (n, 3): unit normals, towards the body, of the
-    contacts that it has with its collider. The solver stops the body there, so only the rest of its path is clamped.
+    ``fall`` (3,) [m/s]: velocity that gravity adds in the step. ``normals`` (n, 3): unit normals, towards the body, of
+    its contacts with its collider. The solver stops the body at these contacts, so only the rest of its path is
+    clamped.
     """
     local = np.empty(13)
     local_body(grid, body, local)
@@ -209,8 +214,8 @@ def clamp_before_impact(
 
 @compiled
 def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
-    """How high a body (13,) is lifted to lie on the ground as it is turned [m]: it is let down from above until it
-    touches; NaN where there is no ground under it."""
+    """Return the lift [m] with which a body (13,) lies on the ground in its current orientation; NaN if there is no
+    ground under it. The body is lowered from above until it touches."""
     local = np.empty(13)
     local_body(grid, body, local)
     solid = solid_of(shape, local)

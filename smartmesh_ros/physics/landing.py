@@ -1,10 +1,12 @@
-"""Bodies that would run into the ground within a step arrive at its surface instead, and leave it slowly.
+"""Clamps bodies before impact: a body that would penetrate the ground within a step arrives at its surface instead.
 
-PyBullet finds a collision only once bodies overlap: what falls at 8 m/s is 33 mm deep in the ground at 240 Hz before
-anything stops it, and what is small and fast is through. Its own remedy (CCD) ignores that the ground moves. Here the
-part of a body's velocity that closes the gap is scaled for one step so that it just arrives, and given back after it:
-the solver then meets the collision at the surface and at the true speed. A body that is deep in the ground all the
-same (spawned there, or the ground jumped) would be thrown out in proportion; its speed is capped.
+PyBullet detects a collision only once bodies overlap. At 240 Hz a body falling at 8 m/s is 33 mm deep in the ground
+before a contact stops it, and a small fast body passes through. PyBullet's own remedy (CCD) ignores that the ground
+moves. Here the component of a body's velocity that closes the gap is scaled for one step, so that the body just
+arrives, and is restored after the step. The solver then handles the collision at the surface and at the true speed.
+
+A body that is deep in the ground nevertheless (spawned there, or the ground jumped) would be ejected at a speed
+proportional to its depth; its speed is capped.
 """
 
 from __future__ import annotations
@@ -36,12 +38,12 @@ if TYPE_CHECKING:
 class LandingConfig:
     """When bodies are clamped before impact.
 
-    ``arrival``: bodies arrive so deep in the ground, as a share of the tolerance, that the next step finds them in
-    contact with a collider that lies within this share of where it should be; twice as deep each time that it does not
-    meet it. ``shallow`` [m], ``falling``: what would come no deeper is left to the solver, nor what would come no
-    deeper than so many times a fall from rest for a step: all that lies on the ground would. ``near``: bodies within
-    this share of their radius of coming as near to the ground as they move in a step are looked at closely. ``deep``
-    [m], ``escape`` [m/s]: a body deeper than this leaves the ground no faster than that.
+    ``arrival``: penetration at which a clamped body arrives, as a share of the tolerance. The next step then finds the
+    body in contact with a collider whose error is below this share; the penetration doubles each time the body misses
+    its collider. ``shallow`` [m], ``falling``: impacts shallower than ``shallow``, or than ``falling`` * g * dt^2, are
+    left to the solver. A body resting on the ground reaches g * dt^2 in every step. ``near``: a body is checked exactly
+    if its gap, less its motion in the step, is below this share of its radius. ``deep`` [m], ``escape`` [m/s]: a body
+    deeper than ``deep`` leaves the ground at most at the speed ``escape``.
     """
 
     arrival: float = 0.5
@@ -53,14 +55,14 @@ class LandingConfig:
 
 
 LANDING = LandingConfig()
-# A body that has not met its collider after so many doublings of the arrival's depth meets nothing.
+# Largest number of doublings of the arrival depth.
 MOST_TRIES = 6
 NO_NORMALS = np.empty((0, 3))
 
 
 class Escape(NamedTuple):
-    """A body deep in the ground, the ground's upward normal (3,) and velocity (3,) [m/s] there, and its velocity before
-    the step (3,) [m/s]."""
+    """A body deep in the ground; the ground's upward normal (3,) and velocity (3,) [m/s] at the body; and the body's
+    velocity before the step (3,) [m/s]."""
 
     uid: int
     normal: FloatArray
@@ -69,8 +71,8 @@ class Escape(NamedTuple):
 
 
 class Clamped(NamedTuple):
-    """What was done before a step and is to be undone after it: followers that were slowed, their bodies, the
-    velocities taken from them (n, 3) [m/s]; and bodies deep in the ground."""
+    """Changes of one step that are undone after it: indices of clamped followers, their bodies, the velocities
+    subtracted from them (n, 3) [m/s]; and bodies deep in the ground."""
 
     followers: list[int]
     uids: list[int]
@@ -86,11 +88,11 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
-        self.tries: dict[Follower, int] = {}  # in how many steps in a row each was clamped
+        self.tries: dict[Follower, int] = {}  # number of successive steps in which each was clamped
 
     def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
-        """Has bodies arrive at the ground's surface in the coming step; ``free`` (N,): which followers may be slowed.
-        None where there is nothing to undo."""
+        """Clamp bodies that would penetrate the ground in the coming step; ``free`` (N,): followers that may be
+        clamped. Returns the changes to undo, None if there are none."""
         ground, dt = self._ground, physics.dt
         fall = np.array(physics.gravity) * dt
         shallow = max(LANDING.shallow, LANDING.falling * math.hypot(*physics.gravity) * dt * dt)
@@ -112,7 +114,8 @@ class Landing:
         return Clamped(followers, uids, -changes, escapes)
 
     def restore(self, clamped: Clamped, physics: PhysicsConfig) -> None:
-        """Gives bodies their velocity back after the step, and has those deep in the ground leave it slowly."""
+        """Restore the velocities of clamped bodies after the step, and cap the speed of bodies that leave the ground
+        from deep in it."""
         followers, uids, taken, escapes = clamped
         if uids:
             given_back = np.array(self._calls.add_velocities(uids, taken.tolist()))
@@ -123,7 +126,7 @@ class Landing:
     def _changes(
         self, near: list[int], tries: dict[Follower, int], time: float, dt: float, fall: FloatArray, shallow: float
     ) -> tuple[list[int], FloatArray]:
-        """Which followers are slowed, and by how much (n, 3) [m/s]."""
+        """Return the followers to clamp, and the changes of their velocities (n, 3) [m/s]."""
         ground = self._ground
         rules = rules_for(ground.config, SELECTION, 0.0, across=False)
         found, changes, change = [], [], np.empty(3)
@@ -146,9 +149,10 @@ class Landing:
         return found, np.array(changes).reshape(-1, 3)
 
     def _touching(self, follower: Follower) -> FloatArray:
-        """Unit normals (n, 3), towards a follower, of the points where it touches its collider now.
+        """Return the unit normals (n, 3), towards a follower, of its current contacts with its collider.
 
-        PyBullet is asked: a body at rest lies on its collider, which may be off the ground by the tolerance.
+        The contacts are queried from PyBullet, because a body at rest lies on its collider, which may differ from the
+        ground by the tolerance.
         """
         points = chain.from_iterable(
             self._client.getClosestPoints(follower.body, collider, TOUCH)
@@ -163,7 +167,7 @@ class Landing:
         return Escape(uid, normal, velocity, np.array(self._client.getBaseVelocity(uid)[0]))
 
     def _hold_back(self, escape: Escape) -> None:
-        """Caps the speed, away from the ground, of a body that leaves it, but not below what it had before."""
+        """Cap the speed at which a body leaves the ground, but not below its speed before the step."""
         linear, angular = self._client.getBaseVelocity(escape.uid)
         speed = float((np.array(linear) - escape.ground) @ escape.normal)
         most = max(LANDING.escape, float((escape.before - escape.ground) @ escape.normal))
@@ -172,14 +176,17 @@ class Landing:
             self._client.resetBaseVelocity(escape.uid, slower.tolist(), angular)
 
 
-# What `approaching` says of a follower, beside zero: it may meet the ground in this step, or is deep in it.
+# Codes of `approaching`, zero = neither: a body that may meet the ground in this step, or one that is deep in it.
 APPROACHING, DEEP = 1, 2
 
 
 @compiled
 def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):
-    """Which bodies may meet the ground in the coming step, or are deep in it, by the plane of the ground nearest to
-    them at the last update, ``age`` [s] ago; how many. ``positions``, ``moved`` (N, 3) [m], ``states`` (N, 13)."""
+    """Write to ``codes`` which bodies may meet the ground in the coming step, or are deep in it; returns their number.
+
+    The test uses the plane of the ground nearest to each body at the last update, ``age`` [s] ago. ``positions``,
+    ``moved`` (N, 3) [m], ``states`` (N, 13).
+    """
     count = 0
     for i in range(len(positions)):
         support = supports[i]
@@ -210,7 +217,7 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
 def clamp_one(
     grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
 ):  # fmt: skip
-    """`clamp_before_impact` for a record in an array of one."""
+    """Call `clamp_before_impact` with the record of an array of one."""
     return clamp_before_impact(
         grid, shape[0], body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
     )  # fmt: skip

@@ -6,7 +6,7 @@ import math
 
 from smartmesh_ros.physics.state import Quaternion, Vector
 
-# Below this angle between two quaternions the arc is a straight line to all digits [rad].
+# Angle between two quaternions below which the arc equals a straight line in double precision [rad].
 STRAIGHT = 1e-6
 
 
@@ -23,18 +23,18 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """The rotation back."""
+    """The inverse rotation."""
     return -q[0], -q[1], -q[2], q[3]
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """A vector, turned."""
+    """Rotate a vector."""
     x, y, z, _ = product(product(q, (*v, 0.0)), conjugate(q))
     return x, y, z
 
 
 def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """The rotation a ``share`` (0 to 1) of the shorter way from ``a`` to ``b``."""
+    """Interpolate by a ``share`` (0 to 1) along the shorter arc from ``a`` to ``b``."""
     cosine = sum(x * y for x, y in zip(a, b, strict=True))
     sign = -1.0 if cosine < 0.0 else 1.0
     apart = math.hypot(*(x - sign * y for x, y in zip(a, b, strict=True)))

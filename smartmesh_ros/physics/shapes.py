@@ -19,7 +19,7 @@ CENTRED: Vector = (0.0, 0.0, 0.0)
 
 
 class _Shape:
-    """Checks that every dimension is a possible number of metres."""
+    """Checks that every dimension is within the limits [m]."""
 
     centre: Vector = CENTRED
 
@@ -29,7 +29,7 @@ class _Shape:
 
     @property
     def dimensions(self) -> dict[str, float]:
-        """Its dimensions by their names [m]."""
+        """The dimensions by name [m]."""
         names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # every shape is a dataclass
         return {name: getattr(self, name) for name in names if name != "centre"}
 
@@ -42,7 +42,7 @@ class Sphere(_Shape):
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere around the centre that holds the shape [m]."""
+        """Bounding radius about the centre [m]."""
         return self.radius
 
     def bullet(self) -> dict[str, Any]:
@@ -52,7 +52,7 @@ class Sphere(_Shape):
 
 @dataclass(frozen=True)
 class Box(_Shape):
-    """A box of edge lengths x, y, z, whose middle lies at ``centre`` from the centre of mass [m]."""
+    """A box of edge lengths x, y, z; ``centre`` is the position of its middle relative to the centre of mass [m]."""
 
     x: float
     y: float
@@ -67,7 +67,7 @@ class Box(_Shape):
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere around the centre that holds the shape [m]."""
+        """Bounding radius about the centre of mass [m]."""
         return 0.5 * math.hypot(self.x, self.y, self.z) + math.hypot(*self.centre)
 
     def bullet(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class Cylinder(_Shape):
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere around the centre that holds the shape [m]."""
+        """Bounding radius about the centre [m]."""
         return math.hypot(self.radius, 0.5 * self.height)
 
     def bullet(self) -> dict[str, Any]:
@@ -102,7 +102,7 @@ class Capsule(_Shape):
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere around the centre that holds the shape [m]."""
+        """Bounding radius about the centre [m]."""
         return self.radius + 0.5 * self.height
 
     def bullet(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ Shape = Sphere | Box | Cylinder | Capsule
 
 
 class SolidKind(IntEnum):
-    """Kinds of shapes as numbers, as messages have them."""
+    """Kinds of shapes as numbers, as used in messages."""
 
     NONE = 0
     BOX = 1
@@ -129,13 +129,13 @@ _KINDS: dict[SolidKind, type[Shape]] = {
     SolidKind.CYLINDER: Cylinder,
     SolidKind.CAPSULE: Capsule,
 }
-# How many dimensions the shapes of each kind have.
+# Number of dimensions of the shapes of each kind.
 DIMENSIONS = np.array([0, 3, 1, 2, 2])
 
 
 class Form(NamedTuple):
-    """A shape as numbers: its kind, its dimensions in the order of its class with zeros after them (3,) [m], and where
-    its middle lies from the centre of mass (3,) [m], zero of all but boxes."""
+    """A shape as numbers: its kind; its dimensions in the order of its class, padded with zeros (3,) [m]; the position
+    of its middle relative to the centre of mass (3,) [m], zero except for boxes."""
 
     kind: SolidKind
     dimensions: Sequence[float]
@@ -143,14 +143,14 @@ class Form(NamedTuple):
 
 
 def form_of(shape: Shape) -> Form:
-    """A shape as numbers."""
+    """Return a shape as numbers."""
     [kind] = [kind for kind, made in _KINDS.items() if isinstance(shape, made)]
     dimensions = [float(value) for value in shape.dimensions.values()]
     return Form(kind, dimensions + [0.0] * (3 - len(dimensions)), shape.centre)
 
 
 def shape_of(form: Form) -> Shape:
-    """The shape that `form_of` tells."""
+    """Return the shape of a form; the inverse of `form_of`."""
     made, used = _KINDS[form.kind], form.dimensions[: int(DIMENSIONS[form.kind])]
     if made is Box:
         x, y, z = form.centre

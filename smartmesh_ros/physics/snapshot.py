@@ -1,9 +1,9 @@
-"""A world's bodies as data: to save, to start again from, and to compare.
+"""A world's bodies as data: to save, restore and compare.
 
-PyBullet keeps contacts from step to step that cannot be read or set, so that a world built from the positions and
-velocities of another goes on a little differently. Saving therefore starts both anew: `World.save` rebuilds the running
-world from the snapshot it returns, and `World.restore` builds another in the same way; given the same maps at the same
-steps the two stay equal to the last bit.
+PyBullet caches contacts from step to step, and this cache cannot be read or set. A world built from the positions and
+velocities of another therefore evolves slightly differently. `World.save` rebuilds the running world from the snapshot
+it returns, and `World.restore` builds another in the same way. Given the same maps at the same steps, the two worlds
+stay equal to the last bit.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _SHAPES = {shape.__name__: shape for shape in (Box, Capsule, Cylinder, Sphere)}
 @dataclass(frozen=True, kw_only=True)
 class BodySnapshot:
     """One body. ``shape``: of a simulated body; ``urdf``: file or text of a robot; neither: a tracked body, a sphere of
-    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: what drives
-    them."""
+    ``radius`` [m]. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``: current commands of
+    the joints."""
 
     name: str
     state: BodyState
@@ -42,7 +42,7 @@ class BodySnapshot:
 
 
 def body_snapshot(client: Any, body: Body, state: BodyState) -> BodySnapshot:
-    """A body as it is now, in a ``state``."""
+    """Return a body in a ``state`` as data."""
     joints = {name: client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()}
     return BodySnapshot(
         name=body.name, state=state, initial=body.initial, radius=body.radius, mass=body.mass, shape=body.shape,
@@ -53,18 +53,18 @@ def body_snapshot(client: Any, body: Body, state: BodyState) -> BodySnapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class Snapshot:
-    """All bodies of a world, in the order they came, and its ``time`` [s]. The terrain is not part of it."""
+    """All bodies of a world, in the order they were added, and its ``time`` [s]. The terrain is not part of it."""
 
     time: float
     bodies: tuple[BodySnapshot, ...]
 
     @property
     def hash(self) -> str:
-        """A digest of every number in it: equal if and only if two worlds are in the same state."""
+        """Digest of all numbers: equal if and only if two worlds are in the same state."""
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
     def to_json(self) -> str:
-        """As text, which keeps every bit."""
+        """Return the snapshot as text, without loss of precision."""
         bodies = []
         for body in self.bodies:
             fields = asdict(body)
@@ -74,7 +74,7 @@ class Snapshot:
 
     @classmethod
     def from_json(cls, text: str) -> Snapshot:
-        """From the text of `to_json`; raises `InputError` if it is something else."""
+        """Parse the text of `to_json`; raises `InputError` if the text is no snapshot."""
         try:
             data = json.loads(text)
             return cls(time=float(data["time"]), bodies=tuple(_body(fields) for fields in data["bodies"]))

@@ -1,4 +1,4 @@
-"""States of many bodies as arrays, and what is worked out for all of them at once."""
+"""States of many bodies as arrays, and compiled functions on them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 
 
 class StateTable(NamedTuple):
-    """n bodies: ``names``; position [m], orientation (x, y, z, w), velocity [m/s] and angular velocity
-    [rad/s] as columns of ``numbers`` (n, 13); bounding ``radii`` (n,) [m]; ``kinds`` (n,) of `SolidKind` with their
-    ``dimensions`` (n, 3) and the ``centres`` (n, 3) of boxes from their centre of mass [m]; ``masses`` (n,) [kg]."""
+    """n bodies: ``names``; ``numbers`` (n, 13) with columns position [m], orientation (x, y, z, w), velocity [m/s] and
+    angular velocity [rad/s]; bounding ``radii`` (n,) [m]; ``kinds`` (n,) of `SolidKind` with ``dimensions`` (n, 3) [m];
+    ``centres`` (n, 3), the middles of boxes relative to the centre of mass [m]; ``masses`` (n,) [kg]."""
 
     names: list[str]
     numbers: FloatArray
@@ -35,7 +35,7 @@ class StateTable(NamedTuple):
         return shape_of(Form(SolidKind(int(self.kinds[row])), dimensions, centre))
 
     def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
-        """Whether two bodies have the same shape and mass."""
+        """Return True if two bodies have the same shape and mass."""
         return bool(
             self.kinds[row] == other.kinds[other_row]
             and self.masses[row] == other.masses[other_row]
@@ -44,7 +44,7 @@ class StateTable(NamedTuple):
         )
 
     def same_bodies(self, other: StateTable) -> bool:
-        """Whether they are the same bodies, wherever they are."""
+        """Return True if both tables hold the same bodies, whatever their states."""
         return (
             self.names == other.names
             and np.array_equal(self.kinds, other.kinds)
@@ -54,7 +54,7 @@ class StateTable(NamedTuple):
         )
 
 
-# What `first_invalid` says of a body, with the reason that it is refused for.
+# By code of `first_invalid`: reason and words of the refusal.
 INVALID = {
     1: ("non_finite", "a state that is not finite"),
     2: ("quaternion", "an orientation whose length is not 1"),
@@ -70,7 +70,7 @@ INVALID = {
 
 
 def require_valid(states: StateTable) -> None:
-    """Raises `InputError`, naming the first body, where a state or a shape can be no body's."""
+    """Raise `InputError`, naming the first body, if a state, shape or mass is impossible."""
     row, code = first_invalid(
         states.numbers, states.radii, states.kinds, states.dimensions, states.centres, states.masses
     )
@@ -84,7 +84,7 @@ def first_invalid(
     numbers: FloatArray, radii: FloatArray, kinds: NDArray[np.uint8], dimensions: FloatArray, centres: FloatArray,
     masses: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """The row of the first body that can be none, and why not (`INVALID`); zeros where all can."""
+    """Return the row of the first impossible body and its code (`INVALID`); zeros if all are valid."""
     for i in range(len(numbers)):
         length = math.sqrt(numbers[i, 3] ** 2 + numbers[i, 4] ** 2 + numbers[i, 5] ** 2 + numbers[i, 6] ** 2)
         if not np.isfinite(numbers[i]).all():
@@ -114,7 +114,7 @@ def first_invalid(
 
 @compiled
 def extrapolated(numbers: FloatArray, duration: float) -> FloatArray:
-    """States (n, 13) after a ``duration`` [s], which may be negative, at their velocities."""
+    """Return states (n, 13) extrapolated by a ``duration`` [s], which may be negative, at constant velocities."""
     moved = numbers.copy()
     for i in range(len(numbers)):
         for axis in range(3):
@@ -134,13 +134,13 @@ def extrapolated(numbers: FloatArray, duration: float) -> FloatArray:
 
 @compiled
 def blended(numbers: FloatArray, targets: FloatArray, share: float) -> FloatArray:
-    """States (n, 13) a ``share`` (0 to 1) of the way to others."""
+    """Interpolate from states (n, 13) to ``targets`` by a ``share`` (0 to 1)."""
     drawn = numbers + share * (targets - numbers)
     for i in range(len(numbers)):
         cosine = 0.0
         for axis in range(3, 7):
             cosine += numbers[i, axis] * targets[i, axis]
-        sign = -1.0 if cosine < 0.0 else 1.0  # both quaternions of a rotation are one: take the shorter way
+        sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the shorter way
         length = 0.0
         for axis in range(3, 7):
             drawn[i, axis] = (1.0 - share) * numbers[i, axis] + share * sign * targets[i, axis]
@@ -155,15 +155,19 @@ def near_any(
     numbers: FloatArray, duration: float, radii: FloatArray, positions: FloatArray, velocities: FloatArray,
     own_radii: FloatArray, own: BoolArray, margins: FloatArray, horizon: float,
 ) -> BoolArray:  # fmt: skip
-    """Which bodies (n,) of ``numbers`` (n, 13), moved on by a ``duration`` [s], come within ``margins`` (n,) [m] of the
-    ball around any follower that is this world's ``own`` (N,), or may come there within a ``horizon`` [s] at the speed
-    that they have to each other; ``positions`` [m] and ``velocities`` [m/s] (N, 3) of the followers."""
+    """Return which bodies (n,) come near this world's own bodies.
+
+    The bodies of ``numbers`` (n, 13) are extrapolated by ``duration`` [s]. A body is near if its bounding sphere is
+    within its margin (``margins`` (n,) [m]) of the bounding sphere of any ``own`` (N,) body, or can come there within a
+    ``horizon`` [s] at their relative speed. ``positions`` [m], ``velocities`` [m/s] (N, 3), ``own_radii`` (N,) [m]: of
+    the attached bodies of this world.
+    """
     found = np.zeros(len(numbers), np.bool_)
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     fastest = largest = 0.0
     for j in range(len(positions)):
-        if own[j] and not math.isnan(positions[j, 0]):  # it has a place
+        if own[j] and not math.isnan(positions[j, 0]):  # its position is known
             low_x, high_x = min(low_x, positions[j, 0]), max(high_x, positions[j, 0])
             low_y, high_y = min(low_y, positions[j, 1]), max(high_y, positions[j, 1])
             speed = math.sqrt(velocities[j, 0] ** 2 + velocities[j, 1] ** 2 + velocities[j, 2] ** 2)
@@ -175,7 +179,7 @@ def near_any(
         speed = math.sqrt(numbers[i, 7] ** 2 + numbers[i, 8] ** 2 + numbers[i, 9] ** 2)
         most = radii[i] + largest + margins[i] + (speed + fastest) * horizon
         if x < low_x - most or x > high_x + most or y < low_y - most or y > high_y + most:
-            continue  # far from all of them
+            continue  # outside the bounds of all own bodies
         for j in range(len(positions)):
             away = positions[j, 0] - x
             if own[j] and abs(away) < most:
@@ -193,8 +197,8 @@ def near_any(
 def may_touch(
     positions: FloatArray, moved: FloatArray, radii: FloatArray, guests: BoolArray, solid: BoolArray, slack: float
 ) -> BoolArray:
-    """Which of the ``guests`` (N,) came within a ``slack`` [m] of the ball around another ``solid`` (N,) follower in
-    the last step, from ``positions`` on by ``moved`` (N, 3) [m]."""
+    """Return which of the ``guests`` (N,) came within a ``slack`` [m] of the bounding sphere of another ``solid`` (N,)
+    body in the last step, from ``positions`` on by ``moved`` (N, 3) [m]."""
     found = np.zeros(len(positions), np.bool_)
     for i in range(len(positions)):
         if not guests[i]:

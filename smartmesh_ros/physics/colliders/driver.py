@@ -1,4 +1,4 @@
-"""The colliders under followers: which each one has, and what PyBullet is told about them."""
+"""Colliders under followers: allocates them, and passes their changes to PyBullet."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 
-# Where colliders wait that no body needs: far below, and apart from one another [m].
+# Parking place of unused colliders [m]: far below the terrain, and apart from one another.
 PARK_DEPTH, PARK_STEP = -1.0e5, 1.0e3
 MESH_KINDS = ("trimesh", "hull", "prisms")
-LARGEST_FIELD = 4096  # samples of the largest field, more than any has
+LARGEST_FIELD = 4096  # upper bound on the samples of a field
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STILL = (0.0, 0.0, 0.0)
 
@@ -48,9 +48,12 @@ def plan(
     grid, tile, solid, supports, shapes, table, planes, fields, samples, time, limits, heights, at_contact, work, poses,
     velocities, changes, wanted,
 ):  # fmt: skip
-    """Works out what PyBullet has to be told for the ``solid`` followers (N,) on a tile: the bits of ``changes`` (N,),
-    with ``poses`` (N, 7) and ``velocities`` (N, 6). ``planes``, ``fields`` (N,): their colliders in ``table``, -1 =
-    none; ``wanted`` (N,): which of them they are to have. Returns how many have none that fits."""
+    """Compute the changes that PyBullet needs for the ``solid`` followers (N,) on a tile: the bits of ``changes`` (N,),
+    with ``poses`` (N, 7) and ``velocities`` (N, 6).
+
+    ``planes``, ``fields`` (N,): rows of the followers' colliders in ``table``, -1 = none; ``wanted`` (N,): the row each
+    follower needs now. Returns the number of followers without a fitting collider.
+    """
     misfits = 0
     for i in range(len(solid)):
         if not solid[i] or supports[i].tile != tile or (wanted[i] >= 0 and changes[i] != MISFIT):
@@ -72,8 +75,8 @@ def plan(
 
 
 class ColliderInfo(NamedTuple):
-    """What of a collider never changes: PyBullet's body and shape; samples of a field, and where its heights are; and
-    what it is handed on as."""
+    """Constant data of a collider: PyBullet body and shape ids, field size, index of its first height, and the pool
+    key."""
 
     uid: int
     form: int
@@ -86,22 +89,22 @@ class ColliderInfo(NamedTuple):
 class Colliders:
     """Boxes, fields and meshes of followers, by the follower's index.
 
-    PyBullet leaks when shapes are created and removed, so boxes and fields never are: one whose body left, or that has
-    the wrong size, waits for the next body that needs it. A follower keeps one of each kind, because telling PyBullet
-    which pairs may touch costs more than moving a collider away and back.
+    PyBullet leaks when shapes are created and removed, so boxes and fields are never removed: a collider whose body
+    left, or that has the wrong size, waits in a pool for the next body that needs it. A follower keeps one collider of
+    each kind, because changing which pairs may touch costs more than moving a collider away and back.
     """
 
     def __init__(self, client: Any) -> None:
         self.replacements = 0
-        self.exact = False  # whether every collider is to lie just where it should, since bodies were taken along
+        self.exact = False  # place colliders without tolerance, because a correction has just moved bodies
         self._client = client
         self._client_id: int = getattr(client, "_client", 0)
         self._pairs = Pairs(client)
         self.meshes = MeshColliders(client, self._pairs)
         self._visual: int | None = None
-        self._boxes: dict[float, int] = {}  # PyBullet's shapes, by half of their edges
+        self._boxes: dict[float, int] = {}  # PyBullet's shapes, by half edge [m]
         self._free: dict[tuple[float, ...], list[int]] = defaultdict(list)
-        self._made: list[ColliderInfo] = []  # what never changes of the colliders in the table
+        self._made: list[ColliderInfo] = []  # constant data of the colliders in the table
         self.table = np.zeros(0, COLLIDER).view(np.recarray)
         self._plain = self.table.view(np.ndarray)  # the same table, whose columns are read faster
         self._heights, self._at_contact = np.empty(0), np.empty(0)
@@ -112,10 +115,10 @@ class Colliders:
         self._solid = np.empty(0, bool)
         self._poses, self._velocities = np.empty((0, 7)), np.empty((0, 6))
         self._changes = np.empty(0, np.int64)
-        self.changed = np.empty(0, bool)  # followers whose collider the last update changed, moved, gave or took away
+        self.changed = np.empty(0, bool)  # followers whose collider the last update changed, moved, added or removed
 
     def adopt(self, followers: list[Follower], kept: IntArray) -> None:
-        """Makes ``followers`` the ones there are; ``kept`` (N,): each one's index before, -1 = new."""
+        """Replace the list of followers; ``kept`` (N,): each one's previous index, -1 = new."""
         count = len(followers)
         self._followers = followers
         self._planes = carried_over(self._planes, kept, np.full(count, -1))
@@ -127,22 +130,22 @@ class Colliders:
         self._solid = np.array([follower.solid for follower in followers], bool)
 
     def renew(self, followers: list[int]) -> None:
-        """Has the colliders of followers placed anew, without contacts of before."""
+        """Place the colliders of followers anew at the next update, dropping their cached contacts."""
         for index in followers:
             for mine in (self._planes[index], self._fields[index]):
                 if mine >= 0:
                     self._plain["there"][mine] = self._plain["turned"][mine] = 0
 
     def replace_all(self) -> None:
-        """Has every collider placed anew at the next update."""
+        """Place every collider anew at the next update."""
         self._plain["there"] = 0
 
     def stand_still(self, duration: float) -> None:
-        """Says that for a ``duration`` [s] time went on and colliders did not."""
+        """Note that time advanced by ``duration`` [s] without a step, so that colliders did not move."""
         self._plain["time"] += duration
 
     def apply(self, selector: Selector, shapes: Any, time: float, config: PatchConfig) -> None:
-        """Makes the colliders those of the supports at ``time`` [s]."""
+        """Set the colliders to the supports at ``time`` [s]."""
         self._changes[:], self._wanted[:] = NOTHING, -1
         limits = Limits(
             0.0 if self.exact else SELECTION.collider_slack * config.tolerance, config.carry_velocity,
@@ -161,7 +164,7 @@ class Colliders:
         self._send_changes(selector.supports, edge_filter=config.edge_filter)
 
     def apply_meshes(self, batches: list[PatchBatch], supports: Any, config: PatchConfig) -> None:
-        """Gives followers the mesh colliders of their patches."""
+        """Update the mesh colliders of the patches in ``batches``."""
         for batch in batches:
             if batch.kind in MESH_KINDS:
                 rows = [row for row, body in enumerate(batch.bodies.tolist()) if self._followers[body].solid]
@@ -170,7 +173,7 @@ class Colliders:
         self.meshes.changed.clear()
 
     def release_meshes(self, batches: list[PatchBatch]) -> None:
-        """Takes mesh colliders away from followers that have no such patch among ``batches``."""
+        """Remove the mesh colliders of followers without a mesh patch in ``batches``."""
         if self.meshes.count:
             served = {body for batch in batches if batch.kind in MESH_KINDS for body in batch.bodies.tolist()}
             for index, follower in enumerate(self._followers):
@@ -178,14 +181,14 @@ class Colliders:
                     self.meshes.changed.append(index)
 
     def release(self, index: int) -> None:
-        """Takes a follower's colliders away."""
+        """Remove a follower's colliders."""
         self._give_back(index, self._planes)
         self._give_back(index, self._fields)
         self.meshes.release(self._followers[index])
         self._followers[index].collider = None
 
     def _plan(self, grid: MovingGrid, tile: int, selector: Selector, shapes: Any, time: float, limits: Limits) -> None:
-        """Plans for the followers on a tile, after giving them colliders that fit."""
+        """Plan the changes for the followers on a tile, after allocating colliders that fit."""
         for _ in range(2):
             misfits = plan(
                 grid, tile, self._solid, selector.supports, shapes, self.table, self._planes, self._fields,
@@ -202,7 +205,7 @@ class Colliders:
                     self._fit_field(index, support, grid.resolution, time)
 
     def _fit_box(self, index: int, need: float, time: float) -> None:
-        """Gives a follower a box with room for it, or a half space."""
+        """Allocate a box of at least the size ``need`` [m], or a half space, for a follower."""
         size = box_size(need, round_=self._followers[index].round)
         self._give_back(index, self._planes)
         if not self._free[(size,)]:
@@ -213,13 +216,13 @@ class Colliders:
         self._hand_out(index, self._free[(size,)].pop(), self._planes, time)
 
     def _fit_field(self, index: int, support: Any, resolution: float, time: float) -> None:
-        """Gives a follower a field of another size."""
+        """Allocate a field of the support's size for a follower."""
         rows, columns, spacing = int(support.rows), int(support.columns), resolution * int(support.stride)
         key = (rows, columns, spacing)
         self._give_back(index, self._fields)
         if not self._free[key]:
             if self._visual is None:
-                # With none given PyBullet makes a picture of the whole field, of some MiB each.
+                # Without a visual shape PyBullet creates one of the whole field, which takes a few MiB.
                 self._visual = self._client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
             form = make_field(self._client, rows, columns, spacing, field_bound(rows, columns, spacing))
             record = self._new(form, self._visual, rows, columns, key)
@@ -227,11 +230,11 @@ class Colliders:
         self._hand_out(index, self._free[key].pop(), self._fields, time)
 
     def _new(self, form: int, visual: int, rows: int, columns: int, key: tuple[float, ...]) -> Any:
-        """Makes a collider that nobody has; its record. It is a multibody, because the contacts of a fixed rigid body
-        do not see its velocity."""
+        """Create a collider in the pool and return its record. It is a multibody, because contacts ignore the velocity
+        of a fixed rigid body."""
         place, first = len(self._made), len(self._heights)
         uid = int(self._client.createMultiBody(0.0, form, visual, basePosition=park(place)))
-        # PyBullet multiplies the two coefficients of a contact: the body's alone decide.
+        # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
         self._client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
         self._pairs.claim(uid)
         self._made.append(ColliderInfo(uid, form, rows, columns, first, key))
@@ -253,7 +256,7 @@ class Colliders:
         holders[index] = place
 
     def _give_back(self, index: int, holders: IntArray) -> None:
-        """Parks a collider that a follower no longer needs."""
+        """Return a collider that a follower no longer needs to the pool."""
         place = int(holders[index])
         if place < 0:
             return
@@ -265,7 +268,7 @@ class Colliders:
         self._free[self._made[place].key].append(place)
 
     def _put_away(self, followers: IntArray) -> None:
-        """Has the colliders of followers wait far away."""
+        """Park the colliders of followers."""
         for index in followers.tolist():
             place = int(self._active[index])
             uid = self._made[place].uid
@@ -277,7 +280,7 @@ class Colliders:
             self._followers[index].collider = None
 
     def _activate(self) -> None:
-        """Notes which colliders followers have now."""
+        """Record the colliders that followers use now."""
         for index in np.flatnonzero(self._active != self._wanted).tolist():
             place = int(self._wanted[index])
             self._active[index] = place
@@ -311,7 +314,7 @@ class Colliders:
                 set_velocity(made.uid, velocity[:3], velocity[3:], client)
 
     def _replace(self, made: ColliderInfo, turned: int, filtered: bool) -> None:
-        """Gives a field its heights."""
+        """Replace the heights of a field."""
         self.replacements += 1
         heights = self._heights[made.first : made.first + made.rows * made.columns].tolist()
         if turned:
@@ -320,5 +323,5 @@ class Colliders:
 
 
 def park(place: int) -> tuple[float, float, float]:
-    """Where a collider waits [m]."""
+    """Parking place of a collider [m]."""
     return place * PARK_STEP, 0.0, PARK_DEPTH

@@ -13,12 +13,12 @@ from smartmesh_ros.terrain.moving_grid import sample_at, to_world
 
 
 def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:
-    """PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose bounds
-    reach ``bound`` [m] above and below its base.
+    """Create PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose
+    bounds reach ``bound`` [m] above and below its base.
 
-    It lies a quarter turn from its grid: PyBullet cuts cells along the other diagonal than the main mesh does, and the
-    turn brings the two together (row r, column c of the patch is PyBullet's row columns - 1 - c, column r). PyBullet
-    counts along its x first, whatever it calls that.
+    The shape is rotated by 90 degrees from its grid, because PyBullet splits cells along the other diagonal than the
+    main mesh, and the rotation makes the two agree (row r, column c of the patch is PyBullet's row columns - 1 - c,
+    column r). PyBullet's first index runs along its x axis, although the argument is called columns.
     """
     heights = [0.0] * (rows * columns)
     heights[0], heights[-1] = -bound, bound
@@ -34,8 +34,9 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
 
 
 def replace_field(client: int, shape: int, rows: int, columns: int, heights: list[float], *, filtered: bool) -> None:
-    """Gives a field its heights [m], in PyBullet's order, with or without a filter of its inner edges. The filter's
-    flag is passed each time; without it PyBullet drops the edges' data. ``client``: PyBullet's number of it."""
+    """Replace the heights [m] of a field, in PyBullet's order, with or without a filter of its inner edges. The
+    filter's flag is passed in every call, because PyBullet otherwise drops the edge data. ``client``: PyBullet's id of
+    the client."""
     pb.createCollisionShape(
         pb.GEOM_HEIGHTFIELD,
         flags=pb.GEOM_CONCAVE_INTERNAL_EDGE if filtered else 0,
@@ -48,18 +49,19 @@ def replace_field(client: int, shape: int, rows: int, columns: int, heights: lis
 
 
 def field_bound(rows: int, columns: int, spacing: float) -> float:
-    """How far above and below its base PyBullet takes a field to reach [m].
+    """Half height of a field's bounds in PyBullet [m].
 
-    PyBullet never updates the bounds of a replaced heightfield (bullet3 issues 4200 and 4236), and what meets none of
-    them is not collided with. A field's base lies at the body's foot, so that the body meets these bounds whatever is
-    further up or down. Bounds of 200 m that lean a little would meet those of many bodies beside it.
+    PyBullet never updates the bounds of a replaced heightfield (bullet3 issues 4200 and 4236), and ignores bodies
+    outside them. A field's base lies at the body's foot, so the body is inside the bounds even if other ground is much
+    higher or lower. Bounds of 200 m with a slight tilt would overlap those of many neighbouring bodies.
     """
     return min(0.5 * COLLIDERS.slope * (max(rows, columns) - 1) * spacing, COLLIDERS.hole)
 
 
 class Drift(NamedTuple):
-    """How far a field is from its ground: ``off`` [m]: at its farthest sample; ``change`` [m]: of any height over its
-    base; ``sunk`` [m]: by how much any sank since the contacts were last dropped."""
+    """Difference between a field and its ground: ``off`` [m]: largest distance at a sample; ``change`` [m]: largest
+    change of a height above the base; ``sunk`` [m]: largest sinking of a sample since the contacts were last
+    dropped."""
 
     off: float
     change: float
@@ -68,8 +70,8 @@ class Drift(NamedTuple):
 
 @compiled
 def field_heights(grid, support, samples, time, hole, above):
-    """Writes the heights of a support's samples over its foot [m] into ``above``, in PyBullet's order; holes are
-    ``hole`` [m] deep. ``samples``: heights of fields that are not read from ``grid``."""
+    """Write the heights of a support's samples above its foot [m] to ``above``, in PyBullet's order; holes are ``hole``
+    [m] deep. ``samples``: heights of fields that are not read from ``grid``."""
     rows, columns, stride = support.rows, support.columns, support.stride
     k = 0
     for i in range(columns):
@@ -85,7 +87,8 @@ def field_heights(grid, support, samples, time, hole, above):
 
 @compiled
 def field_drift(grid, collider, support, above, heights, at_contact) -> Drift:
-    """How far a field is from heights ``above`` a support's foot; ``heights``, ``at_contact``: as in `plan_field`."""
+    """Return the difference between a field and heights ``above`` a support's foot; ``heights``, ``at_contact``: as in
+    `plan_field`."""
     rows, columns, spacing = support.rows, support.columns, grid.resolution * support.stride
     raised = collider.z - support.foot_z
     off = change = sunk = steepest = tallest = 0.0
@@ -100,18 +103,18 @@ def field_drift(grid, collider, support, above, heights, at_contact) -> Drift:
         sunk = max(sunk, at_contact[collider.first + k] - above[k])
         tallest = max(tallest, abs(above[k]))
         steepest = max(steepest, abs(above[k] - above[max(k - 1, 0)]))
-    # What is turned about its base also moves sideways, the more the higher it is.
+    # Tilting about the base also moves a sample sideways, in proportion to its height.
     tilt = math.sqrt(collider.tilt_x * collider.tilt_x + collider.tilt_y * collider.tilt_y)
     return Drift(off + tilt * tallest * steepest / spacing, change, sunk)
 
 
 @compiled
 def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, above, pose, velocity):
-    """What PyBullet has to be told for a field to lie along the ground of a support: the bits of its change; ``pose``
-    and ``velocity`` as in `plan_plane`.
+    """Return the changes that put a field onto the ground of a support, as bits; ``pose`` and ``velocity`` as in
+    `plan_plane`.
 
-    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): as they were
-    when its contacts were last dropped. ``samples``: as in `field_heights`. ``above``: room for the new heights.
+    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): the same when
+    contacts were last dropped. ``samples``: as in `field_heights`. ``above``: scratch memory for the new heights.
     """
     rows, columns, stride = support.rows, support.columns, support.stride
     spacing = grid.resolution * stride
@@ -134,7 +137,7 @@ def plan_field(grid, collider, support, samples, time, limits, heights, at_conta
             change |= SAMPLES
             drops = not there or drift.sunk > limits.sunk
             if drops and there:
-                collider.turned = 1 - collider.turned  # cached contacts are then elsewhere, and forgotten
+                collider.turned = 1 - collider.turned  # moves the cached contacts away, so that PyBullet drops them
             for k in range(rows * columns):
                 if drops:
                     at_contact[collider.first + k] = above[k]

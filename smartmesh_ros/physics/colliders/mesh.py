@@ -1,7 +1,7 @@
-"""Colliders of followers as meshes: the report's trimesh, its bulky convex hull, and one convex prism per triangle.
+"""Mesh colliders of followers: the report's trimesh, its convex hull with depth, and one convex prism per triangle.
 
-PyBullet cannot change such a shape, so each is built anew when its vertices have moved, and PyBullet keeps 5 to 15 KiB
-of every one that was removed: they are for comparison, and for general meshes, not for hours of deforming terrain.
+PyBullet cannot change such a shape, so it is rebuilt whenever its vertices move, and PyBullet leaks 5 to 15 KiB per
+rebuild. Use these kinds for comparisons and general meshes, not for hours of deforming terrain.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
 
-# How far below the nearest vertex the hull's extra point lies (Figure 18), and the prisms' lower faces [m].
+# Depth below the nearest vertex of the hull's extra point (Figure 18), and of the prisms' lower faces [m].
 BULK = 50.0
 PRISM_DEPTH = 2.0
-# Vertices that moved by less than this are where they were [m].
+# Smallest motion of a vertex that rebuilds a collider [m].
 SAME_PLACE = 1e-6
 
 
@@ -35,7 +35,7 @@ class _MeshCollider:
     uid: int
     vertices: FloatArray
     triangles: NDArray[np.int32]
-    base: FloatArray  # where it lay when it last counted as moved (3,) [m]
+    base: FloatArray  # position at the last motion that counted as a change (3,) [m]
 
 
 class MeshColliders:
@@ -46,13 +46,13 @@ class MeshColliders:
         self._client = client
         self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
-        self.changed: list[int] = []  # followers whose collider was built anew, moved or taken away
+        self.changed: list[int] = []  # followers whose collider was rebuilt, moved or removed
 
     def apply_batch(
         self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
     ) -> None:
-        """Gives ``followers``, as the batch's bodies count them, in ``rows`` of a batch their colliders, which carry
-        the velocity of the ground; none where all is holes."""
+        """Update the colliders of the bodies in ``rows`` of a batch, including the ground's velocity; a patch of holes
+        gets no collider. ``followers``: by the batch's body indices."""
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         for row in rows:
             index = int(batch.bodies[row])
@@ -95,11 +95,11 @@ class MeshColliders:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of mesh colliders."""
         return len(self._colliders)
 
     def release(self, follower: Follower) -> bool:
-        """Takes a follower's mesh collider away; returns False if it has none."""
+        """Remove a follower's mesh collider; returns False if it has none."""
         collider = self._colliders.pop(follower, None)
         if collider is None:
             return False
@@ -130,7 +130,7 @@ class MeshColliders:
         return int(uid)
 
     def _build_prisms(self, corners: FloatArray, base: FloatArray) -> int:
-        """One body with a fixed link per triangle (T, 3, 3): its convex prism down to a common depth."""
+        """Create one body with a fixed link per triangle (T, 3, 3): its convex prism down to a common depth."""
         client = self._client
         shapes = []
         for triangle in corners:

@@ -1,7 +1,7 @@
-"""Which colliders touch which bodies.
+"""Rules for which colliders touch which bodies.
 
-PyBullet remembers a rule for a pair of bodies for ever, also when one of them is removed and another body gets its
-number. `Pairs` keeps track of the rules it made, so that a body with a collider's old number is not haunted by them.
+PyBullet keeps the rule of a pair of bodies for ever, even after one of them is removed and a new body gets its id.
+`Pairs` records its rules and resets them, so that a new body does not inherit the rules of a removed collider.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ class Pairs:
         self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)  # by collider: its link, body, body's link
 
     def claim(self, collider: int) -> None:
-        """Makes a new collider touch nothing, whatever had its number before."""
+        """Make a new collider touch nothing, and reset the rules of removed colliders with the same id."""
         for link in range(-1, pb.getNumJoints(collider, self._client)):
-            # PyBullet lets two bodies touch if either's mask holds the other's group: the group has to be empty, too.
+            # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
             pb.setCollisionFilterGroupMask(collider, link, 0, 0, self._client)
         self._set_all(collider, 0)
 
@@ -33,12 +33,13 @@ class Pairs:
             pb.setCollisionFilterPair(collider, body, part, link, 1, self._client)
 
     def part(self, collider: int, body: int, link: int) -> None:
-        """Makes a collider touch that body or link no more."""
+        """Stop a collider from touching a body or link."""
         for part in range(-1, pb.getNumJoints(collider, self._client)):
             pb.setCollisionFilterPair(collider, body, part, link, 0, self._client)
 
     def retire(self, collider: int) -> None:
-        """To be called before a collider is removed: a body that gets its number touches others as any body does."""
+        """Reset a collider's rules before the collider is removed, so that a body that gets its id touches others
+        normally."""
         self._set_all(collider, 1)
 
     def _set_all(self, collider: int, touch: int) -> None:

@@ -1,9 +1,9 @@
-"""Boxes and half spaces with their tops along the ground, for ground that is flat where a body can touch it.
+"""Boxes and half spaces with their top along the ground, for ground that is flat where a body can touch it.
 
-A box and not PyBullet's endless plane, whose bounds meet those of every other body: each such pair costs about 30 ns in
-a step. A box is as thick as it is wide, so that nothing falls through it. But a cylinder or capsule gets the plane,
-because PyBullet finds one point at a time where it touches a box: a standing cylinder never comes to rest there, and a
-rolling one drifts aside.
+A box is used instead of PyBullet's endless plane, because the plane's bounds overlap those of every body, and each such
+pair costs about 30 ns in a step. A box is as thick as it is wide, so that nothing falls through it. Cylinders and
+capsules get the plane nevertheless: PyBullet finds only one contact point at a time between them and a box, so a
+standing cylinder would never come to rest and a rolling one would drift aside.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, PO
 
 
 def box_size(need: float, *, round_: bool) -> float:
-    """Half of the edges of a box for a body that needs so much around its foot [m], infinite = a half space, for
-    ``round_`` bodies; sizes are few, to be handed on."""
+    """Return the half edge of a box for a body that needs ``need`` around its foot [m]; infinite = a half space, for
+    ``round_`` bodies. There are only a few sizes, so that boxes can be reused."""
     if round_:
         return math.inf
     return float(2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9)))
 
 
 def make_box(client: Any, size: float) -> int:
-    """PyBullet's collision shape of a box, or of a half space where its ``size`` [m] is infinite."""
+    """Create PyBullet's collision shape of a box, or of a half space if its ``size`` [m] is infinite."""
     if size == math.inf:
         return int(client.createCollisionShape(pb.GEOM_PLANE))
     return int(client.createCollisionShape(pb.GEOM_BOX, halfExtents=[size] * 3))
@@ -34,14 +34,14 @@ def make_box(client: Any, size: float) -> int:
 
 @compiled
 def plane_need(support, shape):
-    """How far around a foot a body may touch its plane until the next update [m]."""
+    """Radius around a foot within which a body can touch its plane until the next update [m]."""
     return shape.radius + support.margin
 
 
 @compiled
 def plan_plane(collider, support, shape, time, limits, pose, velocity):
-    """What PyBullet has to be told for a box to lie along the plane of a support: the bits of its change; its ``pose``
-    (7,), position [m] and orientation (x, y, z, w), and ``velocity`` (6,) [m/s, rad/s]."""
+    """Return the changes that put a box along the plane of a support, as bits; write its ``pose`` (7,), position [m]
+    and orientation (x, y, z, w), and ``velocity`` (6,) [m/s, rad/s]."""
     need = plane_need(support, shape)
     if collider.extent < need:
         return MISFIT
@@ -60,7 +60,7 @@ def plan_plane(collider, support, shape, time, limits, pose, velocity):
         collider.x, collider.y, collider.z = foot_x - depth * nx, foot_y - depth * ny, foot_z - depth * nz
         collider.nx, collider.ny, collider.nz = nx, ny, nz
         collider.there = 1
-        w = math.sqrt(0.5 * (1.0 + nz))  # the shortest turn that takes z to the normal
+        w = math.sqrt(0.5 * (1.0 + nz))  # the shortest rotation from z to the normal
         pose[0], pose[1], pose[2] = collider.x, collider.y, collider.z
         pose[3], pose[4], pose[5], pose[6] = -ny / (2.0 * w), nx / (2.0 * w), 0.0, w
         change = POSE

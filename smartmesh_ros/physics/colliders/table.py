@@ -1,4 +1,4 @@
-"""Colliders that PyBullet moves on with the ground: one table, a record for each."""
+"""Table of the colliders that PyBullet moves with the ground, a record for each."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 
-# ``extent``: half of a box's edges [m], infinite for a half space. ``depth``: how far below its top a box's base is
-# [m], zero for a half space. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: where its
-# heights start among those of all fields. ``there``: whether PyBullet has it under a body, and not far away.
-# ``turned``: whether a field stands half a turn from where it usually does. ``x``, ``y``, ``z`` [m]: its base at
-# ``time`` [s]; ``yaw`` [rad]: of the grid it lies along; ``tilt_*`` [rad]: how much it leaned over
-# since it was placed; ``v*``
-# [m/s], ``w*`` [rad/s]: its velocity. ``n*``: upward normal of a box's top.
+# ``extent`` [m]: half edge of a box, infinite for a half space. ``depth`` [m]: depth of a box's base below its top,
+# zero for a half space. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: index of a field's first height
+# among those of all fields. ``there``: 1 = placed under a body, 0 = parked, or to be placed anew. ``turned``: 1 = a
+# field is rotated by 180 degrees from its usual yaw. ``x``, ``y``, ``z`` [m]: base at ``time`` [s]; ``yaw`` [rad]: of
+# the collider's grid; ``tilt_*`` [rad]: tilt since the collider was placed; ``v*`` [m/s], ``w*`` [rad/s]: velocity and
+# angular velocity. ``n*``: upward normal of a box's top.
 COLLIDER = np.dtype(
     [
         *((name, np.int64) for name in ("rows", "columns", "first", "there", "turned")),
@@ -29,21 +28,21 @@ COLLIDER = np.dtype(
 )
 
 
-# What PyBullet has to be told about a collider, as bits; MISFIT: it cannot be what the support asks for.
+# Changes of a collider to pass to PyBullet, as bits; MISFIT: the collider does not fit its support.
 NOTHING, VELOCITY, POSE, SAMPLES, MISFIT = 0, 1, 2, 4, 8
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColliderConfig:
-    """How colliders are kept where the ground is.
+    """Tolerances and sizes of colliders.
 
-    ``same_height`` [m]: heights that differ by less are the same. ``same_velocity`` [m/s, rad/s]: a collider keeps its
-    velocity while the ground's differs by less; in an update at 60 Hz that is 30 um. ``elsewhere``: a field whose base
-    is further aside than this share of its spacing lies on other samples. ``sunk`` [m]: PyBullet keeps the contacts of
-    a field that is replaced, and a body stays up where the ground sank away under it; they are dropped when any sample
-    sank by more than this, seen from the field's base. ``hole`` [m]: how far below
-    a field's base its holes are. ``slope``: of a field's bounds, from its middle to its edges. ``room``: half of a
-    box's edges over what its body needs, at least.
+    ``same_height`` [m]: heights that differ by less count as equal. ``same_velocity`` [m/s, rad/s]: a collider keeps
+    its velocity while the ground's differs by less; at 60 Hz this is an error of 30 um per update. ``elsewhere``: a
+    field whose base is displaced by more than this share of its spacing lies on other samples. ``sunk`` [m]: contacts
+    are dropped if any sample sank by more than this relative to the field's base, because PyBullet keeps the contacts
+    of a replaced field and would hold a body up where the ground sank. ``hole`` [m]: depth of holes below a field's
+    base. ``slope``: slope that a field's bounds allow, from its middle to its edges. ``room``: smallest ratio of a
+    box's half edge to its body's need.
     """
 
     same_height: float = 1e-6
@@ -59,8 +58,8 @@ COLLIDERS = ColliderConfig()
 
 
 class Limits(NamedTuple):
-    """`ColliderConfig` and what depends on the settings of patches, for compiled functions: ``off`` [m]: how far a
-    collider may lie from where it should be; ``carry``: whether it carries the ground's velocity."""
+    """`ColliderConfig` and limits from the patch settings, for compiled functions: ``off`` [m]: largest error of a
+    collider's surface; ``carry``: move colliders with the ground's velocity."""
 
     off: float
     carry: bool
@@ -80,7 +79,7 @@ def at_rest(supports: Any) -> list[bool]:
 
 @compiled
 def advance(collider, time):
-    """Notes how far PyBullet has moved a collider by ``time`` [s]."""
+    """Update a record to the collider's pose in PyBullet at ``time`` [s]."""
     elapsed = time - collider.time
     if elapsed < 0.0:  # the clock was set back
         collider.there = 0
@@ -106,7 +105,7 @@ def advance(collider, time):
 
 @compiled
 def base_velocity(collider, support):
-    """Velocity of a collider's base that is rigid with the ground at the support's foot [m/s]."""
+    """Velocity of a collider's base in rigid motion with the ground at the support's foot [m/s]."""
     x, y, z = collider.x - support.foot_x, collider.y - support.foot_y, collider.z - support.foot_z
     wx, wy, wz = support.turn_x, support.turn_y, support.turn_z
     return support.slide_x + wy * z - wz * y, support.slide_y + wz * x - wx * z, support.rise + wx * y - wy * x
@@ -114,8 +113,8 @@ def base_velocity(collider, support):
 
 @compiled
 def push(collider, support, limits, stopped, velocity):
-    """Writes the velocity that a collider is to have into ``velocity`` (6,) [m/s, rad/s]; whether PyBullet has to be
-    told. ``stopped``: it was placed, which stops it."""
+    """Write a collider's velocity to ``velocity`` (6,) [m/s, rad/s]; returns True if PyBullet needs it. ``stopped``:
+    True if the collider was just placed, which stops it."""
     vx = vy = vz = wx = wy = wz = 0.0
     if limits.carry:
         vx, vy, vz = base_velocity(collider, support)
@@ -132,7 +131,7 @@ def push(collider, support, limits, stopped, velocity):
         collider.vx == 0.0 and collider.vy == 0.0 and collider.vz == 0.0
         and collider.wx == 0.0 and collider.wy == 0.0 and collider.wz == 0.0
     )  # fmt: skip
-    if not (differs or (rests and moved)):  # what came to rest is always told so
+    if not (differs or (rests and moved)):  # zero velocity is always passed, so that no collider creeps
         return False
     collider.vx, collider.vy, collider.vz = vx, vy, vz
     collider.wx, collider.wy, collider.wz = wx, wy, wz
