@@ -1,4 +1,4 @@
-"""Parameters as tables: described, bounded, and checked by the same code at start and at run time."""
+"""Tables of parameters: declared with description and bounds, and checked by the same code at start and run time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from smartmesh_ros.errors import InputError
 
 
 class Spec(NamedTuple):
-    """One parameter: name, default, what it does, bounds or choices, and whether it is fixed after the start."""
+    """One parameter: name, default, effect, bounds or choices; ``read_only`` parameters are fixed after the start."""
 
     name: str
     default: Any
@@ -30,7 +30,7 @@ class Spec(NamedTuple):
 def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
     """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
 
-    Raises `InputError` if a value cannot be; no node starts with settings other than those asked for.
+    Raises `InputError` if a value is invalid, because a node must not start with settings other than those requested.
     """
     for spec in specs:
         try:
@@ -45,9 +45,9 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
 
 
 def objection(node: Node, changes: Sequence[Parameter], specs: Sequence[Spec]) -> SetParametersResult | None:
-    """The refusal of a set of changes that names an unknown parameter or one that is fixed; None if it does not.
+    """Return the refusal of ``changes`` if one of them names an unknown or a read-only parameter, else None.
 
-    rclpy refuses them too, but does not say what would be right.
+    rclpy refuses such changes too, but its reason does not name a valid alternative.
     """
     fixed = {spec.name for spec in specs if spec.read_only}
     for change in changes:
@@ -65,26 +65,26 @@ def objection(node: Node, changes: Sequence[Parameter], specs: Sequence[Spec]) -
 
 
 def _nearest(name: str, specs: Sequence[Spec]) -> str:
-    """The question whether a known name was meant, if there is one like it."""
+    """Return a hint that suggests the most similar known name; empty if no name is similar."""
     names = difflib.get_close_matches(name, [spec.name for spec in specs], n=1)
     return f"; did you mean {names[0]!r}?" if names else ""
 
 
 def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
-    """Values of the parameters as they are set on the node."""
+    """Return the current value of each parameter on the node."""
     return {spec.name: plain_value(node.get_parameter(spec.name)) for spec in specs}
 
 
 def checked(values: Mapping[str, Any], specs: Sequence[Spec]) -> dict[str, Any]:
-    """The values, each of its type and within its bounds; raises `InputError` naming the first that is not.
+    """Return the values, checked for type and bounds; raises `InputError` for the first invalid one.
 
-    A whole number is accepted where a fractional one is wanted.
+    An integer is accepted for a float parameter.
     """
     return {spec.name: _checked(spec, values[spec.name]) for spec in specs}
 
 
 def plain_value(parameter: Parameter) -> Any:
-    """A parameter's value, arrays as lists."""
+    """Return a parameter's value, arrays as lists."""
     value = parameter.value
     return list(value) if hasattr(value, "tolist") or isinstance(value, list) else value
 
@@ -92,7 +92,7 @@ def plain_value(parameter: Parameter) -> Any:
 def _checked(spec: Spec, value: Any) -> Any:
     wanted = type(spec.default)
     if value is None and wanted is list:
-        value = []  # what an empty list in a parameter file arrives as
+        value = []  # rcl delivers an empty list of a parameter file as None
     if wanted is float and type(value) is int:
         value = float(value)
     if type(value) is not wanted:
@@ -112,14 +112,14 @@ def _checked(spec: Spec, value: Any) -> Any:
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:
-    # Typed dynamically, so that a YAML file may say 240 for 240.0; `checked` sees to the type.
+    # Dynamic typing lets a YAML file write 240 for 240.0; `checked` checks the type.
     descriptor = ParameterDescriptor(
         description=spec.description,
         read_only=spec.read_only,
         dynamic_typing=True,
         additional_constraints=f"one of {', '.join(spec.choices)}" if spec.choices else "",
     )
-    if isinstance(spec.default, list) and spec.low is not None:  # ranges are for single numbers
+    if isinstance(spec.default, list) and spec.low is not None:  # ROS ranges apply to single numbers only
         descriptor.additional_constraints = f"each {spec.low} to {spec.high}"
     elif spec.low is not None and spec.high is not None:
         if isinstance(spec.default, float):

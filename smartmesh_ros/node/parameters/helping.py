@@ -1,4 +1,4 @@
-"""What an executable says of itself: ``--help`` and ``--print-parameters``."""
+"""The command-line options ``--help`` and ``--print-parameters`` of the executables."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ OPTIONS = {
 
 
 def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] | None = None) -> None:
-    """Prints what is asked for in the command line and ends the process; returns where it asks for nothing.
+    """Prints the help or the parameter file if the command line asks for it, and exits; returns otherwise.
 
-    Ends with 2 at an argument that means nothing, rather than starting with settings other than those meant.
+    Exits with 2 at an unknown argument, because the node would start with settings other than those intended.
     """
     given = sys.argv if args is None else [name, *args]
     for argument in remove_ros_args(given)[1:]:
@@ -38,7 +38,7 @@ def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] 
 
 
 def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
-    """All about an executable: what it does, its options and its parameters."""
+    """Return the help of an executable: its purpose, options and parameters."""
     lines = [
         f"usage: ros2 run smartmesh_ros {name} [options] [--ros-args ...]",
         "",
@@ -55,18 +55,18 @@ def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
 
 
 def parameter_file(name: str, specs: Sequence[Spec]) -> str:
-    """A parameter file for ``--params-file`` that sets every parameter to its default, each with what it means."""
+    """Return a file for ``--params-file`` that sets every parameter to its default; comments give the descriptions."""
     lines = [f"# Every parameter of {name}, at its default.", "/**:", "  ros__parameters:"]
     for spec in specs:
         comment = spec.description + _limits(spec)
         lines += textwrap.wrap(comment, WIDTH, initial_indent="    # ", subsequent_indent="    # ")
-        # rcl cannot read an empty list; such a parameter is left at its default.
+        # rcl cannot read an empty list, so parameters whose default is one are commented out.
         lines.append(f"    {'# ' if spec.default == [] else ''}{spec.name}: {_text(spec.default)}")
     return "\n".join(lines)
 
 
 def grouped(specs: Sequence[Spec]) -> list[Spec]:
-    """The parameters with those together whose names begin alike; in their order else."""
+    """Return the parameters sorted by group (first part of the name), otherwise in their given order."""
     groups = list(dict.fromkeys(_group(spec) for spec in specs))
     return sorted(specs, key=lambda spec: groups.index(_group(spec)))
 
@@ -77,12 +77,12 @@ def _group(spec: Spec) -> str:
 
 
 def parameter_page(name: str, specs: Sequence[Spec]) -> str:
-    """A page of Markdown with every parameter, in tables by the first part of its name."""
+    """Return a Markdown page with one table of parameters per group (first part of the name)."""
     lines = [
         f"# Parameters of `{name}`",
         "",
-        "Written by `scripts/write_parameters.py` from the node's declarations. Defaults stand as a parameter file or",
-        "`-p` takes them. *fixed* parameters need a restart; all others change while the node runs (`ros2 param set`).",
+        "Written by `scripts/write_parameters.py` from the node's declarations. Defaults are written as in a file",
+        "or after `-p`. *fixed* parameters need a restart; `ros2 param set` changes all others while the node runs.",
     ]
     heading = None
     for spec in grouped(specs):
@@ -99,7 +99,7 @@ def parameter_page(name: str, specs: Sequence[Spec]) -> str:
 
 def _text(value: Any) -> str:
     text = json.dumps(value)
-    # YAML takes 1e-07 for a string.
+    # YAML reads 1e-07 as a string, 1.0e-07 as a number.
     return text.replace("e", ".0e") if isinstance(value, float) and "e" in text and "." not in text else text
 
 

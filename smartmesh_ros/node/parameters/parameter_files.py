@@ -1,4 +1,4 @@
-"""Parameter files of the command line: which there are, and whether they are for this node at all."""
+"""Parameter files of the command line, and a check that they apply to this node."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ PARAMETERS = "ros__parameters"
 
 
 def files_of(arguments: Sequence[str]) -> list[Path]:
-    """The parameter files that a command line names, in its order."""
+    """Return the parameter files that a command line names, in order."""
     return [Path(value) for option, value in pairwise(arguments) if option == OPTION]
 
 
 def mismatch(file: Path, node: str) -> str | None:
-    """What is wrong with a file that names other nodes than ``node`` (a whole name); None where nothing is.
+    """Return a warning if a parameter file names only nodes other than ``node`` (fully qualified), else None.
 
-    rcl passes such a file over without a word. What cannot be read is left to rcl, which says so itself.
+    rcl ignores such a file silently. Unreadable files give None, because rcl reports them itself.
     """
     try:
         content = yaml.safe_load(file.read_text())
@@ -35,7 +35,7 @@ def mismatch(file: Path, node: str) -> str | None:
 
 
 def _node_names(content: Any, path: str = "") -> Iterator[str]:
-    """Whole names of the nodes that a file has parameters for; namespaces may be nested."""
+    """Yield the fully qualified names of the nodes that a file has parameters for; namespaces may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if key == PARAMETERS:
             yield path
@@ -44,6 +44,6 @@ def _node_names(content: Any, path: str = "") -> Iterator[str]:
 
 
 def _pattern(name: str) -> str:
-    """A regular expression for a name: ``*`` stands for one part of it, ``**`` for any number."""
+    """Return a regular expression for a node name: ``*`` matches one part of the name, ``**`` any number."""
     parts = {"**": r"(/[^/]+)*", "*": r"/[^/]+"}
     return "".join(parts.get(part, "/" + re.escape(part)) for part in name.split("/")[1:])

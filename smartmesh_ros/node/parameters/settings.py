@@ -1,4 +1,4 @@
-"""What the parameters of ``terrain_collider`` say, as values. Defaults of the core live in its own configurations."""
+"""The settings of ``terrain_collider``, as its parameters give them. The core's configs hold the core's defaults."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from smartmesh_ros.terrain.motion import MotionConfig
 
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]
-# What a change of height means; *auto*: a correction where the terrain comes from sensors and mappers.
+# Meaning of a change of height between maps; *auto*: a correction if sensors or mappers provide the terrain.
 TerrainChanges = Literal["auto", "motion", "correction"]
 TerrainInput = Literal["heightmap", "grid_map", "image", "occupancy_grid", "point_cloud"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PublishRates:
-    """How often each output is published while somebody subscribes to it [Hz]; 0 = never."""
+    """Rate of each output while it has subscribers [Hz]; 0 = never."""
 
     patches: float = 30.0
     collider_patches: float = 30.0
@@ -38,8 +38,9 @@ class PublishRates:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:
-    """The robot that a description describes. ``description``: its URDF, or a file of it; empty = what comes on
-    ``~/robot_description``. ``xy``, ``above`` [m], ``yaw`` [rad]: where the centre of its base starts, over the ground.
+    """The robot of the parameters ``robot.*``. ``description``: URDF text or the path of a URDF file; empty = the robot
+    on ``~/robot_description``, if any. ``xy`` [m], ``yaw`` [rad]: start pose of the base. ``above`` [m]: start height
+    of the base's centre above the ground.
     """
 
     description: str = ""
@@ -57,7 +58,7 @@ class RobotConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything the parameters say."""
+    """The values of all parameters, as the node uses them."""
 
     world: WorldConfig = field(default_factory=WorldConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
