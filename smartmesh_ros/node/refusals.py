@@ -1,4 +1,4 @@
-"""Refused input: counted by reason, logged once per reason and period."""
+"""Refused input, counted by reason and logged once per reason and period."""
 
 from collections import Counter
 from time import monotonic
@@ -6,20 +6,20 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 
-# Seconds between two log lines of the same topic and reason.
+# Time between two log lines of the same topic and reason [s].
 LOG_PERIOD = 5.0
 
-# A message may quote what a peer sent; so much of it is logged or answered [characters].
-LONGEST = 1000
+# Longest text to log or answer [characters], because an error may quote a peer's whole message.
+LONGEST_TEXT = 1000
 
 
 def shortened(text: str) -> str:
-    """The text, its middle left out where it is too long to log."""
-    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+    """Return the text, without its middle if it is too long to log."""
+    return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT // 2]} ... {text[-LONGEST_TEXT // 2 :]}"
 
 
 class Refusals:
-    """Counts what was refused and logs it without flooding."""
+    """Counts refused input and logs it at a limited rate."""
 
     def __init__(self, logger: Any) -> None:
         self.counts: Counter[str] = Counter()
@@ -27,7 +27,7 @@ class Refusals:
         self._logged: dict[str, tuple[float, int]] = {}
 
     def add(self, source: str, error: InputError) -> None:
-        """Notes that a message or call of ``source`` was refused."""
+        """Records that a message or call on ``source`` was refused."""
         key = f"{source}: {error.reason}"
         self.counts[key] += 1
         now = monotonic()

@@ -1,4 +1,4 @@
-"""Runs a node to a steady beat until it is told to stop."""
+"""Runs a node at a fixed period until a signal stops it."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 
-# Time may stand still; signals are obeyed nevertheless, and ``idle()`` is called so often [s].
+# Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
 
-# Messages and calls handled between two steps by a loop that is late.
+# Most messages and calls that a late loop handles between two steps.
 MOST_WHEN_LATE = 8
 
 ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
 
 
 def executor_of(kind: ExecutorKind) -> Executor:
-    """An executor by the name that the parameter ``executor`` uses."""
+    """Return the executor for a value of the parameter ``executor``."""
     makers: dict[ExecutorKind, Callable[[], Executor]] = {
         "events": EventsExecutor,
         "single_threaded": SingleThreadedExecutor,
@@ -44,18 +44,18 @@ def executor_of(kind: ExecutorKind) -> Executor:
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
-    """Makes a node and calls its ``tick(skipped)`` at each deadline of its ``pacer``, handling messages in between.
-    The first deadline is counted from the moment that the node is ready, by its ``restart()``.
+    """Makes a node, calls its ``tick(skipped)`` at each deadline of its ``pacer``, and handles messages in between.
 
-    The events executor is driven by ``spin_once``: at 240 Hz it costs a tenth of what the others do, and a loop of our
-    own keeps the deadlines. What rclpy itself cannot take (a request that is none, a parameter of no type) is noted in
-    the node's ``refusals``. Ends on SIGINT and SIGTERM; exits with 2 if the node's settings are impossible.
+    The node's ``restart()`` sets the first deadline as soon as the node is ready. This loop keeps the deadlines and
+    calls the executor's ``spin_once``; at 240 Hz the events executor costs a tenth of the others. Input that rclpy
+    rejects (a malformed request, a parameter without a type) is counted in the node's ``refusals``. Returns after
+    SIGINT or SIGTERM; exits with 2 if the node's settings are invalid.
     """
-    rclpy.init(args=_with_logs_that_can_be_written(args), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
     try:
         try:
-            node = make_node()  # may wait for processes that compile; signals end that at once
+            node = make_node()  # may wait for other processes to compile; signals interrupt the wait
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda received, _: stop.append(received))
         except KeyboardInterrupt:
@@ -71,7 +71,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
         executor = executor_of(node.settings.executor)
         executor.add_node(node)
         gc.collect()
-        gc.freeze()  # what there is by now stays; to go through it again takes 20 ms
+        gc.freeze()  # the objects so far live as long as the node; each collection of them would take 20 ms
         node.restart()
         worked = monotonic()
         try:
@@ -94,8 +94,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
 
 
 def _handle_some(executor: Executor, node: Any) -> None:
-    """Handles some of the messages that wait while the loop is late; a call of the executor costs too much to ask
-    again when there was none."""
+    """Handles up to `MOST_WHEN_LATE` waiting messages; stops at the first empty call, because calls are expensive."""
     for _ in range(MOST_WHEN_LATE):
         handled = node.handled
         _handle(executor, node, 0.0)
@@ -103,8 +102,8 @@ def _handle_some(executor: Executor, node: Any) -> None:
             return
 
 
-def _with_logs_that_can_be_written(args: list[str] | None) -> list[str]:
-    """The arguments, with log files turned off where there is no place for them: rclpy would not start without."""
+def _with_checked_log_folder(args: list[str] | None) -> list[str]:
+    """Return the arguments, with log files disabled if their folder is not writable, because rclpy would not start."""
     given = sys.argv if args is None else args
     folder = Path(get_logging_directory())
     try:
@@ -117,10 +116,10 @@ def _with_logs_that_can_be_written(args: list[str] | None) -> list[str]:
 
 
 def _handle(executor: Executor, node: Any, seconds: float) -> None:
-    """Waits for a message and handles it. rclpy raises malformed requests here, before any callback of ours."""
+    """Waits for a message and handles it. Counts malformed requests, which rclpy raises here before any callback."""
     try:
         executor.spin_once(timeout_sec=seconds)
-    except Exception as error:  # noqa: BLE001  # no peer may end the node, and rclpy's errors have no common base
+    except Exception as error:  # noqa: BLE001  # no peer may stop the node, and rclpy's errors have no common base
         where = traceback.extract_tb(error.__traceback__)[-1]
         reason = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
         node.refusals.add("rclpy", InputError("malformed", reason))

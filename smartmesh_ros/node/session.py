@@ -1,4 +1,4 @@
-"""What the parts of the node share: the world, the settings, the clock, and how input is refused."""
+"""State that all parts of the node share: world, settings, clocks and refusals."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.physics.limits import FARTHEST_BODY
 from smartmesh_ros.physics.world import World
 
-# Calls that may wait, and answers that are kept until they are delivered: by default ROS loses all but ten.
+# Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
 
 
 class Session:
     """One running node.
 
-    ``frame_id``: the terrain's frame, empty until it is known. ``map_taken``: steady time of the last terrain message
-    taken [s], None before the first; ``maps``: how many were taken. ``lock``: held by whatever touches the world, for
-    executors with several threads. ``handled``: messages and calls so far. ``rival_maps``: publishers whose maps
-    disagree. ``doubtful_maps``: what is wrong with the maps, empty where nothing is. ``terrain_subscriptions``: those
-    that bring terrain. ``topics``: those that are taken and published. ``names``: of the nodes at their other ends.
+    ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
+    terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
+    maps that arrived after a map with a newer stamp. ``lock``: guards the world, for executors with several threads.
+    ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree. ``map_warning``:
+    suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the
+    node's inputs and outputs. ``names``: names of the peer nodes.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -51,17 +52,17 @@ class Session:
         self.lock = RLock()
         self.clock = NodeClock(node)
         self.pacer = Pacer(settings.world.physics.dt, now=self.clock.pace)
-        self.take_pace()
+        self.configure_pacer()
         self.frame_id = settings.frame_id
-        self.map_taken: float | None = None
-        self.overtaken = 0  # maps that came after one with a newer stamp
+        self.last_map_time: float | None = None
+        self.overtaken = 0
         self.maps = 0
         self.rival_maps: list[str] = []
-        self.doubtful_maps = ""
+        self.map_warning = ""
 
     @property
     def paused(self) -> bool:
-        """Whether the physics stands still."""
+        """True if the physics is paused."""
         return self.pacer.paused
 
     def listen(
@@ -75,9 +76,9 @@ class Session:
         private: bool = True,
         most: Callable[[], int] = lambda: MOST_ITEMS,
     ) -> None:
-        """Subscribes to ``~/topic``, or to ``topic`` as it is; what ``take`` refuses is counted and logged.
+        """Subscribes to ``~/topic``, or to ``topic`` if not ``private``; counts and logs what ``take`` refuses.
 
-        ``raw``: whether ``take`` reads the message's bytes itself. ``most``: elements allowed in each of its sequences.
+        ``raw``: ``take`` gets the message's bytes. ``most``: most elements in each of the message's sequences.
         """
 
         def callback(data: bytes) -> None:
@@ -93,7 +94,7 @@ class Session:
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
 
     def answer(self, kind: Any, service: str, act: Callable[[Any], str]) -> None:
-        """Serves ``~/service``: ``act`` returns the message of success, or refuses."""
+        """Serves ``~/service``: ``act`` returns the message of a successful response, or raises `InputError`."""
 
         def callback(request: Any, response: Any) -> Any:
             try:
@@ -109,18 +110,18 @@ class Session:
 
         self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
 
-    def take_pace(self) -> None:
-        """Paces the loop as the settings and the clock want it."""
+    def configure_pacer(self) -> None:
+        """Configures the pacer for the settings and the clock, and restarts it."""
         simulated = self.clock.simulated
         self.pacer.period = self.settings.world.physics.dt
-        # The steps that are due come in bursts, with the messages of /clock: none of them is late.
+        # Messages of /clock release several steps at once; none of these steps is late.
         self.pacer.policy = "catch_up" if simulated else self.settings.deadline
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
-        self.pacer.follows = simulated
+        self.pacer.follows_clock = simulated
         self.pacer.restart()
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
-        """Serves ``~/service`` with responses of other forms, which ``handle`` fills in."""
+        """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
 
         def callback(request: Any, response: Any) -> Any:
             self.handled += 1
@@ -131,37 +132,37 @@ class Session:
         self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
 
     def clock_now(self) -> float:
-        """The time that stamps are compared with [s]: simulated time if this node publishes it, else its clock."""
+        """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
 
     def stamp_now(self) -> Time:
-        """The stamp of what is published now."""
+        """Return the stamp for messages published now."""
         return stamp_of(self.world.time if self.settings.publish.clock else self.clock.stamp_now())
 
     def time_at(self, age: float) -> float:
-        """Simulated time of an instant ``age`` [s] ago, by the clock that stamps are compared with [s]."""
+        """Return the simulated time [s] of the instant ``age`` [s] ago on the clock that stamps are compared with."""
         if self.paused:
             return self.world.time - age
-        if self.settings.publish.clock:  # which is simulated time itself
+        if self.settings.publish.clock:  # stamps are simulated times
             return self.pacer.simulated_at(0.0, self.world.time) - age
         return self.pacer.simulated_at(age, self.world.time)
 
     def ahead_of_stamps(self) -> float:
-        """By how much simulated time, as the bodies are now, is ahead of the stamp of what is published now [s]."""
+        """Return the lead of simulated time, at which the bodies are, over the stamp for messages published now [s]."""
         return 0.0 if self.settings.publish.clock else self.world.time - self.time_at(0.0)
 
     def pace_at(self, age: float) -> float:
-        """The loop's own clock ``age`` [s] ago [s]."""
+        """Return the time of the loop's clock ``age`` [s] ago [s]."""
         return self.clock.pace() - age
 
     def require_not_simulated(self, name: str) -> None:
-        """Raises `InputError` if the body is simulated, so that nobody can dictate its pose."""
+        """Raises `InputError` if the body is simulated, because only the physics may move it."""
         known = self.world.bodies.get(name)
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
     def note_lost(self) -> None:
-        """Counts and logs the bodies that the world took out because they had left everything."""
+        """Counts and logs the bodies that the world removed because their position was invalid or too far away."""
         for name in self.world.lost:
             error = InputError(
                 "lost", f"{name!r} was at no place or farther away than {FARTHEST_BODY:g} m, and was removed"
@@ -170,7 +171,7 @@ class Session:
         self.world.lost.clear()
 
     def require_frame(self, frame_id: str) -> None:
-        """Raises `InputError` if ``frame_id`` is neither empty nor the terrain's frame, or no name."""
+        """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""
         require_name(frame_id, self.settings)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

@@ -1,6 +1,6 @@
 """The node ``terrain_collider``: terrain and bodies in, collider patches out.
 
-It takes a terrain as it deforms (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
+It receives a deforming terrain (heightmaps, grid maps, images, occupancy grids, point clouds, meshes, files) and the
 poses of bodies (arrays, poses, odometry, TF frames), keeps a small collider patch under each body, steps the physics of
 simulated bodies on those patches, and publishes patches, contacts, body states and timing. Topics and services are
 private (~/heightmap, ~/patches, ...) and listed in docs/interface.md; `ros2 node info /terrain_collider` shows them.
@@ -42,12 +42,12 @@ MOST_STEPS = 100_000
 
 
 class TerrainCollider(Node):
-    """Converts messages, makes one call of the core, and publishes what the core made."""
+    """Converts messages to calls of the core, steps the physics and publishes the results."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, **node_options)
         self.settings = parameters.declare(self)
-        compiling = warm_up()  # before any topic or service: who is answered is answered at once
+        compiling = warm_up()  # before any topic or service exists, so that no peer waits for compilation
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)
@@ -73,19 +73,19 @@ class TerrainCollider(Node):
         announce(self, self.settings, compiling)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """As rclpy's, but a refusal says what would be right."""
+        """Sets parameters as rclpy does, but with refusals that name valid alternatives."""
         refusal = declaring.objection(self, parameter_list, parameters.SPECS)
         return refusal or super().set_parameters_atomically(parameter_list)
 
     @property
     def handled(self) -> int:
-        """Messages and calls handled so far."""
+        """Number of messages and calls handled so far."""
         return self.session.handled
 
     def tick(self, skipped: int = 0) -> None:
-        """One physics step (none while paused), and whatever is due to be published.
+        """Runs one physics step (none while paused) and publishes the outputs that are due.
 
-        Simulated time goes on by the ``skipped`` steps before it; the bodies do not.
+        Before the step, simulated time advances by ``skipped`` steps without moving the bodies.
         """
         session = self.session
         with session.lock:
@@ -95,32 +95,32 @@ class TerrainCollider(Node):
             if session.paused:
                 session.world.refresh()
             else:
-                session.world.behind_real_time = self.pacer.late
+                session.world.behind_real_time = self.pacer.deadline_missed
                 session.world.skip(skipped)
                 session.world.step(prepared=self._outputs.publish_patches)
             session.note_lost()
             self._outputs.publish()
-            self._namesakes.look()
+            self._namesakes.check()
 
     def idle(self) -> None:
-        """Publishes what is due, and no step, while ``/clock`` stands still."""
+        """Publishes the outputs that are due, without a step, while ``/clock`` stands still."""
         with self.session.lock:
             self.session.world.refresh()
             self._outputs.publish()
-            self._namesakes.look()
+            self._namesakes.check()
 
     def destroy_node(self) -> None:
-        """Ends the world with the node."""
+        """Closes the world, then destroys the node."""
         self.session.world.close()
         super().destroy_node()
 
     def pause(self, paused: bool) -> None:
-        """Stops the physics, or lets it go on."""
+        """Pauses or resumes the physics."""
         self.pacer.pause(paused)
         self._outputs.restart_measuring()
 
     def step(self, count: int) -> None:
-        """Runs steps while the physics is paused; raises `InputError` if it is not."""
+        """Runs ``count`` steps while the physics is paused; raises `InputError` if it is running."""
         if not self.session.paused:
             raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
         if not 1 <= count <= MOST_STEPS:
@@ -129,8 +129,11 @@ class TerrainCollider(Node):
         self._outputs.publish(now=True)
 
     def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
-        """Sets the time to zero, puts bodies back where they were spawned, and makes the simulated ones those that the
-        parameters name."""
+        """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states.
+
+        ``spawned``: also removes the simulated bodies that no parameter names and, in a full reset, restores those that
+        a parameter names.
+        """
         world = self.session.world
         if spawned:
             for body in list(world.bodies.values()):
@@ -145,7 +148,7 @@ class TerrainCollider(Node):
             self._initial.restore()
 
     def remove(self, name: str) -> None:
-        """Takes a body out of the world, simulated or tracked."""
+        """Removes a body, simulated or tracked."""
         self._body_services.remove(name)
 
     def _on_step(self, request: StepPhysics.Request) -> str:
@@ -158,26 +161,26 @@ class TerrainCollider(Node):
 
     def _on_reset_terrain_clock(self, _: Trigger.Request) -> str:
         self._terrain.forget_stamps()
-        return "maps may have any stamp, as the first ones; bodies stay where they are"
+        return "the next map may have any stamp, as the first one; bodies stay where they are"
 
     def _on_pause(self, request: SetBool.Request) -> str:
         self.pause(request.data)
         return "paused" if request.data else "running"
 
     def _forget_stamps(self) -> None:
-        """Accepts whatever stamps come next, and starts the loop's beat anew."""
+        """Accepts any stamps from now on, and restarts the loop's deadlines."""
         self._terrain.forget_stamps()
         self._bodies.forget_stamps()
         self._peers.forget_stamps()
         self.restart()
 
     def restart(self) -> None:
-        """Starts the loop's beat anew, and what is measured of it."""
+        """Restarts the loop's deadlines and measurements."""
         self.pacer.restart()
         self._outputs.restart_measuring()
 
     def _check_settings(self, settings: Settings) -> None:
-        """Objects to settings that the terrain there is does not allow."""
+        """Raises `InputError` if the settings do not fit the current terrain."""
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)
 
@@ -193,14 +196,14 @@ class TerrainCollider(Node):
                 mesh.motion = self.settings.motion
             session.tracking.timeout = self.settings.body_timeout
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
-                session.take_pace()
+                session.configure_pacer()
                 self._outputs.restart_measuring()
         before, self._values = self._values, declaring.current_values(self, parameters.SPECS)
         announce_changes(self, before, self._values)
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the node until SIGINT or SIGTERM."""
+    """Runs the node until SIGINT or SIGTERM stops it."""
     answer(NAME, __doc__, parameters.SPECS, args)
     send_without_waiting()
     run(TerrainCollider, args)

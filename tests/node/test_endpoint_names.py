@@ -5,7 +5,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from smartmesh_ros.node.endpoint_names import NAMELESS, PATIENCE, UNKNOWN, EndpointNames
+from smartmesh_ros.node.endpoint_names import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames
 from smartmesh_ros.node.inputs.rivals import publisher_names
 from smartmesh_ros.node.outputs.connections import incompatible_peers
 
@@ -67,10 +67,10 @@ def test_a_program_that_never_sends_a_name_is_told_of_after_a_while() -> None:
     names = EndpointNames(lambda: now[0])
     nameless = endpoint(2, UNNAMED)
     assert names.of(nameless) is None
-    now[0] += 0.9 * PATIENCE
+    now[0] += 0.9 * NAME_TIMEOUT
     assert names.of(nameless) is None
     assert names.of(endpoint(3, UNNAMED)) is None
-    now[0] += 0.2 * PATIENCE
+    now[0] += 0.2 * NAME_TIMEOUT
     assert names.of(nameless) == NAMELESS
     assert names.of(endpoint(3, UNNAMED)) is None, "each has its own time"
     assert names.of(endpoint(2, ("late", "/"))) == "/late"

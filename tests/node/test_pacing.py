@@ -110,7 +110,7 @@ def test_a_late_loop_takes_no_map_for_one_of_a_time_far_ahead(policy: DeadlinePo
         for _ in range(3):  # maps come while there is time, and just before the step
             late = now[0] - pacer.deadline
             assert pacer.simulated_at(0.0, time) <= time + PERIOD
-            if not pacer.behind:
+            if not pacer.overloaded:
                 assert pacer.simulated_at(0.0, time) == pytest.approx(time + min(late, PERIOD), abs=1e-12)
             now[0] += 0.5 * max(pacer.remaining(), 0.0)
         now[0] += max(pacer.remaining(), 0.0)
@@ -125,7 +125,7 @@ def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: boo
     """Steps are left out, or run at once up to the time that another simulator's clock tells."""
     now = [0.0]
     pacer = Pacer(PERIOD, "catch_up" if follows else "skip", lambda: now[0])
-    pacer.follows, pacer.most_catch_up = follows, 1.0
+    pacer.follows_clock, pacer.most_catch_up = follows, 1.0
     time = PERIOD  # of the next step: simulated time runs with the clock
     for cost in costs:
         now[0] += cost
@@ -175,12 +175,12 @@ def test_a_loop_is_late_after_a_missed_deadline_but_not_for_following_a_clock(
 ) -> None:
     now = [0.0]
     pacer = Pacer(PERIOD, policy, lambda: now[0])
-    pacer.follows = follows
+    pacer.follows_clock = follows
     for lateness, late in ((0.9, False), (1.5, True), (0.0, False)):
         pacer.restart()
         now[0] = pacer.deadline + lateness * PERIOD
         pacer.advance()
-        assert pacer.late == (late and not follows)
+        assert pacer.deadline_missed == (late and not follows)
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -193,7 +193,7 @@ def test_a_paused_loop_beats_on_and_misses_nothing(policy: DeadlinePolicy) -> No
         now[0] = max(now[0], pacer.deadline)
         assert pacer.advance() == 0
         assert 0.0 < pacer.remaining() <= PERIOD
-        assert not pacer.late
+        assert not pacer.deadline_missed
         now[0] += work
     pacer.pause(False)
     assert pacer.remaining() == pytest.approx(PERIOD)
@@ -207,7 +207,7 @@ def test_the_time_before_the_first_message_of_a_clock_is_no_delay() -> None:
     """Simulators and bags have been running for hours, or count from 1970."""
     now = [0.0]
     pacer = Pacer(PERIOD, "catch_up", lambda: now[0])
-    pacer.follows, pacer.most_catch_up = True, MOST_JUMP
+    pacer.follows_clock, pacer.most_catch_up = True, MOST_JUMP
     pacer.restart()
     now[0] = 1.7e9
     assert pacer.remaining() == pytest.approx(PERIOD, abs=1e-6)
@@ -219,7 +219,7 @@ def test_the_time_before_the_first_message_of_a_clock_is_no_delay() -> None:
 def test_steps_that_a_message_of_a_clock_brings_at_once_are_not_missed() -> None:
     now = [10.0]
     pacer = Pacer(PERIOD, "catch_up", lambda: now[0])
-    pacer.follows, pacer.most_catch_up = True, MOST_JUMP
+    pacer.follows_clock, pacer.most_catch_up = True, MOST_JUMP
     steps = 0
     for _ in range(100):
         now[0] += 0.02

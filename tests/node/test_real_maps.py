@@ -174,19 +174,19 @@ def checked(maps: int, *, given: bool = False, motion: MotionConfig | None = Non
 
 def test_a_doubt_is_logged_once_and_goes_with_its_tile() -> None:
     checks, log = checked(50)
-    assert log.lines and ADVICE in log.lines[0] and ADVICE in checks.doubt
+    assert log.lines and ADVICE in log.lines[0] and ADVICE in checks.warning
     checks.forget("")
-    assert checks.doubt == ""
+    assert checks.warning == ""
     for number in range(50):
         heightmap = HeightMap(of_mapper(number), geometry=GRID, time=0.1 * number)
         checks.take("east", heightmap, 0.1 * number, given=False)
-    assert "tile 'east'" in checks.doubt
+    assert "tile 'east'" in checks.warning
     assert len(log.lines) == 1
 
 
 def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> None:
     for checks, log in (checked(50, given=True), checked(50, motion=MotionConfig(changes="correction"))):
-        assert checks.doubt == "" and not log.lines
+        assert checks.warning == "" and not log.lines
 
 
 def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(probe: Probe) -> None:

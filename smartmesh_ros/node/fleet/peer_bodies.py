@@ -128,7 +128,7 @@ class PeerBodies:
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)
-                if peer.clock.is_late(stamp, math.inf):  # older than the message before
+                if peer.clock.is_overtaken(stamp, math.inf):  # older than the message before
                     return
                 time = peer.clock.place(stamp, session.clock_now(), session.time_at)
                 objections = self._session.world.guests.take(name, new.bodies, time + new.ahead)

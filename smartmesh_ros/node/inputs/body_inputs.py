@@ -1,4 +1,4 @@
-"""Bodies from topics and frames: poses that are dictated, and commands to robots' joints."""
+"""Tracked bodies from topics and frames, and commands to robots' joints."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.limits import SIZES, require_between, require_possible
 
-# Takes reliable and best-effort publishers alike.
+# Matches reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class BodyInputs:
-    """Takes messages about bodies into the world."""
+    """Applies messages about bodies to the world."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._clocks: dict[str, StampClock] = {}
-        self._of_poses: set[str] = set()
+        self._pose_array_names: set[str] = set()
         self._transforms = TransformInput(session)
         self._frames = FrameBodies(session, self._transforms)
 
@@ -47,11 +47,11 @@ class BodyInputs:
             session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
 
     def refresh(self) -> None:
-        """Brings the bodies that are frames to where they are."""
+        """Moves the bodies of ``bodies.frames`` to their frames."""
         self._frames.refresh()
 
     def forget_stamps(self) -> None:
-        """Accepts whatever stamps come next, after a reset."""
+        """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._frames.forget_stamps()
         self._transforms.buffer.clear()
@@ -63,9 +63,9 @@ class BodyInputs:
         bodies = conversions.poses_from(message)
         self._track("body_poses", message.header, bodies)
         names = {body.name for body in bodies}
-        for name in self._of_poses - names:
+        for name in self._pose_array_names - names:
             self._session.tracking.forget(name)
-        self._of_poses = names
+        self._pose_array_names = names
 
     def _on_pose(self, name: str, topic: str, message: PoseStamped) -> None:
         self._track(topic, message.header, [BodyInput(name, conversions.state_from(message.pose), 0.0)])

@@ -1,4 +1,4 @@
-"""Tracked bodies that parameters name, and where their poses come from."""
+"""Tracked bodies that parameters name, and the topics or frames of their poses."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ from smartmesh_ros.errors import InputError
 
 
 class BodySource(NamedTuple):
-    """A tracked body, and the topic or TF frame that its pose comes from."""
+    """A tracked body, and the topic or TF frame of its pose."""
 
     name: str
     source: str
 
 
 def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySource, ...]]:
-    """The sources of each parameter ``bodies.<kind>``. An entry is ``name=source``, or a source alone, whose body is
-    called like it with ``.`` for ``/``. Raises `InputError`: names are not empty, without ``/``, and distinct."""
+    """Return the sources of each parameter ``bodies.<kind>``.
+
+    An entry is ``name=source``, or a source alone, which names the body, with ``.`` for ``/``. Raises `InputError` if a
+    name is empty, contains ``/`` or repeats.
+    """
     seen: set[str] = set()
     found: dict[str, tuple[BodySource, ...]] = {}
     for kind, texts in entries.items():
@@ -28,7 +31,7 @@ def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySo
         for name, _ in sources:
             if name in seen:
                 raise InputError(
-                    "parameter", f"bodies.{kind} names body {name!r} again; use name=source to tell them apart"
+                    "parameter", f"bodies.{kind} names body {name!r} again; use name=source to give it another name"
                 )
             seen.add(name)
         found[kind] = tuple(sources)

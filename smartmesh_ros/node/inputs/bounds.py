@@ -1,4 +1,4 @@
-"""How much of the machine peers may take: numbers of bodies and tiles, lengths of names, folders of robots."""
+"""Limits on what peers may request: numbers of bodies and tiles, lengths of names, folders of robots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.terrain import Terrain
 
 
 def require_name(name: str, settings: Settings) -> None:
-    """Raises `InputError` where the name of a body, tile or frame is too long to be one."""
+    """Raises `InputError` if the name of a body, tile or frame is too long."""
     if len(name) > settings.longest_name:
         raise InputError(
             "size", f"a name of {len(name)} characters; bodies.longest_name allows {settings.longest_name}"
@@ -23,14 +23,14 @@ def require_name(name: str, settings: Settings) -> None:
 
 
 def require_room(names: Iterable[str], known: Iterable[str], settings: Settings) -> None:
-    """Raises `InputError` where there would be too many bodies if those of ``names`` joined the ``known`` ones."""
+    """Raises `InputError` if ``known`` and ``names`` together are too many bodies."""
     count = len({*known, *names})
     if count > settings.most_bodies:
         raise InputError("size", f"{count} bodies are more than bodies.most = {settings.most_bodies}")
 
 
 def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Settings) -> None:
-    """Raises `InputError` where there would be too many tiles, or samples in all of them together."""
+    """Raises `InputError` if the terrain with this tile would have too many tiles, or too many samples in all tiles."""
     others = [mesh for tile, mesh in terrain.tiles.items() if tile != name]
     if len(others) >= settings.most_tiles:
         raise InputError("size", f"{len(others) + 1} tiles are more than terrain.max_tiles = {settings.most_tiles}")
@@ -40,7 +40,7 @@ def require_tile_fits(name: str, samples: int, terrain: Terrain, settings: Setti
 
 
 def urdf_rules(settings: Settings) -> UrdfRules:
-    """What robot descriptions that a service names must keep to."""
+    """Return the rules for robot descriptions that a service names."""
     return UrdfRules(folders=_folders(settings), longest=settings.longest_urdf)
 
 

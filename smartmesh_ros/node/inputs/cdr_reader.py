@@ -1,4 +1,4 @@
-"""Reads messages straight from their CDR bytes: large arrays of numbers without an object for each."""
+"""Reads messages from their CDR bytes, arrays of numbers without a copy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 
 
 class Stamped(NamedTuple):
-    """The fields every terrain message starts with: stamp (seconds and nanoseconds), frame and tile."""
+    """The first fields of every terrain message: stamp (seconds and nanoseconds), frame and tile."""
 
     sec: int
     nanosec: int
@@ -21,7 +21,7 @@ class Stamped(NamedTuple):
 
 
 class CdrReader:
-    """Reads fields in the order of the message definition. Raises `InputError` where the bytes end too soon."""
+    """Reads fields in the order of the message definition. Raises `InputError` if the bytes end too soon."""
 
     def __init__(self, data: bytes) -> None:
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
@@ -32,23 +32,23 @@ class CdrReader:
 
     @property
     def at(self) -> int:
-        """How many bytes after the first four were read."""
+        """Number of bytes read after the 4-byte header."""
         return self._at
 
     def number(self, code: str) -> Any:
-        """One number, by its `struct` code."""
+        """Read one number, given its `struct` code."""
         size = struct.calcsize(code)
         return struct.unpack(self._order + code, self._take(size, size))[0]
 
     def numbers(self, code: str, count: int) -> tuple[Any, ...]:
-        """So many numbers in a row, by their `struct` code."""
+        """Read ``count`` consecutive numbers, given their `struct` code."""
         size = struct.calcsize(code)
         return struct.unpack(f"{self._order}{count}{code}", self._take(size, count * size))
 
     def text(self) -> str:
-        """A string."""
+        """Read a string."""
         data = bytes(self._take(1, self.number("I"))).rstrip(b"\0")
-        if b"\0" in data:  # would be two names, a long one here and a short one wherever strings end at a zero
+        if b"\0" in data:  # C code would read a shorter name than this one
             raise InputError("malformed", f"a string of {len(data)} bytes has a zero byte in it")
         try:
             return data.decode()
@@ -56,7 +56,7 @@ class CdrReader:
             raise InputError("malformed", f"a string of {len(data)} bytes is not UTF-8") from None
 
     def count(self, size: int) -> int:
-        """Number of elements of a sequence, each of ``size`` bytes at the least; as many must be left."""
+        """Read the length of a sequence; the bytes left must hold so many elements of at least ``size`` bytes each."""
         count = int(self.number("I"))
         if count * size > len(self._data) - self._at:
             raise InputError(
@@ -65,12 +65,12 @@ class CdrReader:
         return count
 
     def skip(self, size: int, count: int = 1) -> None:
-        """Moves on past ``count`` numbers of ``size`` bytes each."""
+        """Skip ``count`` numbers of ``size`` bytes each."""
         if count:
             self._take(size, count * size)
 
     def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:
-        """A sequence of numbers, or of ``width`` numbers each, as an array (n,) or (n, width) over the bytes."""
+        """Read a sequence of numbers, or of ``width`` numbers each, as a view (n,) or (n, width) of the bytes."""
         count = self.number("I")
         kind = np.dtype(self._order + dtype)
         data = self._take(kind.itemsize, count * width * kind.itemsize) if count else b""
@@ -78,7 +78,7 @@ class CdrReader:
         return array if width == 1 else array.reshape(-1, width)
 
     def stamped(self) -> Stamped:
-        """Header and tile."""
+        """Read header and tile."""
         return Stamped(self.number("i"), self.number("I"), self.text(), self.text())
 
     def _take(self, alignment: int, size: int) -> memoryview:

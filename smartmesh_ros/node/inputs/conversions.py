@@ -1,4 +1,4 @@
-"""Messages to the core's values, all of it, as pure functions. What cannot be converted raises `InputError`."""
+"""Pure functions that convert messages to values of the core. Invalid messages raise `InputError`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FloatGrid = NDArray[np.float32]
 
 
 class Quaternion(NamedTuple):
-    """A rotation."""
+    """A rotation, as a unit quaternion."""
 
     x: float
     y: float
@@ -30,7 +30,7 @@ class Quaternion(NamedTuple):
 
 
 class MapInput(NamedTuple):
-    """A whole map: where it lies (None = its tile goes), heights (rows, columns) [m], and velocities [m/s] or None."""
+    """A whole map: geometry (None = remove the tile), heights (rows, columns) [m], and velocities [m/s] or None."""
 
     start: Stamped
     geometry: GridGeometry | None
@@ -39,7 +39,7 @@ class MapInput(NamedTuple):
 
 
 class RegionInput(NamedTuple):
-    """A rectangle of new heights (rows, columns) [m] from a first row and column, and velocities [m/s] or None."""
+    """New heights (rows, columns) [m] of a rectangle, its first row and column, and velocities [m/s] or None."""
 
     start: Stamped
     row: int
@@ -75,7 +75,7 @@ class BodyInput(NamedTuple):
 
 
 def stamp_seconds(stamp: Any) -> float | None:
-    """A stamp in seconds; None where it is not set (zero)."""
+    """Return a stamp in seconds; None if it is not set (zero)."""
     if stamp.sec < 0 or not 0 <= stamp.nanosec < 1_000_000_000:
         raise InputError("stamp", f"stamp {stamp.sec} s {stamp.nanosec} ns is not a time; nanosec is 0 to 999999999")
     if stamp.sec == 0 and stamp.nanosec == 0:
@@ -84,7 +84,7 @@ def stamp_seconds(stamp: Any) -> float | None:
 
 
 def map_from(data: bytes, max_samples: int) -> MapInput:
-    """A Heightmap message from its bytes, sizes checked before anything is touched; the arrays lie over the bytes."""
+    """Read a Heightmap message. Checks sizes before any allocation; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     reader.number("i"), reader.number("I")  # map_load_time
@@ -101,7 +101,7 @@ def map_from(data: bytes, max_samples: int) -> MapInput:
 
 
 def region_from(data: bytes, max_samples: int) -> RegionInput:
-    """A HeightmapUpdate message from its bytes."""
+    """Read a HeightmapUpdate message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     column, row, columns, rows = (reader.number("I") for _ in range(4))
@@ -111,7 +111,7 @@ def region_from(data: bytes, max_samples: int) -> RegionInput:
 
 
 def mesh_from(data: bytes, max_samples: int) -> MeshInput:
-    """A TerrainMesh message from its bytes."""
+    """Read a TerrainMesh message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     triangles = reader.sequence("u4", 3)
@@ -122,7 +122,7 @@ def mesh_from(data: bytes, max_samples: int) -> MeshInput:
 
 
 def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
-    """A TerrainMeshUpdate message from its bytes."""
+    """Read a TerrainMeshUpdate message; the arrays are views of ``data``."""
     reader = CdrReader(data)
     start = reader.stamped()
     indices = reader.sequence("u4")
@@ -133,7 +133,7 @@ def mesh_update_from(data: bytes, max_samples: int) -> MeshUpdateInput:
 
 
 def bodies_from(message: Any) -> list[BodyInput]:
-    """A TrackedBodyArray message; refused whole if one of its bodies is impossible."""
+    """Convert a TrackedBodyArray message; one invalid body refuses the whole message."""
     bodies = []
     for body in message.bodies:
         if not (math.isfinite(body.radius) and body.radius >= 0.0):
@@ -144,19 +144,19 @@ def bodies_from(message: Any) -> list[BodyInput]:
 
 
 def poses_from(message: Any) -> list[BodyInput]:
-    """A PoseArray message: body i is called ``body_<i>``."""
+    """Convert a PoseArray message; body i gets the name ``body_<i>``."""
     return [BodyInput(f"body_{index}", state_from(pose), 0.0) for index, pose in enumerate(message.poses)]
 
 
 def odometry_from(message: Any) -> BodyState:
-    """An Odometry message; its twist is in the body's own frame and is turned into that of the pose."""
+    """Convert an Odometry message, its twist rotated from the body's frame into the frame of the pose."""
     state = state_from(message.pose.pose, message.twist.twist)
     linear, angular = (rotate(state.orientation, vector) for vector in (state.linear, state.angular))
     return replace(state, linear=linear, angular=angular)
 
 
 def state_from(pose: Any, twist: Any = None) -> BodyState:
-    """A pose and a twist, finite and with a unit quaternion (then made exactly so)."""
+    """Convert a pose and a twist. `BodyState` checks that they are finite, and normalises the quaternion."""
     p, q = pose.position, pose.orientation
     linear = angular = (0.0, 0.0, 0.0)
     if twist is not None:
@@ -166,18 +166,18 @@ def state_from(pose: Any, twist: Any = None) -> BodyState:
 
 
 def yaw_from(quaternion: Any) -> float:
-    """The turn about z [rad] of a unit quaternion that turns about nothing else."""
+    """Return the rotation about z [rad] of a unit quaternion that rotates about no other axis."""
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     length = math.hypot(x, y, z, w)
     if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
         raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
     if math.hypot(x, y) > QUATERNION_SLACK:
-        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be turned about z only")
+        raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be rotated about z only")
     return 2.0 * math.atan2(z, w)
 
 
 def shape_from(primitive: Any) -> Shape:
-    """A SolidPrimitive as the core's shape."""
+    """Convert a SolidPrimitive to a shape of the core."""
     dimensions = [float(value) for value in primitive.dimensions]
     wanted = {
         SolidPrimitive.SPHERE: ("SPHERE", 1),
@@ -198,7 +198,7 @@ def shape_from(primitive: Any) -> Shape:
 
 
 def _grids(heights: Any, velocities: Any, shape: tuple[int, int]) -> tuple[FloatGrid, FloatGrid | None]:
-    """Flat arrays as (rows, columns), without a copy."""
+    """Return flat arrays as views (rows, columns)."""
     return heights.reshape(shape), velocities.reshape(shape) if len(velocities) else None
 
 

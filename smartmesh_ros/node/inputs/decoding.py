@@ -1,7 +1,7 @@
-"""Messages from bytes that nobody vouches for.
+"""Decoding of messages from untrusted bytes.
 
-The middleware drops a malformed message without a word, and decodes a long one whole before anybody can object. So
-topics are read as bytes, and checked and counted here.
+The middleware drops malformed messages silently, and decodes oversized ones before a callback can refuse them. So the
+node subscribes to raw bytes, and checks them here before decoding.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rosidl_parser.definition import AbstractSequence, AbstractString, Array, Ba
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 
-# Elements that a sequence of messages or strings may have, where nothing else is said.
+# Default of the most elements in a sequence of messages or strings.
 MOST_ITEMS = 100_000
 
 _SIZES = {
@@ -26,54 +26,57 @@ _SIZES = {
 
 
 def message_from(data: bytes, kind: Any, most: int = MOST_ITEMS) -> Any:
-    """The message of type ``kind`` in its CDR bytes. Raises `InputError` where the bytes are no such message, or one of
-    its sequences of messages or strings has more than ``most`` elements; no memory is taken before that is known."""
+    """Decode a message of type ``kind`` from its CDR bytes.
+
+    Raises `InputError` if the bytes are no such message, or if a sequence of messages or strings has more than ``most``
+    elements, which is checked before anything is allocated.
+    """
     reader = CdrReader(data)
     _check_message(reader, kind, most)
     try:
         return deserialize_message(data, kind)
-    except Exception as error:  # noqa: BLE001  # rclpy raises what its decoder does, without a common base
+    except Exception as error:  # noqa: BLE001  # the decoder's errors have no common base
         raise InputError("malformed", f"{len(data)} bytes are no {kind.__name__}: {error}") from None
 
 
 def _check_message(reader: CdrReader, kind: Any, most: int) -> None:
-    """Moves on through a message as far as there may be sequences whose elements need objects, and checks each."""
+    """Check every sequence of messages or strings in a message, reading up to the last one."""
     types = kind.SLOT_TYPES
-    last = max((index for index, slot in enumerate(types) if _counts_objects(slot)), default=-1)
+    last = max((index for index, slot in enumerate(types) if _has_object_sequence(slot)), default=-1)
     for index, slot in enumerate(types[: last + 1]):
         _check(reader, slot, most, to_end=index < last)
 
 
 def _check(reader: CdrReader, slot: Any, most: int, *, to_end: bool) -> None:
-    """Checks a field; moves on to its end only if something after it needs to be checked."""
+    """Check the sequences in a field. ``to_end``: read to the field's end, because a later field needs a check."""
     if isinstance(slot, NamespacedType):
         if to_end:
-            _pass_over(reader, slot, most)
+            _skip_field(reader, slot, most)
         else:
             _check_message(reader, _class_of(tuple(slot.namespaces), slot.name), most)
     elif isinstance(slot, AbstractSequence) and not isinstance(slot.value_type, BasicType):
         count = reader.count(_smallest(slot.value_type))
         if count > most:
             raise InputError("size", f"{count} elements in one sequence are more than the {most} allowed")
-        if to_end or _counts_objects(slot.value_type):
+        if to_end or _has_object_sequence(slot.value_type):
             for _ in range(count):
-                _pass_over(reader, slot.value_type, most)
+                _skip_field(reader, slot.value_type, most)
     elif to_end:
-        _pass_over(reader, slot, most)
+        _skip_field(reader, slot, most)
 
 
-def _pass_over(reader: CdrReader, slot: Any, most: int) -> None:
-    """Moves on to the end of a field, checking the sequences in it."""
+def _skip_field(reader: CdrReader, slot: Any, most: int) -> None:
+    """Skip a field, checking the sequences in it."""
     if isinstance(slot, BasicType):
         reader.skip(_SIZES[slot.typename])
     elif isinstance(slot, AbstractString):
         reader.skip(1, reader.count(1))
     elif isinstance(slot, NamespacedType):
         for inner in _class_of(tuple(slot.namespaces), slot.name).SLOT_TYPES:
-            _pass_over(reader, inner, most)
+            _skip_field(reader, inner, most)
     elif isinstance(slot, Array):
         for _ in range(slot.size):
-            _pass_over(reader, slot.value_type, most)
+            _skip_field(reader, slot.value_type, most)
     elif isinstance(slot.value_type, BasicType):
         size = _SIZES[slot.value_type.typename]
         reader.skip(size, reader.count(size))
@@ -81,22 +84,22 @@ def _pass_over(reader: CdrReader, slot: Any, most: int) -> None:
         _check(reader, slot, most, to_end=True)
 
 
-def _counts_objects(slot: Any) -> bool:
-    """Whether there is a sequence of messages or strings in a field."""
+def _has_object_sequence(slot: Any) -> bool:
+    """Return True if a field contains a sequence of messages or strings."""
     if isinstance(slot, NamespacedType):
-        return _message_counts_objects(_class_of(tuple(slot.namespaces), slot.name))
+        return _message_has_object_sequence(_class_of(tuple(slot.namespaces), slot.name))
     if isinstance(slot, AbstractSequence):
         return not isinstance(slot.value_type, BasicType)
-    return isinstance(slot, Array) and _counts_objects(slot.value_type)
+    return isinstance(slot, Array) and _has_object_sequence(slot.value_type)
 
 
 @cache
-def _message_counts_objects(kind: Any) -> bool:
-    return any(_counts_objects(slot) for slot in kind.SLOT_TYPES)
+def _message_has_object_sequence(kind: Any) -> bool:
+    return any(_has_object_sequence(slot) for slot in kind.SLOT_TYPES)
 
 
 def _smallest(slot: Any) -> int:
-    """Fewest bytes that a field takes, without alignment."""
+    """Return the smallest size of a field, without alignment [bytes]."""
     if isinstance(slot, BasicType):
         return _SIZES[slot.typename]
     if isinstance(slot, NamespacedType):

@@ -1,4 +1,4 @@
-"""Tracked bodies that stand where TF has a frame."""
+"""Tracked bodies that follow TF frames."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from smartmesh_ros.node.timing.pacing import StampClock
 from smartmesh_ros.physics.state import BodyState
 
 SOURCE = "bodies.frames"
-# Frames are looked up when transforms have arrived, and else so often, for those that never move [s].
+# Longest time between two look-ups of the frames without a new transform [s], for static frames.
 PERIOD = 0.2
 
 
 class FrameBodies:
-    """Follows the frames of the parameter ``bodies.frames``."""
+    """Moves the bodies of the parameter ``bodies.frames`` with their frames."""
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session = session
@@ -27,12 +27,12 @@ class FrameBodies:
             transforms.listen(SOURCE)
 
     def forget_stamps(self) -> None:
-        """Accepts whatever stamps come next."""
+        """Accepts any stamps from now on."""
         self._clocks.clear()
         self._stamps.clear()
 
     def refresh(self) -> None:
-        """Looks every frame up, if there is news. One that cannot be reached is refused at most once a `PERIOD`."""
+        """Looks up every frame if a transform arrived or `PERIOD` has passed; reports failures once a `PERIOD`."""
         session, buffer = self._session, self._transforms.buffer
         if not session.settings.frames or not session.frame_id:
             return

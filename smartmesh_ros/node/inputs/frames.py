@@ -1,4 +1,4 @@
-"""Where frames were, from transforms between parents and children (REP 105), without ROS."""
+"""A buffer of transforms between parent and child frames (REP 105), with look-up by time. Without ROS."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.quaternions import conjugate, product, rotate, slerp
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
 
-# How long transforms are kept [s], and how many of one child at the most.
+# Age at which transforms are dropped [s], and most transforms to keep of one child.
 HISTORY = 10.0
 MOST_KEPT = 2000
-# A stamp may be so much newer than the newest transform, which is then taken as it is [s].
-LATE = 0.5
+# The newest transform holds for this long after its stamp [s]; later look-ups fail.
+MAX_HOLD = 0.5
 
 
 class Transform(NamedTuple):
@@ -25,18 +25,18 @@ class Transform(NamedTuple):
     rotation: Quaternion
 
     def then(self, inner: Transform) -> Transform:
-        """A transform given in this one's frame, seen from outside."""
+        """Return ``inner``, given in this frame, as a transform in the outer frame."""
         (x, y, z), (dx, dy, dz) = self.translation, rotate(self.rotation, inner.translation)
         return Transform((x + dx, y + dy, z + dz), product(self.rotation, inner.rotation))
 
     def inverse(self) -> Transform:
-        """The outer frame's pose in this one."""
+        """Return the outer frame's pose in this frame."""
         back = conjugate(self.rotation)
         x, y, z = rotate(back, self.translation)
         return Transform((-x, -y, -z), back)
 
     def apply(self, state: BodyState) -> BodyState:
-        """A body's state seen from outside, by a frame that stands still."""
+        """Return a body's state in the outer frame. The twist is rotated only, as if the frames were at rest."""
         position, orientation = self.then(Transform(state.position, state.orientation))
         return BodyState(
             position, orientation, rotate(self.rotation, state.linear), rotate(self.rotation, state.angular)
@@ -48,32 +48,32 @@ IDENTITY = Transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 @dataclass
 class _Edge:
-    """What is known of a child: its parent, and transforms by stamp; no stamps = static."""
+    """A child's parent, and its transforms by stamp [s]; no stamps = static."""
 
     parent: str
     stamps: list[float] = field(default_factory=list)
     transforms: list[Transform] = field(default_factory=list)
 
 
-# Frames there may be.
+# Most frames in a buffer; more are refused.
 MOST_FRAMES = 10_000
 
 
 class FrameBuffer:
-    """Transforms of the last seconds, looked up across the tree of frames. ``version`` counts what was added."""
+    """Transforms of the last `HISTORY` seconds, with look-up across the frame tree. ``version`` counts additions."""
 
     def __init__(self) -> None:
         self.version = 0
         self._edges: dict[str, _Edge] = {}
 
     def clear(self) -> None:
-        """Forgets everything that moves, when clocks were set back."""
+        """Removes all moving transforms, after a clock jumped back."""
         self._edges = {child: edge for child, edge in self._edges.items() if not edge.stamps}
 
     def add(self, parent: str, child: str, transform: Transform, stamp: float | None) -> None:
-        """Notes the pose of ``child`` in ``parent`` at ``stamp`` [s], None = always. Raises `InputError`."""
+        """Adds the pose of ``child`` in ``parent`` at ``stamp`` [s], None = static. Raises `InputError`."""
         if not parent or not child or parent == child:
-            raise InputError("frame", f"a transform from {child!r} to {parent!r} has no two frames")
+            raise InputError("frame", f"a transform from {child!r} to {parent!r} needs two distinct frame names")
         if not all(math.isfinite(value) for part in transform for value in part):
             raise InputError("non_finite", f"the transform from {child!r} to {parent!r} is not finite: {transform}")
         length = math.hypot(*transform.rotation)
@@ -90,19 +90,19 @@ class FrameBuffer:
             edge = self._edges[child] = _Edge(parent, [], [transform])
         elif edge is None or edge.parent != parent or not edge.stamps or stamp < edge.stamps[-1] - HISTORY:
             self._edges[child] = _Edge(parent, [stamp], [transform])
-        elif stamp > edge.stamps[-1]:  # one that comes late or again changes nothing
+        elif stamp > edge.stamps[-1]:  # a late or repeated transform changes nothing
             edge.stamps.append(stamp)
             edge.transforms.append(transform)
             old = max(bisect_right(edge.stamps, stamp - HISTORY) - 1, len(edge.stamps) - MOST_KEPT, 0)
-            if old > len(edge.stamps) // 4:  # now and then, rather than one by one
+            if old > len(edge.stamps) // 4:  # in batches, because each deletion shifts the lists
                 del edge.stamps[:old], edge.transforms[:old]
         self.version += 1
 
     def lookup(self, target: str, source: str, stamp: float | None = None) -> tuple[Transform, float | None]:
-        """Pose of ``source`` in ``target`` at ``stamp`` [s], and the stamp it holds for.
+        """Return the pose of ``source`` in ``target`` at ``stamp`` [s], and that stamp.
 
-        Without a stamp it is the newest that all frames on the way know; None where all of them are static. Between two
-        transforms it is interpolated. Raises `InputError` where there is no way, or none at that time.
+        Without a stamp, the newest stamp common to all frames on the path; None if all of them are static. Interpolates
+        between transforms. Raises `InputError` if no path connects the frames, or a transform lacks that time.
         """
         up, down = self._way(source), self._way(target)
         shared = next((frame for frame in up if frame in down), None)
@@ -119,11 +119,11 @@ class FrameBuffer:
         return (self._chain(down, stamp).inverse().then(outward) if down else outward), stamp
 
     def _way(self, frame: str) -> list[str]:
-        """The frame, its parent, and so on to the root."""
+        """Return the frame and its ancestors, up to the root."""
         way = [frame]
         while (edge := self._edges.get(way[-1])) is not None:
             if edge.parent in way:
-                raise InputError("frame", f"frames are their own parents: {' -> '.join([*way, edge.parent])}")
+                raise InputError("frame", f"the frames form a cycle: {' -> '.join([*way, edge.parent])}")
             way.append(edge.parent)
         return way
 
@@ -138,11 +138,11 @@ class FrameBuffer:
         if not edge.stamps or stamp is None:
             return edge.transforms[-1]
         after = bisect_right(edge.stamps, stamp)
-        if after == 0 or stamp > edge.stamps[-1] + LATE:
+        if after == 0 or stamp > edge.stamps[-1] + MAX_HOLD:
             raise InputError(
                 "frame",
                 f"{child!r} in {edge.parent!r} is known from {edge.stamps[0]:.3f} s to {edge.stamps[-1]:.3f} s, "
-                f"and was asked for at {stamp:.3f} s",
+                f"not at the requested {stamp:.3f} s",
             )
         if after == len(edge.stamps):
             return edge.transforms[-1]

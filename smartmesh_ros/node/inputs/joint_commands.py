@@ -1,4 +1,4 @@
-"""Commands to robots' joints, as sensor_msgs/JointState."""
+"""Joint commands from sensor_msgs/JointState."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from smartmesh_ros.physics.world import World
 
 
 class CommandedJoint(NamedTuple):
-    """A command and whose it is."""
+    """A command to one joint of a robot."""
 
     robot: str
     joint: str
@@ -18,10 +18,10 @@ class CommandedJoint(NamedTuple):
 
 
 def joint_commands_from(message: Any, world: World) -> list[CommandedJoint]:
-    """Commands of a JointState; refused whole if one of its joints is unknown or one of its numbers impossible.
+    """Return the commands of a JointState; one unknown joint or invalid number refuses the whole message.
 
-    A joint is named ``<robot>/<joint>``, or ``<joint>`` where there is one robot. ``position``, ``velocity`` and
-    ``effort`` each have a number for every name, or none; `JointCommand` says what they do together.
+    A joint is named ``<robot>/<joint>``, or ``<joint>`` if the world has one robot. ``position``, ``velocity`` and
+    ``effort`` each have one number per name, or none; `JointCommand` defines their combinations.
     """
     names, count = list(message.name), len(message.name)
     if count == 0:

@@ -1,4 +1,4 @@
-"""Maps of sensors and mappers that are taken for ground that moves: what the diagnostics and the log say of them."""
+"""Warnings in diagnostics and log about maps of sensors and mappers that the node treats as moving ground."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from typing import Any
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
-# The log speaks again only of what was not seen for so long [s]; the diagnostics speak as long as it is seen.
-QUIET = 600.0
+# The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
+LOG_PAUSE = 600.0
 
 
 class MapChecks:
-    """A `NoiseCheck` for each tile. ``doubt``: what is wrong with the maps, and what to set; empty where nothing is."""
+    """A `NoiseCheck` for each tile. ``warning``: the suspected problem and which parameter to set; empty = none."""
 
     def __init__(self, logger: Any) -> None:
         self._logger = logger
         self._checks: dict[str, NoiseCheck] = {}
-        self._doubted = -QUIET  # when there was a doubt last, by the steady clock [s]
-        self.doubt = ""
+        self._warned = -LOG_PAUSE  # steady time of the last warning [s]
+        self.warning = ""
 
     def forget(self, tile: str | None = None) -> None:
-        """Starts anew with a tile, or with all of them."""
+        """Restarts the check of a tile, or of all tiles."""
         for name in [*self._checks] if tile is None else [tile]:
             self._checks.pop(name, None)
-        self._tell()
+        self._update_warning()
 
     def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
-        """Takes note of a whole map of a tile, of ``time`` [s]. Velocities ``given`` with a map say that its ground
-        moves, and where changes are corrections nothing is to be said."""
+        """Checks a whole map of a tile, of ``time`` [s]. Needs no check if changes are corrections, or if the map came
+        with velocities (``given``), because its ground moves."""
         if given or heightmap.motion.corrects:
             if tile in self._checks:
                 self.forget(tile)
@@ -38,21 +38,21 @@ class MapChecks:
         before = check.findings
         check.take(heightmap, time)
         if check.findings != before:
-            self._tell()
+            self._update_warning()
 
-    def _tell(self) -> None:
-        """Brings ``doubt`` up to date, and logs one that is new."""
+    def _update_warning(self) -> None:
+        """Updates ``warning``, and logs a new one."""
         seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
-        now, before, self.doubt = monotonic(), self.doubt, ""
+        now, before, self.warning = monotonic(), self.warning, ""
         if before:
-            self._doubted = now
+            self._warned = now
         if not seen:
             return
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        self.doubt = (
-            f"maps look like those of a sensor or mapper ({what}) but are taken for ground that moves: set "
+        self.warning = (
+            f"maps look like those of a sensor or mapper ({what}) but are treated as moving ground: set "
             "terrain.changes: correction, or terrain.noise if the ground does move"
         )
-        if not before and now - self._doubted >= QUIET:
-            self._logger.warning(self.doubt)
-        self._doubted = now
+        if not before and now - self._warned >= LOG_PAUSE:
+            self._logger.warning(self.warning)
+        self._warned = now

@@ -1,4 +1,4 @@
-"""How a whole map becomes the terrain, whatever message or file brought it. Without ROS."""
+"""Puts a whole map of any message or file into the terrain. Without ROS."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from smartmesh_ros.terrain.terrain import Terrain
 def take_map(
     terrain: Terrain, settings: Settings, tile: str, raster: Raster, velocities: FloatGrid | None, time: float
 ) -> None:
-    """Takes a map of ``time`` [s]: in place of the one before if it lies on the same grid; where that grid was moved,
-    with the velocities of the samples on both. Raises `InputError` and changes nothing."""
+    """Puts a map of ``time`` [s] into the terrain.
+
+    A map on the same grid replaces the heights of the last one. If the grid moved, samples that both grids share keep
+    their velocities. On `InputError` the terrain is unchanged.
+    """
     geometry, heights, variances = raster
     known = terrain.tiles.get(tile)
     if isinstance(known, HeightMap):

@@ -1,4 +1,4 @@
-"""Message packages that are used only where they are installed."""
+"""Access to message packages that may not be installed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from smartmesh_ros.errors import InputError
 
 
 def find_message(package: str, name: str) -> Any | None:
-    """The class of a message; None where its package is not installed."""
+    """Return the class of a message; None if its package is not installed."""
     module = find_interfaces(package, "msg")
     return None if module is None else getattr(module, name)
 
 
 def find_interfaces(package: str, kind: Literal["msg", "srv"]) -> ModuleType | None:
-    """The messages or services of a package; None where it is not installed."""
+    """Return the module of a package's messages or services; None if the package is not installed."""
     try:
         return importlib.import_module(f"{package}.{kind}")
     except ModuleNotFoundError:
@@ -24,7 +24,7 @@ def find_interfaces(package: str, kind: Literal["msg", "srv"]) -> ModuleType | N
 
 
 def require_message(package: str, name: str, what: str) -> Any:
-    """The class of a message that ``what`` needs; raises `InputError` naming the package to install."""
+    """Return the class of a message that ``what`` needs; else raises `InputError` naming the package to install."""
     found = find_message(package, name)
     if found is None:
         debian = "ros-jazzy-" + package.replace("_", "-")

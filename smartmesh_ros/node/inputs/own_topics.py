@@ -1,4 +1,4 @@
-"""A node must not take input from its own outputs: a tracked body would stand where a simulated robot is."""
+"""Refuses inputs on the node's own outputs, because a tracked body would then overlap the simulated robot it copies."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from smartmesh_ros.node.parameters.settings import Settings
 
 
 class OwnTopics:
-    """Topics that the node takes and publishes. ``taken``, ``published``: by full name, as the node or its parameters
-    call them; ``resolve``: the full name of a topic, remapped."""
+    """The node's input and output topics. ``taken``, ``published``: full name -> name in the node or its parameters.
+    ``resolve``: returns the full, remapped name of a topic."""
 
     def __init__(self, resolve: Callable[[str], str], settings: Settings) -> None:
         self.taken: dict[str, str] = {}
@@ -20,14 +20,14 @@ class OwnTopics:
         self._tracked |= {source: ("odometry", name) for name, source in settings.odometry}
 
     def take(self, given: str) -> None:
-        """Notes an input before it is subscribed to; raises `InputError` if the node publishes there."""
+        """Registers an input before its subscription; raises `InputError` if the node publishes there."""
         topic = self._resolve(given)
         if topic in self.published:
             raise self._conflict(topic, given, self.published[topic])
         self.taken[topic] = given
 
     def publish(self, given: str) -> None:
-        """Notes an output before its publisher is made; raises `InputError` if the node takes messages there."""
+        """Registers an output before its publisher; raises `InputError` if the node subscribes there."""
         topic = self._resolve(given)
         if topic in self.taken:
             raise self._conflict(topic, self.taken[topic], given)

@@ -1,4 +1,4 @@
-"""The robot that ``robot.description`` or the latched topic ``~/robot_description`` describes."""
+"""The robot of the parameter ``robot.description`` or the latched topic ``~/robot_description``."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class RobotDescription:
-    """Keeps one robot as described last. It is spawned as soon as there is ground under its place; a description that
-    differs puts another robot where it is, and one that does not load changes nothing."""
+    """Keeps one robot, as described last.
+
+    Spawns the robot as soon as the terrain covers its start position. A different description replaces the robot at its
+    current pose; a description that does not load changes nothing.
+    """
 
     def __init__(self, session: Session, bodies: InitialBodies) -> None:
         self._session, self._bodies = session, bodies
@@ -29,7 +32,7 @@ class RobotDescription:
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
     def _on_description(self, message: Any) -> None:
-        robot_name(message.data)  # must be URDF, and no file's name
+        robot_name(message.data)  # refuses all but URDF text, such as the path of a file
         urdf = with_package_paths(message.data)
         self._take(checked_urdf(urdf, bounds.urdf_rules(self._session.settings)))
 

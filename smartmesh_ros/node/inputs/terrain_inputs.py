@@ -1,4 +1,4 @@
-"""Terrain from topics: height maps and their regions, general meshes and their moves, and what adapters bring."""
+"""Terrain from topics: height maps, general meshes, updates of both, and the messages of the adapters."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-# Frame of a terrain whose first map names none.
+# Frame of the terrain if the first map names none.
 DEFAULT_FRAME = "map"
 
 
 class TerrainInputs:
-    """Takes terrain messages into the world's terrain. ``taken`` is called after each."""
+    """Applies terrain messages to the world's terrain. Calls ``on_terrain`` after each."""
 
-    def __init__(self, session: Session, taken: Callable[[], None]) -> None:
+    def __init__(self, session: Session, on_terrain: Callable[[], None]) -> None:
         self._session = session
         self._terrain = session.world.terrain
-        self._taken = taken
+        self._on_terrain = on_terrain
         self._clocks: dict[str, StampClock] = {}
         self._rivals: dict[str, Rivals] = {}  # by tile
-        self._rivals_told = False
+        self._rivals_logged = False
         self._map_checks = MapChecks(session.node.get_logger())
         settings = session.settings
         durability = DurabilityPolicy[settings.durability.upper()]
@@ -67,10 +67,10 @@ class TerrainInputs:
             self._load(settings.file)
 
     def forget_stamps(self) -> None:
-        """Accepts whatever stamps come next, after a reset."""
+        """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._map_checks.forget()
-        self._session.doubtful_maps = ""
+        self._session.map_warning = ""
 
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
@@ -81,7 +81,7 @@ class TerrainInputs:
             if new.geometry is None:
                 self._terrain.remove(start.tile)
                 self._map_checks.forget(start.tile)
-                self._session.doubtful_maps = self._map_checks.doubt
+                self._session.map_warning = self._map_checks.warning
             else:
                 self._take_map(start.tile, new.geometry, new.heights, new.velocities, time)
 
@@ -103,16 +103,16 @@ class TerrainInputs:
         time: float,
         variances: FloatGrid | None = None,
     ) -> None:
-        """A whole map: in place of the one before if it lies on the same grid, or on that grid moved by whole cells."""
+        """Checks a whole map and puts it into the terrain."""
         self._look_for_rivals(tile, geometry, heights)
         take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
             self._map_checks.take(tile, taken, time, given=velocities is not None)
-            self._session.doubtful_maps = self._map_checks.doubt
+            self._session.map_warning = self._map_checks.warning
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
-        """Notes publishers whose maps disagree, and says so once."""
+        """Records publishers whose maps disagree, and logs them once."""
         session, topics = self._session, self._session.terrain_subscriptions
         if all(topic.get_publisher_count() < 2 for topic in topics):
             if self._rivals:
@@ -125,8 +125,8 @@ class TerrainInputs:
             session.rival_maps = []
         elif not session.rival_maps:
             session.rival_maps = publisher_names(session.node, topics, session.names)
-            if session.rival_maps and not self._rivals_told:
-                self._rivals_told = True
+            if session.rival_maps and not self._rivals_logged:
+                self._rivals_logged = True
                 session.node.get_logger().warning(
                     f"maps of tile {tile!r} disagree; they come from {', '.join(session.rival_maps)}: remap one of "
                     "them, or give each a tile of its own"
@@ -163,7 +163,7 @@ class TerrainInputs:
             )
 
     def _load(self, path: str) -> None:
-        """Takes the terrain of a file, at the start."""
+        """Loads the terrain of a file, at the start."""
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
         with self._ingesting("", None, settings.frame_id) as time:
@@ -196,9 +196,9 @@ class TerrainInputs:
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
 
     def _overtaken(self, tile: str, stamp: float | None) -> bool:
-        """Whether a whole map is a little older than the last one: that one came before it and has taken its place."""
+        """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
         clock = self._clocks.get(tile)
-        late = clock is not None and clock.is_late(stamp, self._session.settings.motion.max_interval)
+        late = clock is not None and clock.is_overtaken(stamp, self._session.settings.motion.max_interval)
         self._session.overtaken += late
         return late
 
@@ -208,8 +208,8 @@ class TerrainInputs:
 
     @contextmanager
     def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[float]:
-        """Checks what all terrain messages have in common; gives the simulated time of the stamp, and notes the
-        message as taken if the block refuses nothing."""
+        """Checks the fields common to all terrain messages and yields the simulated time of the stamp [s]; records the
+        message as accepted unless the block raises `InputError`."""
         session = self._session
         with session.world.stopwatch.stage("ingest"):
             if update and not self._terrain.tiles:
@@ -225,6 +225,6 @@ class TerrainInputs:
             clock.accept(stamp, time)
             self._clocks[tile] = clock
             session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
-            session.map_taken = monotonic()
+            session.last_map_time = monotonic()
             session.maps += 1
-        self._taken()
+        self._on_terrain()

@@ -1,4 +1,4 @@
-"""Transforms from ``/tf`` and ``/tf_static``, listened to from the first time they are needed."""
+"""Transforms from ``/tf`` and ``/tf_static``, subscribed to on first use."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from smartmesh_ros.node.session import Session
 
 
 class Stamp(NamedTuple):
-    """A time, as builtin_interfaces/Time has it."""
+    """A time, with the fields of builtin_interfaces/Time."""
 
     sec: int
     nanosec: int
 
 
 def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
-    """(stamp, parent, child, transform) of a TFMessage from its bytes, four times as fast as by rclpy's objects."""
+    """Yield (stamp, parent, child, transform) from a TFMessage's bytes, four times as fast as with rclpy's objects."""
     reader = CdrReader(data)
     for _ in range(reader.number("I")):
         stamp = Stamp(reader.number("i"), reader.number("I"))
@@ -36,7 +36,7 @@ def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
 
 
 class TransformInput:
-    """The frame buffer, and the subscriptions that feed it. Nothing is subscribed to before `listen`."""
+    """The frame buffer and its subscriptions, which `listen` creates."""
 
     def __init__(self, session: Session) -> None:
         self.buffer = FrameBuffer()
@@ -44,7 +44,7 @@ class TransformInput:
         self._listening = False
 
     def listen(self, what: str) -> None:
-        """Subscribes, once. Raises `InputError` naming the package that ``what`` needs where it is not installed."""
+        """Subscribes, once. Raises `InputError` if the package that ``what`` needs is not installed."""
         if self._listening:
             return
         kind = require_message("tf2_msgs", "TFMessage", what)
@@ -55,7 +55,7 @@ class TransformInput:
         self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, raw=True, private=False)
 
     def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
-        """How poses in ``frame_id`` are seen in the terrain's frame; None where they are in it. Raises `InputError`."""
+        """Return the transform from ``frame_id`` to the terrain's frame, None if equal. Raises `InputError`."""
         require_name(frame_id, self._session.settings)
         terrain = self._session.frame_id
         if not terrain or not frame_id or frame_id == terrain:
@@ -67,7 +67,7 @@ class TransformInput:
         return self.buffer.lookup(terrain, frame_id, stamp)[0]
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        """Each transform counts by itself: one that is refused does not take its neighbours with it."""
+        """Adds each transform on its own, so that a refused one does not affect the others."""
         for stamp, parent, child, transform in transforms_from(data):
             try:
                 require_name(child, self._session.settings)

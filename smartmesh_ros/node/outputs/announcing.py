@@ -1,4 +1,4 @@
-"""What the node says of itself: a line at the start, and one for each parameter that is changed."""
+"""Log lines about the node itself: one at the start, and one for each changed parameter."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 
 
 def announce(node: Node, settings: Settings, compiling: float) -> None:
-    """Logs in one line what the node was started with, and how long compiled functions took to be ready [s]; warns of
-    parameter files that are for others."""
+    """Logs the node's settings and the ``compiling`` time [s] in one line; warns of parameter files for other nodes."""
     name = node.get_fully_qualified_name()
     files, strays = files_of(sys.argv), []
     for file in files:
@@ -29,7 +28,7 @@ def announce(node: Node, settings: Settings, compiling: float) -> None:
 
 
 def summary(settings: Settings) -> str:
-    """The settings that decide what the node does, in one line."""
+    """Return the most important settings in one line."""
     physics, patch = settings.world.physics, settings.world.patch
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
     often = f"{patch.rate:g} Hz" if patch.rate else "every step"
@@ -40,7 +39,7 @@ def summary(settings: Settings) -> str:
 
 
 def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
-    """Logs a line for each parameter whose value is another now."""
+    """Logs a line for each parameter whose value changed."""
     for name, value in after.items():
         if value != before[name]:
             node.get_logger().info(f"parameter {name} is now {value!r}; it was {before[name]!r}")

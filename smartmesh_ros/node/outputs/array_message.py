@@ -1,4 +1,4 @@
-"""Messages that end with a sequence, as ready bytes."""
+"""Messages that end with a sequence, serialised to bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smartmesh_ros.node.outputs.cdr import HEADER, Elements
 
 
 class ArrayMessage:
-    """A message that ends with a sequence, written element group by element group into one reused buffer."""
+    """A message that ends with a sequence, written in groups of equal elements into a reused buffer."""
 
     def __init__(self) -> None:
         self._layouts: dict[Hashable, Elements] = {}
@@ -23,7 +23,7 @@ class ArrayMessage:
         self._end = 0
         self._count = 0
         self._count_at = 0
-        # What was added where in this message and in the one before: where nothing differs, the constant bytes stand.
+        # Keys of the groups in this message and in the last one. Constant bytes are reused up to the first difference.
         self._added: list[Hashable] = []
         self._before: list[Hashable] = []
 
@@ -34,9 +34,9 @@ class ArrayMessage:
         header: Header | None = None,
         fields: dict[str, Any] | None = None,
     ) -> None:
-        """Begins a message with what comes before the sequence: its header's stamp if it has one, and other ``fields``.
+        """Starts a message: writes the fields before the sequence, with the ``header``'s stamp and other ``fields``.
 
-        ``empty``: makes the message with an empty sequence, called once per ``key``; None = never the same again.
+        ``empty``: returns the message with an empty sequence; called once per ``key``, or always if that is None.
         """
         layout = self._layouts.get(("empty", key)) or Elements(empty())
         if key is not None:
@@ -50,7 +50,7 @@ class ArrayMessage:
         self._count = 0
 
     def add(self, key: Hashable, template: Callable[[], Any], count: int, fields: dict[str, Any]) -> None:
-        """Adds ``count`` elements. ``template``: makes the template element, called once per ``key``."""
+        """Adds ``count`` elements. ``template``: returns the template element; called once per ``key``."""
         layout = self._layouts.get(key)
         if layout is None:
             layout = self._layouts[key] = Elements(template())
@@ -61,13 +61,13 @@ class ArrayMessage:
         self._count += count
 
     def finish(self) -> bytes:
-        """The message's bytes."""
+        """Return the message's bytes."""
         at = 4 + self._count_at
         self._buffer[at : at + 4] = np.frombuffer(np.uint32(self._count).astype("<u4").tobytes(), np.uint8)
         return self._buffer[: 4 + self._end].tobytes()
 
     def _make_room(self, used: int, more: int) -> None:
-        """Lets ``more`` bytes follow those ``used``."""
+        """Grows the buffer, if necessary, to hold ``more`` bytes after the ``used`` ones."""
         need = 4 + used + more
         if need > len(self._buffer):
             grown = np.zeros(2 * need, np.uint8)
@@ -77,12 +77,12 @@ class ArrayMessage:
 
 
 def stamp_fields(header: Header) -> dict[str, Any]:
-    """The fields of a header's stamp."""
+    """Return the fields of a header's stamp."""
     return {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}
 
 
 def by_length(texts: list[str]) -> Iterator[tuple[NDArray[np.int64], list[str]]]:
-    """Texts grouped by their length in bytes, with their indices."""
+    """Yield the texts grouped by length in bytes, with their indices."""
     groups: dict[int, list[int]] = defaultdict(list)
     for index, text in enumerate(texts):
         groups[len(text.encode())].append(index)

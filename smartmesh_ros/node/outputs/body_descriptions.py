@@ -1,4 +1,4 @@
-"""``~/body_descriptions``: what every body looks like, for whoever shows them."""
+"""``~/body_descriptions``: the shape of every body, for viewers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
-# Bodies that came or went are noticed so often [s].
+# Period of the check for added and removed bodies [s].
 PERIOD = 0.1
-# Whoever listens later gets the last message too.
+# Late subscribers receive the last message.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _KINDS: dict[type[Shape], int] = {
     Sphere: BodyDescription.SPHERE,
@@ -31,17 +31,17 @@ _KINDS: dict[type[Shape], int] = {
 
 
 class BodyDescriptions:
-    """Publishes all descriptions when a body has come or gone, while somebody listens."""
+    """Publishes all descriptions when a body is added or removed, while the topic has subscribers."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         session.topics.publish("~/body_descriptions")
         self.publisher = session.node.create_publisher(BodyDescriptionArray, "~/body_descriptions", LATCHED)
-        self._described: list[Body] | None = None  # by the last message; None = there was no use for one
+        self._described: list[Body] | None = None  # in the last message; None = no subscribers
         self._due = 0.0
 
     def publish(self) -> None:
-        """Publishes if it is due."""
+        """Publishes the descriptions if they are due and have changed."""
         now = monotonic()
         if now < self._due:
             return
@@ -57,11 +57,11 @@ class BodyDescriptions:
 
 
 def description(body: Body) -> BodyDescription:
-    """The description of one body."""
+    """Return the description of a body."""
     made = BodyDescription(id=body.name, tracked=body.tracked)
     if body.urdf is not None:
         made.shape = BodyDescription.ROBOT
-        with suppress(InputError):  # the file was there when the robot was loaded
+        with suppress(InputError):  # the file may have been deleted since the robot was loaded
             made.urdf = urdf_text(body.urdf)
         if body.urdf != made.urdf:
             made.urdf_file = str(Path(body.urdf).absolute())

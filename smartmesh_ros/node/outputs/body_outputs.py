@@ -1,4 +1,4 @@
-"""States and contacts of bodies as the node publishes them, as ready bytes."""
+"""Messages of body states and contacts, serialised to bytes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class BodyStates:
         self._message = ArrayMessage()
 
     def write(self, header: Header, states: StateTable, physics: PhysicsConfig, ahead: float) -> bytes:
-        """The TrackedBodyArray of states that hold so much later than the header's stamp [s]."""
+        """Return the TrackedBodyArray; ``ahead``: lead of the states' time over the header's stamp [s]."""
         message = self._message
         message.start(
             (header.frame_id, physics.rate, physics.gravity),
@@ -30,7 +30,7 @@ class BodyStates:
             header,
             {"ahead": ahead},
         )
-        # Order of spawning: neighbours with names of equal length go together.
+        # Bodies stay in order of spawning; consecutive ones with names of equal length form a group.
         lengths = np.array([len(name.encode()) for name in states.names], np.int64)
         starts = np.flatnonzero(np.diff(lengths, prepend=-1))
         ends = np.append(starts[1:], len(lengths))[: len(starts)]
@@ -57,7 +57,7 @@ class Contacts:
         self._message = ArrayMessage()
 
     def write(self, header: Header, contacts: list[GroundContact]) -> bytes:
-        """The ContactArray."""
+        """Return the ContactArray."""
         message = self._message
         message.start(header.frame_id, lambda: ContactArray(header=header), header)
         for part, texts in by_length([contact.body for contact in contacts]):

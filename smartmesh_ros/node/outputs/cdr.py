@@ -1,11 +1,11 @@
-"""Messages as ready CDR bytes, many equal elements at a time.
+"""Serialisation of messages with many equal elements to CDR bytes.
 
 Filling a thousand markers object by object takes rclpy about 100 ms; writing the same bytes column by column takes less
-than one. `Elements` lays out any number of equal elements of a message's last sequence - equal in the lengths of their
-strings and sequences - from the message definitions, as NumPy records over one buffer.
+than 1 ms. `Elements` lays out the equal elements of a message's last sequence as NumPy records in one buffer, from the
+message definitions. Elements are equal if their strings and sequences have equal lengths.
 
-Byte order is little-endian whatever the machine, as the header of the stream says. Alignment follows plain CDR (XCDR1):
-every number lies at a multiple of its own size from the end of the 4-byte header.
+The byte order is always little-endian, as the stream's header states. Alignment follows plain CDR (XCDR1): the offset
+of a number from the end of the 4-byte header is a multiple of the number's size.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rosidl_parser.definition import (
 
 # Encapsulation: little-endian CDR, no options.
 HEADER = b"\x00\x01\x00\x00"
-LONGEST = 8  # the largest alignment of any type [bytes]
+MAX_ALIGNMENT = 8  # the largest alignment of any type [bytes]
 
 _FORMATS = {
     "boolean": "<u1",
@@ -45,7 +45,7 @@ _FORMATS = {
 
 
 class Leaf(NamedTuple):
-    """A number, or an array of numbers of one type, within an element: dotted path, place and value."""
+    """A number, or an array of numbers of one type, in an element: dotted path, offset [bytes] and value."""
 
     path: str
     offset: int
@@ -59,7 +59,7 @@ def _aligned(offset: int, size: int) -> int:
 
 
 class _Walk:
-    """Walks a message instance and notes where each of its numbers lies."""
+    """Walks a message instance and records the offset of each number."""
 
     def __init__(self, phase: int) -> None:
         self.offset = phase
@@ -93,12 +93,12 @@ class _Walk:
             array = np.asarray(values)
             self.numbers(path, np.dtype(_FORMATS[kind.typename]), array.shape, array)
             return
-        # Equal numbers all through (points, triangles) become one array; anything else is walked item by item.
+        # Items whose numbers all have one type (points, triangles) become one array; others are walked one by one.
         dtype = _dtype_throughout(values[0], kind)
         if dtype is not None:
             known: dict[int, NDArray[Any]] = {}
             for value in values:
-                if id(value) not in known:  # templates repeat one object
+                if id(value) not in known:  # templates repeat the same object
                     known[id(value)] = _flat(value, kind)
             flat = np.stack([known[id(value)] for value in values])
             self.numbers(path, dtype, flat.shape, flat)
@@ -113,7 +113,7 @@ class _Walk:
 
 
 def _dtype_throughout(value: Any, kind: Any) -> np.dtype[Any] | None:
-    """The one type of all numbers in a value of fixed size; None where there are several, or text or a sequence."""
+    """Return the common type of all numbers in a value; None if they differ, or if it has strings or sequences."""
     if isinstance(kind, BasicType):
         return np.dtype(_FORMATS[kind.typename])
     if isinstance(kind, Array):
@@ -126,14 +126,14 @@ def _dtype_throughout(value: Any, kind: Any) -> np.dtype[Any] | None:
 
 
 def _flat(value: Any, kind: Any) -> NDArray[Any]:
-    """The numbers of a value that `_dtype_throughout` has found to be of one type."""
+    """Return the numbers of a value in a flat array; `_dtype_throughout` must have found a common type."""
     walk = _Walk(0)
     walk.field(value, kind, "")
     return np.concatenate([np.ravel(leaf.value) for leaf in walk.leaves])
 
 
 class _Row(NamedTuple):
-    """One element that starts at a phase: its bytes, its fields as a record, and where the next may start."""
+    """An element that starts at a given phase: bytes, record of its fields, and phase of its end."""
 
     template: NDArray[np.uint8]
     record: np.dtype[Any]
@@ -141,7 +141,7 @@ class _Row(NamedTuple):
 
 
 class Elements:
-    """Layout of equal elements of a sequence, from a template element with the wanted lengths and constant values."""
+    """Layout of equal elements of a sequence. The template element defines all lengths and the constant values."""
 
     def __init__(self, template: Any) -> None:
         self._template = template
@@ -149,7 +149,7 @@ class Elements:
         self._alignment: int = self._row(0).record[0].base.itemsize
 
     def _row(self, phase: int) -> _Row:
-        """The template as bytes, when it starts ``phase`` bytes after a multiple of the longest alignment."""
+        """Return the template for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
         if phase not in self._rows:
             walk = _Walk(phase)
             walk.message(self._template, "")
@@ -171,22 +171,21 @@ class Elements:
     def put(
         self, buffer: NDArray[np.uint8], offset: int, count: int, fields: dict[str, Any], *, same: bool = False
     ) -> int:
-        """Writes ``count`` elements at ``offset`` of ``buffer`` and returns where the next byte goes.
+        """Writes ``count`` elements at ``offset`` of ``buffer`` and returns the offset of the next byte.
 
-        ``fields``: values of the fields that differ from the template, by path, one row per element; a single number is
-        taken for all. Strings are (count, bytes) arrays without their closing zero, as `text_rows` makes them.
-        ``same``: that as many elements with the same fields were the last thing written there, so that only the values
-        of the fields need writing.
+        ``fields``: path -> values that replace the template's, one row per element, or one number for all elements.
+        Strings are (count, bytes) arrays without terminating zero, see `text_rows`. ``same``: the last write there had
+        the same count and the same fields, so that only the fields' values are written.
         """
         if count == 0:
             return offset
-        # Elements need not be a multiple of the alignment long: after a few of them their layout repeats.
+        # The size of an element may be no multiple of the alignment, but the layout repeats after a few elements.
         starts = [_aligned(offset, self._alignment)]
-        phases = [starts[0] % LONGEST]
-        while (start := self._next_start(starts[-1])) % LONGEST not in phases:
+        phases = [starts[0] % MAX_ALIGNMENT]
+        while (start := self._next_start(starts[-1])) % MAX_ALIGNMENT not in phases:
             starts.append(start)
-            phases.append(start % LONGEST)
-        lead = phases.index(start % LONGEST)  # elements before the repeating ones
+            phases.append(start % MAX_ALIGNMENT)
+        lead = phases.index(start % MAX_ALIGNMENT)  # elements before the repeating ones
         cycle = len(starts) - lead
         period = start - starts[lead]
         end = offset
@@ -198,8 +197,8 @@ class Elements:
     def _put_rows(
         self, buffer: NDArray[np.uint8], first: int, period: int, fields: dict[str, Any], chosen: slice, same: bool
     ) -> int:
-        """Writes the ``chosen`` elements, whose layout is the same, from ``first`` on, one every ``period`` bytes."""
-        row = self._row(first % LONGEST)
+        """Writes the ``chosen`` elements, which share a layout, from ``first`` on at intervals of ``period`` bytes."""
+        row = self._row(first % MAX_ALIGNMENT)
         count = len(range(chosen.start, chosen.stop, chosen.step))
         size = len(row.template)
         if not same:
@@ -210,20 +209,20 @@ class Elements:
             part = value[chosen] if np.ndim(value) else value
             target = view[path]
             if f"{path}.size" in (row.record.names or ()) and target.dtype == np.uint8:
-                target = target[:, : np.shape(value)[1]]  # all but a string's closing zero
+                target = target[:, : np.shape(value)[1]]  # all but a string's terminating zero
             target[...] = part
         return first + (count - 1) * period + size
 
     def size_bound(self, count: int) -> int:
-        """Bytes that ``count`` elements take at the most."""
-        return count * (len(self._row(0).template) + 2 * LONGEST)
+        """Return an upper bound of the size of ``count`` elements [bytes]."""
+        return count * (len(self._row(0).template) + 2 * MAX_ALIGNMENT)
 
     def _next_start(self, start: int) -> int:
-        """Where the element after the one at ``start`` starts: aligned as its first field is."""
-        return _aligned(start - start % LONGEST + self._row(start % LONGEST).end, self._alignment)
+        """Return the start of the element after the one at ``start``, aligned for its first field."""
+        return _aligned(start - start % MAX_ALIGNMENT + self._row(start % MAX_ALIGNMENT).end, self._alignment)
 
 
 def text_rows(texts: list[str]) -> NDArray[np.uint8]:
-    """Texts of equal length in bytes as an array (n, bytes) for `Elements.put`."""
+    """Return texts of equal length in bytes as an array (n, bytes) for `Elements.put`."""
     data = [text.encode() for text in texts]
     return np.frombuffer(b"".join(data), np.uint8).reshape(len(data), -1)

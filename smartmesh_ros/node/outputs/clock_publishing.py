@@ -1,4 +1,4 @@
-"""``/clock``: simulated time for the other nodes, when this node is the one that keeps it."""
+"""``/clock``: simulated time for other nodes, if this node is its source."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from rosgraph_msgs.msg import Clock
 from smartmesh_ros.node.session import Session
 
 TOPIC = "/clock"
-# Seconds between two log lines about another publisher.
+# Time between two log lines about another publisher [s].
 LOG_PERIOD = 5.0
 
 
 class ClockPublishing:
-    """Publishes simulated time at the rate ``publish.clock``; there is no publisher while that is zero.
+    """Publishes simulated time at the rate ``publish.clock``; a rate of zero removes the publisher.
 
-    Two clocks on one topic would make time jump back and forth for everybody, so nothing is published while somebody
-    else does; ``rivals`` names them.
+    Publishes nothing while another node publishes on the topic, because time would jump back and forth for every
+    subscriber. ``rivals``: names of these nodes.
     """
 
     def __init__(self, session: Session) -> None:
@@ -27,7 +27,7 @@ class ClockPublishing:
         self.rivals: list[str] = []
 
     def publish(self, now: float) -> None:
-        """Publishes if it is due at the steady time ``now`` [s]."""
+        """Publishes the clock if it is due at the steady time ``now`` [s]."""
         node, rate = self._session.node, self._session.settings.publish.clock
         if not rate:
             self._close()

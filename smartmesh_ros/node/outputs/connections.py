@@ -1,4 +1,4 @@
-"""Who is on the other end of the node's topics, and who of them cannot be talked to."""
+"""Peers on the node's topics, and those with an incompatible quality of service."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from smartmesh_ros.node.endpoint_names import EndpointNames
 def incompatible_peers(
     node: Node, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
 ) -> dict[str, str]:
-    """Peers that asked for a quality of service (QoS) that does not meet the node's, as sentences by topic.
+    """Return a description of the peers whose quality of service (QoS) is incompatible with the node's, by topic.
 
-    Costs two counts a topic unless somebody there is not connected. A peer that was found a moment ago and is about to
-    be connected is not mistaken for one, because the policies themselves are compared. A peer is left out until its
-    name has arrived.
+    Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the
+    policies themselves are compared. A peer is left out until its name has arrived.
     """
     found: dict[str, list[str]] = {}
     own = (node.get_name(), node.get_namespace())
     for endpoint in subscriptions:
         topic = endpoint.topic_name
         if node.count_publishers(topic) > endpoint.get_publisher_count():
-            # Our own policies as the graph tells them too: only there are defaults spelt out.
+            # The node's own policies also come from the graph, because only the graph resolves defaults.
             ours = _of(node.get_subscriptions_info_by_topic(topic), own)
             peers = node.get_publishers_info_by_topic(topic)
             _note(found, names, topic, [(peer, peer, mine) for peer in peers for mine in ours])
@@ -39,7 +38,7 @@ def incompatible_peers(
 
 
 def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
-    """How many publishers the subscriptions are connected to, by topic."""
+    """Return the number of connected publishers by topic."""
     return {endpoint.topic_name: endpoint.get_publisher_count() for endpoint in subscriptions}
 
 
@@ -48,7 +47,7 @@ def _of(endpoints: list[Any], node: tuple[str, str]) -> list[Any]:
 
 
 def _note(found: dict[str, list[str]], names: EndpointNames, topic: str, pairs: list[tuple[Any, Any, Any]]) -> None:
-    """Notes the peers of ``pairs`` (peer, who offers, who requests) that do not fit."""
+    """Adds the incompatible peers of ``pairs`` (peer, offering endpoint, requesting endpoint) to ``found``."""
     for peer, offers, requests in pairs:
         compatibility, reason = qos_check_compatible(offers.qos_profile, requests.qos_profile)
         if compatibility == QoSCompatibility.ERROR and (name := names.of(peer)) is not None:

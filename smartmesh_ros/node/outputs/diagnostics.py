@@ -1,4 +1,4 @@
-"""``/diagnostics``: how the node is doing, once a second and whenever a publisher comes or goes."""
+"""``/diagnostics``: the node's state, once a second and whenever a publisher appears or disappears."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ STALE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Health:
-    """What the diagnostics say beyond the world itself.
+    """Input of the diagnostics beside the world.
 
-    ``map_age``: of the last map or update [s], None before the first. ``maps``: how many were taken. ``map_sources``:
-    publishers on the topics that bring them. ``publishers``: those that the node is connected to, by topic.
-    ``rival_clocks``: other publishers of ``/clock``. ``rival_maps``: those whose maps disagree.
-    ``doubtful_maps``: what is wrong with the maps themselves, empty where nothing is.
-    ``incompatible``: peers whose QoS does not fit, by topic. ``peers``: what there is to say of each node whose bodies
-    may be guests; ``silent_peers``: those that are not heard although parameters name them.
+    ``map_age``: age of the last map or update [s], None before the first. ``maps``: number of accepted maps and
+    updates. ``map_sources``: number of publishers on the terrain topics. ``overtaken``: number of maps that arrived
+    after a newer one. ``publishers``: number of connected publishers by topic. ``rival_clocks``: other publishers of
+    ``/clock``. ``rival_maps``: publishers whose maps disagree. ``map_warning``: suspected misuse of the maps, empty =
+    none. ``incompatible``: peers with incompatible QoS, by topic. ``peers``: state of each node whose bodies may be
+    guests here; ``silent_peers``: peers named by parameters without messages.
     """
 
     map_age: float | None
@@ -39,14 +39,14 @@ class Health:
     new_refusals: int
     rival_clocks: list[str]
     rival_maps: list[str]
-    doubtful_maps: str
+    map_warning: str
     incompatible: dict[str, str]
     peers: dict[str, str] = field(default_factory=dict)
     silent_peers: list[str] = field(default_factory=list)
 
 
 def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
-    """One status per task: terrain, bodies, physics, inputs, connections."""
+    """Return one status per task: terrain, bodies, physics, inputs, connections."""
     return [
         _status(node_name, "terrain", *_terrain(world, health)),
         _status(node_name, "bodies", *_bodies(world, health)),
@@ -69,15 +69,15 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     values["age [s]"] = f"{health.map_age:.3f}"
     if health.map_age > STALE:
         text = f"the last map is {health.map_age:.1f} s old"
-        # One map may have been all there is to say; after several, more were to be expected.
+        # A single map may be static terrain; after several maps, more are expected.
         if not health.map_sources and health.maps > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         return DiagnosticStatus.OK, text, values
     if health.rival_maps:
         names = ", ".join(health.rival_maps)
         return DiagnosticStatus.WARN, f"maps disagree; they come from {names}", values
-    if health.doubtful_maps:
-        return DiagnosticStatus.WARN, health.doubtful_maps, values
+    if health.map_warning:
+        return DiagnosticStatus.WARN, health.map_warning, values
     return DiagnosticStatus.OK, "maps arrive", values
 
 

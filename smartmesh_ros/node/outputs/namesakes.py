@@ -1,4 +1,4 @@
-"""Another node of the same whole name: both take the same topics, and either answers calls meant for the other."""
+"""Detection of nodes with the same full name, which receive the same topics and answer each other's calls."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from time import monotonic
 
 from rclpy.node import Node
 
-# How often it is looked for [s].
+# Period of the check [s].
 PERIOD = 1.0
 
 
 class Namesakes:
-    """Warns each time that another node of the same whole name appears."""
+    """Logs a warning whenever another node with the same full name appears."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._due = 0.0
         self._known = 0
 
-    def look(self) -> None:
-        """Looks for one, if it is time."""
+    def check(self) -> None:
+        """Checks for such nodes, if a check is due."""
         if (now := monotonic()) < self._due:
             return
         self._due = now + PERIOD

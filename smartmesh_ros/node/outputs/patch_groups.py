@@ -1,4 +1,4 @@
-"""Patches in groups that are written at once, and what of them has changed since they were sent."""
+"""Groups of patches that are serialised together, and detection of patches that changed since the last message."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from smartmesh_ros.patches.batch import PatchBatch
 
 
 class PatchGroup(NamedTuple):
-    """Patches of a batch that show the same triangles (T, 3): rows ``members`` (n,) of the batch, their bodies (n,) and
-    vertices (n, K, 3) [m]. ``whole``: whether these are all triangles of the batch."""
+    """Patches of a batch with the same triangles (T, 3): rows ``members`` (n,) of the batch, their bodies (n,) and
+    vertices (n, K, 3) [m]. ``whole``: the group has all triangles of the batch, none removed at a hole."""
 
     batch: PatchBatch
     members: NDArray[np.int64]
@@ -24,7 +24,7 @@ class PatchGroup(NamedTuple):
 
 
 def by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
-    """Patches grouped by the triangles they show: those that touch a hole are left out."""
+    """Yield the patches grouped by their triangles; triangles that touch a hole are removed."""
     for batch in batches:
         vertices = batch.vertices_w
         if not batch.may_have_holes:
@@ -42,36 +42,36 @@ def by_triangles(batches: list[PatchBatch]) -> Iterator[PatchGroup]:
 
 
 class SentPatches:
-    """The patches as they were last sent, to tell which have changed."""
+    """The patches as last sent, to detect changes."""
 
     def __init__(self, count: int = 0) -> None:
         self._count = count
         self._kinds: dict[Hashable, tuple[int, NDArray[np.int64]]] = {}
-        # Which of them each body's was, -1 = none; and whether it was there this time.
+        # For each body: number of its kind in the last message, -1 = none; and whether this message has its patch.
         self._kind = np.full(count, -1)
-        self._there = np.zeros(count, bool)
+        self._present = np.zeros(count, bool)
 
     def end(self) -> None:
-        """Ends a message: a body that was not in it comes back as new."""
-        self._kind[~self._there] = -1
-        self._there[:] = False
+        """Ends a message. Bodies without a patch in it will count as changed when they return."""
+        self._kind[~self._present] = -1
+        self._present[:] = False
 
     def forget(self) -> None:
-        """Takes every patch as changed the next time."""
+        """Marks every patch as changed for the next message."""
         self._kind[:] = -1
-        self._there[:] = False
+        self._present[:] = False
 
     def changed(self, group: PatchGroup, kind: Hashable, *values: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of a group are not as they were sent last (n,); takes them as sent.
+        """Return which patches of a group (n,) differ from those last sent, and record the group as sent.
 
-        ``kind``: what all of them have in common. ``values`` (n, ...): all that their messages say beside it.
+        ``kind``: key of the constant content of the group. ``values`` (n, ...): all other content of its patches.
         """
-        self._there[group.bodies] = True
+        self._present[group.bodies] = True
         count = len(group.bodies)
-        if not group.whole:  # at a hole: rare, and of any shape
+        if not group.whole:  # at a hole: rare, and each has its own triangles
             self._kind[group.bodies] = -1
             return np.ones(count, bool)
-        # Bit by bit, so that NaN equals itself.
+        # Compared as integers, so that NaN equals NaN.
         now = np.concatenate([part.reshape(count, -1) for part in values], axis=1, dtype=np.float64).view(np.int64)
         key = kind, now.shape[1], group.triangles.tobytes()
         if key not in self._kinds:

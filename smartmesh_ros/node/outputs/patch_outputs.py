@@ -1,4 +1,4 @@
-"""Patches as the node publishes them, as ready bytes."""
+"""Messages of patches, serialised to bytes."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ COLOUR = (0.95, 0.55, 0.15, 0.85)
 
 
 class PatchMarkers:
-    """``~/patches``: one TRIANGLE_LIST marker per patch, with a stable id per body, DELETE when it goes."""
+    """``~/patches``: one TRIANGLE_LIST marker per patch with a constant id per body, and DELETE when the patch goes."""
 
     def __init__(self, namespace: str = "patches") -> None:
         self._namespace = namespace
         self._message = ArrayMessage()
         self._ids: dict[str, int] = {}
-        self._id_of = np.empty(0, np.int64)  # by the batches' indices
+        self._id_of = np.empty(0, np.int64)  # marker ids by body index
         self._next_id = 0
         self._names: list[str] = []
         self._shown = np.empty(0, np.int64)  # ids, ascending
@@ -46,15 +46,15 @@ class PatchMarkers:
     def write(
         self, header: Header, batches: list[PatchBatch], names: list[str], *, only_changed: bool = False
     ) -> bytes:
-        """The MarkerArray of all patches (or of those that differ from what was last sent), and of those that went.
+        """Return the MarkerArray of all patches (or of the changed ones), with DELETE for removed patches.
 
-        ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
+        ``names``: names of all bodies that may have a patch, by index; a new list object means that the bodies changed.
         """
-        self._take_names(names)
+        self._assign_ids(names)
         message = self._message
         message.start("markers", MarkerArray)
         stamp = stamp_fields(header)
-        # Patches of one size are written together, planes and heightfields alike.
+        # Patches of equal size form one group, planes and heightfields alike.
         ids: dict[int, list[IntArray]] = defaultdict(list)
         points: dict[int, list[FloatArray]] = defaultdict(list)
         shown = [np.empty(0, np.int64)]
@@ -79,8 +79,8 @@ class PatchMarkers:
             self._sent.forget()
         return message.finish()
 
-    def _take_names(self, names: list[str]) -> None:
-        """Gives ids to those that have none yet."""
+    def _assign_ids(self, names: list[str]) -> None:
+        """Assigns marker ids to new bodies."""
         if names is not self._names:
             self._names = names
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
@@ -89,13 +89,13 @@ class PatchMarkers:
             self._sent = SentPatches(len(names))
 
     def _gone(self, shown: IntArray) -> IntArray:
-        """Ids that were shown before and are not among those now ``shown`` (n,), ascending."""
+        """Return the ids that were shown before but are not in ``shown`` (n,), ascending."""
         before, self._shown = self._shown, shown
         return before[:0] if np.array_equal(before, shown) else np.setdiff1d(before, shown)
 
 
 class ColliderPatches:
-    """``~/collider_patches``: the same geometry for other simulators."""
+    """``~/collider_patches``: the geometry of the patches, for other simulators."""
 
     def __init__(self) -> None:
         self._message = ArrayMessage()
@@ -112,9 +112,9 @@ class ColliderPatches:
         *,
         only_changed: bool = False,
     ) -> bytes:
-        """The ColliderPatchArray of all patches, or of those that differ from what was last sent and what went.
+        """Return the ColliderPatchArray of all patches, or of the changed patches and the removed bodies.
 
-        ``names``: everything that may have a patch, in the order of the batches' indices; a new list when it changed.
+        ``names``: names of all bodies that may have a patch, by index; a new list object means that the bodies changed.
         """
         if names is not self._names:
             self._names = names
@@ -137,7 +137,7 @@ class ColliderPatches:
         return self._message.finish()
 
     def _add(self, group: PatchGroup, carry_velocity: bool, only_changed: bool) -> None:
-        """Adds the patches of a group, or those of them that changed."""
+        """Adds all patches of a group, or only the changed ones."""
         batch, triangles = group.batch, group.triangles
         placed = np.stack([batch.rows, batch.columns, batch.stride, batch.deviation], axis=1)[group.members]
         twist = np.concatenate([batch.linear_w, batch.angular_w], axis=1)[group.members]

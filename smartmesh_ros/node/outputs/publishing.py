@@ -1,4 +1,4 @@
-"""When outputs are published: at their rates, while somebody listens."""
+"""Publishing of the outputs, at their rates and while they have subscribers."""
 
 from __future__ import annotations
 
@@ -30,24 +30,23 @@ from smartmesh_ros.node.outputs.connections import incompatible_peers, publisher
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import SimulatedStates
 
-# In incremental mode all patches are published at least so often [s].
+# Longest time between two messages with all patches in incremental mode [s].
 ALL_PATCHES_PERIOD = 5.0
-# So long after a subscriber was found it may not have found the node, and hear nothing [s].
-JOINING = 1.0
-# They show patches: nothing new until those are brought up to date.
-SHOWING_PATCHES = ("patches", "collider_patches")
-# Diagnostics come so often, and so soon after a publisher came or went [s].
-DIAGNOSTICS_PERIOD, NOTICING = 1.0, 0.1
-# A real-time factor is told of no less [s].
-SHORTEST = 0.5
+# Time in which a new subscriber may not have discovered the node and so misses messages [s].
+DISCOVERY_TIME = 1.0
+# Outputs that show patches. They are published only after the patches were refreshed.
+PATCH_OUTPUTS = ("patches", "collider_patches")
+# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
+DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
+# Shortest time over which a real-time factor is measured [s].
+MIN_WINDOW = 0.5
 RELIABLE = QoSProfile(depth=10)
 
 
 class _Window:
-    """Time and misses since the last reading.
+    """Measures time, real-time factor and missed deadlines between readings.
 
-    The real-time factor of less than `SHORTEST` is that of the reading before: a few steps say nothing. Before the
-    first one there is, the loop counts as being in time.
+    The factor is 1 at first, and is updated at most every `MIN_WINDOW`, because a few steps give no reliable factor.
     """
 
     def __init__(self, session: Session) -> None:
@@ -56,22 +55,22 @@ class _Window:
         self.restart()
 
     def restart(self) -> None:
-        """Measures the factor anew where the time of the loop or of the world starts: after a pause or a reset."""
+        """Restarts the measurement of the factor, after a pause or a reset."""
         self._start, self._time, self._factor = monotonic(), self._session.world.time, 1.0
 
     def read(self) -> tuple[float, float, int]:
-        """Time since the last reading [s], the real-time factor, and the deadlines missed since the last reading."""
+        """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
         now, world, pacer = monotonic(), self._session.world, self._session.pacer
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
-        if now - self._start >= SHORTEST:
+        if now - self._start >= MIN_WINDOW:
             self._factor = max(world.time - self._time, 0.0) / (now - self._start)
             self._start, self._time = now, world.time
         self._read, self._misses = now, pacer.misses
         return length, self._factor, misses
 
 
-class _Increments:
-    """When a message need hold no more than what changed since the one before."""
+class _IncrementalMode:
+    """Decides which messages of an output may contain only the changes since the last message."""
 
     def __init__(self) -> None:
         self._listeners = 0
@@ -79,11 +78,13 @@ class _Increments:
         self._all_due = -math.inf
 
     def only_changed(self, listeners: int) -> bool:
-        """Whether this one need not; everything goes to whoever came just now, and now and then for whoever missed
-        something."""
+        """Return True if the next message may contain only changes.
+
+        New subscribers, and every `ALL_PATCHES_PERIOD` all subscribers, receive everything.
+        """
         now = monotonic()
         if listeners != self._listeners:
-            self._listeners, self._all_until = listeners, now + JOINING
+            self._listeners, self._all_until = listeners, now + DISCOVERY_TIME
         if self._all_until <= now < self._all_due:
             return True
         self._all_due = now + ALL_PATCHES_PERIOD
@@ -124,7 +125,7 @@ class Publishing:
         self._diagnostics = _Output(
             self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
         )
-        # Staggered, so that no step has to write all of them.
+        # Staggered, so that no step publishes all outputs.
         start = monotonic()
         self._due = {
             name: start + place / (len(self._outputs) * max(getattr(session.settings.publish, name), 1.0))
@@ -135,11 +136,11 @@ class Publishing:
         self._timing_window = _Window(session)
         self._diagnostics_window = _Window(session)
         self._refused_before = 0
-        self._increments = {name: _Increments() for name in SHOWING_PATCHES}
-        self._shown = dict.fromkeys(SHOWING_PATCHES, -1)  # the world's refreshes when they were last published
+        self._increments = {name: _IncrementalMode() for name in PATCH_OUTPUTS}
+        self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
-        """Publishes every output that is due (or all of them) and has subscribers."""
+        """Publishes every output that has subscribers and is due; ``now``: due or not."""
         time = monotonic()
         self._publish(self._outputs, time, now=now)
         self._clock.publish(time)
@@ -149,13 +150,13 @@ class Publishing:
             self._diagnostics.publisher.publish(self._diagnostics.make())
 
     def restart_measuring(self) -> None:
-        """Has the real-time factor measured from now on."""
+        """Restarts the measurement of the real-time factor."""
         self._timing_window.restart()
         self._diagnostics_window.restart()
 
     def publish_patches(self) -> None:
-        """Publishes those outputs that show patches, if they are due: before a step, nobody waits for the physics."""
-        self._publish(SHOWING_PATCHES, monotonic(), now=False)
+        """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
+        self._publish(PATCH_OUTPUTS, monotonic(), now=False)
 
     def _publish(self, names: Iterable[str], time: float, *, now: bool) -> None:
         rates = self._session.settings.publish
@@ -163,7 +164,7 @@ class Publishing:
             output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
             if rate > 0.0 and (now or (new and time >= self._due[name])):
-                # On the beat, unless one was missed.
+                # Keeps the phase, unless a message was missed.
                 self._due[name] = max(self._due[name] + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
                     if name in self._shown:
@@ -174,7 +175,7 @@ class Publishing:
                             output.publisher.publish(message)
 
     def _connections_changed(self) -> bool:
-        self._connections_due = monotonic() + NOTICING
+        self._connections_due = monotonic() + CONNECTIONS_PERIOD
         before, self._connections = self._connections, publishers_of(self._session.subscriptions)
         return self._connections != before
 
@@ -210,7 +211,7 @@ class Publishing:
         return self._contacts.write(self._header(), self._world.contacts())
 
     def _make_joint_states(self) -> list[JointState]:
-        """None while there is no robot."""
+        """Return one message, or none if the world has no robot."""
         return [robot_outputs.joint_states(self._header(), self._world)] if robot_outputs.robots(self._world) else []
 
     def _make_odometry(self) -> list[Odometry]:
@@ -237,7 +238,7 @@ class Publishing:
         session = self._session
         refused = session.refusals.counts.total()
         health = diagnostics.Health(
-            map_age=None if session.map_taken is None else monotonic() - session.map_taken,
+            map_age=None if session.last_map_time is None else monotonic() - session.last_map_time,
             maps=session.maps,
             map_sources=sum(topic.get_publisher_count() for topic in session.terrain_subscriptions),
             overtaken=session.overtaken,
@@ -250,7 +251,7 @@ class Publishing:
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
-            doubtful_maps=session.doubtful_maps,
+            map_warning=session.map_warning,
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,

@@ -1,4 +1,4 @@
-"""What the node publishes about robots. Nothing is built for topics without subscribers."""
+"""Messages about robots: joint states, odometry and contact wrenches."""
 
 from __future__ import annotations
 
@@ -14,19 +14,22 @@ from smartmesh_ros.physics.world import World
 
 
 def robots(world: World) -> list[str]:
-    """Names of the robots, in the order they were spawned."""
+    """Return the names of the robots, in order of spawning."""
     return [body.name for body in world.bodies.values() if body.is_robot]
 
 
 def joint_states(header: Header, world: World) -> JointState:
-    """All joints: ``<joint>`` where there is one robot, for robot_state_publisher, else ``<robot>/<joint>``."""
+    """Return the states of all joints, named ``<robot>/<joint>``, or ``<joint>`` if the world has one robot.
+
+    The short names are those that robot_state_publisher expects.
+    """
     names = robots(world)
     found = []
     for robot in names:
         prefix = f"{robot}/" if len(names) > 1 else ""
         found += [(prefix + joint.name, joint) for joint in world.joints(robot)]
     return JointState(
-        header=Header(stamp=header.stamp),  # joints are in no frame
+        header=Header(stamp=header.stamp),  # joints have no frame
         name=[name for name, _ in found],
         position=[joint.position for _, joint in found],
         velocity=[joint.velocity for _, joint in found],
@@ -35,7 +38,7 @@ def joint_states(header: Header, world: World) -> JointState:
 
 
 def odometry(header: Header, world: World, robot: str) -> Odometry:
-    """True pose of a robot's root link in the terrain's frame, and its twist in its own frame, ``robot``."""
+    """Return the true pose of a robot's root link in the terrain's frame, and its twist in the frame ``robot``."""
     state = world.base_state(robot)
     back = conjugate(state.orientation)
     message = Odometry(header=header, child_frame_id=robot)
@@ -47,7 +50,7 @@ def odometry(header: Header, world: World, robot: str) -> Odometry:
 
 
 def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
-    """What the ground exerts on every simulated body and link."""
+    """Return the wrench of the ground on every simulated body and link."""
     wrenches = []
     for found in world.wrenches():
         x, y, z = found.centre.tolist()
@@ -57,14 +60,14 @@ def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
 
 
 def pose_message(state: BodyState) -> Pose:
-    """The pose of a state."""
+    """Return the pose of a state."""
     x, y, z = state.position
     qx, qy, qz, qw = state.orientation
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
 def twist_message(state: BodyState) -> Twist:
-    """The twist of a state, in the terrain's frame."""
+    """Return the twist of a state, in the terrain's frame."""
     return Twist(linear=_vector(state.linear), angular=_vector(state.angular))
 
 

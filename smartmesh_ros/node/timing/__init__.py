@@ -1,1 +1,1 @@
-"""When the node steps: clocks, pacing, and how late it runs."""
+"""Timing of the node's loop: clocks, pacing and lateness."""

@@ -1,21 +1,22 @@
-"""How simulated time has run against the clock, for a loop that cannot keep up."""
+"""Simulated time against the clock, for a loop that cannot keep its period."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Steps that are looked back on, an even number. A loop that takes longer than by so much for both halves of them cannot
-# keep up; after a single long step one half is as it should be.
-LENGTH, SLOWER = 32, 1.02
+# Length of the window of last steps, an even number.
+LENGTH = 32
+# A loop is overloaded if both halves of the window took longer than this many periods per step. Both, because a single
+# long step slows only one half.
+OVERLOAD = 1.02
 
 
 class Timeline:
     """The starts of the last steps.
 
-    Steps of a loop that is always late begin when the ones before are done, some of them long and most of them short.
-    By each step's own time two maps that came a sixtieth of a second apart would be half or twice as far apart in
-    simulated time, and the ground would jolt; by the straight line through the starts they are as far apart as all
-    others.
+    A loop that is always late starts each step when the one before ends, after a few long steps and many short ones.
+    If maps took the simulated time of the step they arrive in, equal intervals between maps would become unequal by a
+    factor of two, and the ground would jolt. The straight line through the starts keeps the intervals equal.
     """
 
     def __init__(self) -> None:
@@ -28,23 +29,25 @@ class Timeline:
         self._count = 0
 
     def note(self, start: float) -> None:
-        """Adds a step that starts at an instant [s]."""
+        """Records a step that starts at ``start`` [s]."""
         self._starts[:-1] = self._starts[1:]
         self._starts[-1] = start
         self._count += 1
 
-    def behind(self, period: float) -> bool:
-        """Whether a loop that is to run with this ``period`` [s] cannot keep up."""
+    def overloaded(self, period: float) -> bool:
+        """Return True if the loop cannot keep this ``period`` [s]."""
         if self._count < LENGTH:
             return False
         first, middle, last = self._starts[[0, LENGTH // 2, -1]].tolist()
-        most = SLOWER * period
+        most = OVERLOAD * period
         slow = middle - first > most * (LENGTH // 2), last - middle > most * (LENGTH // 2 - 1)
         return all(slow)
 
     def steps_to(self, instant: float) -> float:
-        """Steps from the one that comes next to where simulated time was at an instant [s], negative before it: by the
-        straight line through the starts, by least squares."""
+        """Return the simulated time at ``instant`` [s], in steps after the next step (negative before it).
+
+        A least-squares line through the starts gives the time.
+        """
         middle = self._starts.mean()
         offsets = self._starts - middle
         rate = (offsets @ self._steps) / (offsets @ offsets)

@@ -1,6 +1,6 @@
-"""Terrain as other stacks publish it: each module turns one kind of message into a `Raster`.
+"""Terrain messages of other stacks: each module converts one type of message to a `Raster`.
 
-Their message packages are imported only when asked for.
+Their packages are imported on first use.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from smartmesh_ros.node.inputs.adapters import grid_map, image, occupancy_grid, 
 
 
 class Adapter(NamedTuple):
-    """A message type by its package and name, and its conversion, which takes the most samples allowed."""
+    """A message type by package and name, and its conversion, whose last argument is the most samples allowed."""
 
     package: str
     message: str
     convert: Callable[[Any, RasterConfig, int], Raster]
 
 
-# By the value of the parameter ``terrain.input``, which is also the topic's name below the node.
+# Keys: values of the parameter ``terrain.input``, also the names of the topics in the node's namespace.
 ADAPTERS = {
     "grid_map": Adapter("grid_map_msgs", "GridMap", grid_map.raster_from),
     "image": Adapter("sensor_msgs", "Image", image.raster_from),

@@ -11,12 +11,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import Raster, RasterConfig, from_grid_map
 from smartmesh_ros.node.inputs.adapters.sizes import require_cells, require_length
 
-# How many cells a map's length may be from a whole number of them.
+# Largest difference of a map's length from a whole number of cells [cells].
 OFF_GRID = 0.01
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """The layers ``config.layer`` and, if it has a name, ``config.variance_layer``.
+    """Convert the layer ``config.layer`` and, unless empty, ``config.variance_layer``.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
@@ -53,7 +53,7 @@ def _cells(length: float, resolution: float) -> int:
 
 
 def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:
-    """A layer's cells (along -x, along -y), stored column by column, or row by row where it says so."""
+    """Return a layer's cells (along -x, along -y); its labels tell whether columns or rows are contiguous."""
     dims = data.layout.dim
     labels = tuple(dim.label for dim in dims)
     sizes = {"column_index": along_y, "row_index": along_x}

@@ -1,4 +1,4 @@
-"""sensor_msgs/Image: a picture of heights, placed and scaled by the parameters ``raster.*``."""
+"""sensor_msgs/Image: pixels as heights, placed and scaled by the parameters ``raster.*``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "mono8": "u1", "8UC1"
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Pixels as heights; a pixel of a 32FC1 image that is not finite is a hole."""
+    """Convert an image; pixels of a 32FC1 image that are not finite become holes."""
     if message.encoding not in ENCODINGS:
         raise InputError(
             "encoding", f"encoding {message.encoding!r} holds no heights; use one of {', '.join(ENCODINGS)}"

@@ -13,7 +13,7 @@ from smartmesh_ros.node.inputs.conversions import FloatGrid, yaw_from
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """A whole grid; ``info.origin`` is the outer corner of the first cell."""
+    """Convert a whole grid; ``info.origin`` is the outer corner of the first cell."""
     info = message.info
     if not (np.isfinite(info.resolution) and info.resolution > 0.0):
         raise InputError("geometry", f"resolution is {info.resolution} m; it must be finite and greater than zero")
@@ -27,7 +27,7 @@ def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
 
 
 def region_from(message: Any, config: RasterConfig, max_samples: int) -> tuple[int, int, FloatGrid]:
-    """First row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
+    """Return first row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
     if message.x < 0 or message.y < 0:
         raise InputError("region", f"the update starts at ({message.x}, {message.y}), outside the map")
     cells = _cells(message.data, message.height, message.width, max_samples)

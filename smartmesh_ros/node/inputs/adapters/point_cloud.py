@@ -1,4 +1,4 @@
-"""sensor_msgs/PointCloud2 that is organised as a grid: rows and columns of equally spaced points."""
+"""Organised sensor_msgs/PointCloud2: rows and columns of equally spaced points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 
 
 def raster_from(message: Any, config: RasterConfig, max_samples: int) -> Raster:
-    """Points as heights over the grid that their x and y lie on."""
+    """Convert an organised cloud; the points' x and y give the grid, their z the heights."""
     if message.height < 2 or message.width < 2:
         raise InputError(
             "not_a_grid",
