@@ -11,8 +11,8 @@ from smartmesh_ros.tune import space
 from smartmesh_ros.tune.case import Case
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
 from smartmesh_ros.tune.front import Point, nearest, ranked
+from smartmesh_ros.tune.idle_changes import without_idle_changes
 from smartmesh_ros.tune.measuring import run
-from smartmesh_ros.tune.plain import plain
 from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
 
 # Groups of parameters that a preset changes and that matter to the core.
@@ -63,7 +63,7 @@ def confirm(
     """Runs the best points for longer, in turns with the defaults, and chooses by what they show there."""
     candidates = _candidates(points, asked, Limits.of(asked, base), plan)
     say("what the best settings can do without")
-    candidates = _distinct(plain(case, candidates, reference))
+    candidates = _distinct(without_idle_changes(case, candidates, reference))
     beside = _beside(case.start)
     all_values = [{**case.start, **space.defaults()}, *beside.values()]
     all_values += [{**case.start, **point.values} for point in candidates]

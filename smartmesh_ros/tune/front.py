@@ -10,7 +10,7 @@ from typing import Any
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
 
 # Penetrations this close together are the same, and the cheaper one is better.
-SAME = 1.05
+SAME_PENETRATION = 1.05
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]
         return sorted(kept, key=lambda point: (point.figures.cost, point.figures.error))
 
     def by_truth(point: Point) -> tuple[float, float]:
-        return math.floor(math.log(point.figures.error) / math.log(SAME)), point.figures.cost
+        return math.floor(math.log(point.figures.error) / math.log(SAME_PENETRATION)), point.figures.cost
 
     return sorted(kept, key=by_truth)
 

@@ -34,25 +34,25 @@ class Measuring:
     """How runs are measured.
 
     ``samples`` [Hz]: how often bodies are looked at; the rates that are searched are multiples of it. ``pieces``: the
-    settings take turns so often within a run. ``patience``: a setting that costs so many times as much as the first of
-    its run is stopped, once it has used ``grace`` [s].
+    settings take turns so often within a run. ``cost_factor``: a setting that costs so many times as much as the first
+    of its run is stopped, once it has used ``grace`` [s].
     """
 
     samples: float = 30.0
     pieces: int = 10
-    patience: float = 8.0
+    cost_factor: float = 8.0
     grace: float = 1.0
 
 
 MEASURING = Measuring()
 
 
-class Seen(dict[Key, tuple[float, bool, bool]]):
+class Measurements(dict[Key, tuple[float, bool, bool]]):
     """Of each part at an instant: clearance [m], whether its centre is below the ground, and whether it is held up."""
 
 
 @dataclass
-class Look:
+class Snapshot:
     """The parts at an instant ``time`` [s], those that something holds up, and where the bodies are [m]."""
 
     time: float
@@ -68,8 +68,8 @@ class Runner:
         self.note = ""
         self.used = 0.0
         self.steps: list[float] = []  # processor time of each [s]
-        self.looks: list[Look] = []
-        self.seen: list[Seen] = []
+        self.snapshots: list[Snapshot] = []
+        self.measured: list[Measurements] = []
         self._case = case
         self._rate = settings.world.physics.rate
         self._gravity = settings.world.physics.gravity
@@ -82,7 +82,7 @@ class Runner:
         return len(self.steps) / self._rate
 
     def advance(self, until: float) -> None:
-        """Steps to ``until`` [s] and looks at the bodies there."""
+        """Steps to ``until`` [s] and snapshots at the bodies there."""
         world, last = self.replay.world, round(until * self._rate)
         before: dict[str, Vector] = {}
         while len(self.steps) < last:
@@ -94,7 +94,7 @@ class Runner:
             self.replay.step(events)
             self.steps.append(process_time() - start)
             self.used += self.steps[-1]
-        self._look(before)
+        self._take_snapshot(before)
 
     def _velocities(self) -> dict[str, Vector]:
         world = self.replay.world
@@ -102,7 +102,7 @@ class Runner:
             name: world.client.getBaseVelocity(body.uid)[0] for name, body in world.bodies.items() if not body.tracked
         }
 
-    def _look(self, before: Mapping[str, Vector]) -> None:
+    def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
         world = self.replay.world
         poses = [(part, pose_of(world.client, part)) for part in parts_of(world)]
         weight = HELD_UP * math.hypot(*self._gravity)
@@ -112,24 +112,24 @@ class Runner:
                 felt = [(b - a) * self._rate - g for a, b, g in zip(before[name], after, self._gravity, strict=True)]
                 held |= {name} if math.hypot(*felt) > weight else set()
         positions = {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}
-        self.looks.append(Look(self.time, poses, held, positions))
+        self.snapshots.append(Snapshot(self.time, poses, held, positions))
 
     def measure(self, grounds: Mapping[float, Sequence[Ground]]) -> None:
         """Measures what was looked at since the last call."""
-        for look in self.looks[len(self.seen) :]:
-            self.seen.append(_seen(look, grounds[look.time]))
+        for snapshot in self.snapshots[len(self.measured) :]:
+            self.measured.append(_measure_parts(snapshot, grounds[snapshot.time]))
 
     def figures(self, reference: Mapping[str, Vector] | None, steps: Sequence[float] | None = None) -> Figures:
         """All figures; ``steps``: other times of the steps [s]."""
         times = self.steps if steps is None else steps
         world, case = self.replay.world, self._case
-        keys = list(dict.fromkeys(key for seen in self.seen for key in seen))
+        keys = list(dict.fromkeys(key for seen in self.measured for key in seen))
         cost, ran = (sum(times) / self.time if times else math.nan), self.time
-        skip = sum(look.time < case.span.settle for look in self.looks)
-        if not keys or len(self.seen) <= skip:
+        skip = sum(snapshot.time < case.span.settle for snapshot in self.snapshots)
+        if not keys or len(self.measured) <= skip:
             return Figures(cost=cost, ran=ran, note=self.note or "no body was ever over the ground")
         nothing = (math.nan, False, False)
-        table = np.array([[seen.get(key, nothing) for key in keys] for seen in self.seen])
+        table = np.array([[seen.get(key, nothing) for key in keys] for seen in self.measured])
         below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
         found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
         settled = times[round(case.span.settle * self._rate) :]
@@ -148,10 +148,12 @@ class Runner:
 
     def _deviation(self, reference: Mapping[str, Vector] | None) -> float:
         horizon = self._case.span.horizon
-        look = next((look for look in self.looks if look.time >= horizon - 0.5 / self._rate), None)
-        if reference is None or look is None:
+        snapshot = next((snapshot for snapshot in self.snapshots if snapshot.time >= horizon - 0.5 / self._rate), None)
+        if reference is None or snapshot is None:
             return math.nan
-        apart = [math.dist(look.positions[name], reference[name]) for name in reference if name in look.positions]
+        apart = [
+            math.dist(snapshot.positions[name], reference[name]) for name in reference if name in snapshot.positions
+        ]
         return float(np.median(apart)) if apart else math.nan
 
 
@@ -164,7 +166,7 @@ def run(
     repeats: int = 1,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[Figures]:
-    """Runs the settings for ``duration`` [s] of simulated time in turns; the first is what the patience goes by.
+    """Runs the settings for ``duration`` [s] of simulated time in turns; the first is what the cost_factor goes by.
 
     Of ``repeats`` every step is timed by its median, so that neither the machine's other work nor luck counts.
     """
@@ -203,9 +205,9 @@ def _once(
             with _without_collector():
                 for instant in piece.tolist():
                     runner.advance(instant)
-            _give_up(runner, runners[0])
+            _stop_if_too_slow(runner, runners[0])
         if measured:
-            fresh = {look.time for runner in runners for look in runner.looks[len(runner.seen) :]}
+            fresh = {snapshot.time for runner in runners for snapshot in runner.snapshots[len(runner.measured) :]}
             grounds = {time: case.truth(time) for time in sorted(fresh)}
             for runner in runners:
                 runner.measure(grounds)
@@ -213,11 +215,11 @@ def _once(
     return runners
 
 
-def _give_up(runner: Runner, first: Runner) -> None:
+def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
     """Stops a setting that costs far more than the first one."""
     if runner is first or runner.used < MEASURING.grace or not first.steps:
         return
-    if runner.used / runner.time > MEASURING.patience * first.used / first.time:
+    if runner.used / runner.time > MEASURING.cost_factor * first.used / first.time:
         runner.note = f"stopped after {runner.time:.2f} s: it costs too much"
 
 
@@ -231,16 +233,16 @@ def _without_collector() -> Iterator[None]:
         gc.enable()
 
 
-def _seen(look: Look, grounds: Sequence[Ground]) -> Seen:
+def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurements:
     """Clearances of all parts at an instant."""
-    found = Seen()
+    found = Measurements()
     shapes: dict[Shape, list[tuple[Part, Pose]]] = {}
-    for part, pose in look.poses:
+    for part, pose in snapshot.poses:
         shapes.setdefault(part.shape, []).append((part, pose))
     for shape, members in shapes.items():
         clearance, below = _over(grounds, shape, [pose for _, pose in members])
         for (part, _), gap, under in zip(members, clearance.tolist(), below.tolist(), strict=True):
-            found[part.key] = (gap, under, part.free and part.body in look.held)
+            found[part.key] = (gap, under, part.free and part.body in snapshot.held)
     return found
 
 
@@ -250,7 +252,7 @@ def _over(grounds: Sequence[Ground], shape: Shape, poses: Sequence[Pose]) -> tup
     clearance = np.full(len(poses), np.nan)
     below = np.zeros(len(poses), bool)
     for ground in grounds:
-        placed = [_turned_back(pose, ground) for pose in poses]
+        placed = [_in_tile_frame(pose, ground) for pose in poses]
         positions = np.array([pose.position for pose in placed])
         heights = ground.surface.below(positions)
         over = np.flatnonzero(np.isfinite(heights))
@@ -262,7 +264,7 @@ def _over(grounds: Sequence[Ground], shape: Shape, poses: Sequence[Pose]) -> tup
     return clearance, below
 
 
-def _turned_back(pose: Pose, ground: Ground) -> Pose:
+def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
     """A pose as seen from a tile that is turned about z around its origin."""
     if not ground.yaw:
         return pose

@@ -71,29 +71,29 @@ def _try(
 ) -> None:
     """Measures settings that were drawn, in turns with the defaults, and notes them."""
     limits = Limits.of(asked, base)
-    with _given_up_unless_told(store, [trial for trial, _ in drawn]) as told:
+    with _failed_unless_recorded(store, [trial for trial, _ in drawn]) as recorded:
         settings = [settings_of({**case.start, **values}) for values in [space.defaults(), *(new for _, new in drawn)]]
         beside, *found = run(case, settings, case.span.search, reference, say=say)
         for (trial, _), figures in zip(drawn, found, strict=True):
-            store.tell(trial, at_the_pace_of(base, beside, figures), limits)
-            told.append(trial.number)
+            store.tell(trial, normalised(base, beside, figures), limits)
+            recorded.append(trial.number)
 
 
-def at_the_pace_of(base: Figures, beside: Figures, figures: Figures) -> Figures:
+def normalised(base: Figures, beside: Figures, figures: Figures) -> Figures:
     """Costs as if the machine were as fast as it was when ``base`` was measured: ``beside`` is the same setting,
     measured in turns with the ``figures``. The longest step is no sum that turns even out, and stays."""
     return replace(figures, cost=figures.cost * base.cost / beside.cost)
 
 
 @contextmanager
-def _given_up_unless_told(store: Store, trials: list[optuna.Trial]) -> Iterator[list[int]]:
+def _failed_unless_recorded(store: Store, trials: list[optuna.Trial]) -> Iterator[list[int]]:
     """Has trials that an interruption leaves open count as not measured."""
-    told: list[int] = []
+    recorded: list[int] = []
     try:
-        yield told
+        yield recorded
     finally:
         for trial in trials:
-            if trial.number not in told:
+            if trial.number not in recorded:
                 store.give_up(trial)
 
 

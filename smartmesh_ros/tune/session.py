@@ -104,7 +104,7 @@ def run_session(options: argparse.Namespace) -> int:
     for note in case.notes:
         print(note)
     points, verdict = find(request, case, options.jobs)
-    _tell(request, case, points, verdict, options.out)
+    _report(request, case, points, verdict, options.out)
     return 0 if verdict.keeps else 1
 
 
@@ -140,7 +140,7 @@ def search(request: Request, case: Case, store: Store, base: Figures, jobs: int)
             say("")
 
 
-def _tell(request: Request, case: Case, points: Sequence[Point], verdict: Verdict, out: Path) -> None:
+def _report(request: Request, case: Case, points: Sequence[Point], verdict: Verdict, out: Path) -> None:
     """Writes the file and the chart, and says what was found."""
     name = f"{case.name}_tuned" if verdict.keeps else f"{case.name}_nearest"
     out.mkdir(parents=True, exist_ok=True)

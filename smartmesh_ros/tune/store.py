@@ -23,9 +23,9 @@ FIGURES, BASE, REFERENCE = "figures", "defaults", "reference"
 # What the sampler is told of a setting whose penetration could not be measured [m].
 UNKNOWN_ERROR = 1.0
 # By how many times a limit may be passed as far as the sampler knows.
-MOST_EXCESS = 100.0
+MAX_EXCESS = 100.0
 # Trials that are drawn at random before the sampler draws conclusions.
-AT_RANDOM = 16
+RANDOM_TRIALS = 16
 
 
 class Storage(NamedTuple):
@@ -68,7 +68,7 @@ class Store:
                 storage=storage.storage,
                 study_name=name,
                 load_if_exists=True,
-                sampler=TPESampler(n_startup_trials=AT_RANDOM, seed=seed),
+                sampler=TPESampler(n_startup_trials=RANDOM_TRIALS, seed=seed),
                 directions=["minimize", "minimize"],
             )
         except Exception as error:  # noqa: BLE001  # as above: a file is read only here
@@ -116,7 +116,7 @@ class Store:
         """Notes what was measured of a trial. Both axes are logarithmic: a factor counts the same everywhere."""
         trial.set_user_attr(FIGURES, figures.as_json())
         beside = {name: value for name, value in limits.excess(figures).items() if name not in ("cost", "penetration")}
-        trial.set_constraint("limits", min(max(beside.values(), default=0.0), MOST_EXCESS))
+        trial.set_constraint("limits", min(max(beside.values(), default=0.0), MAX_EXCESS))
         error = min(figures.error, UNKNOWN_ERROR)
         self.study.tell(trial, [math.log10(figures.cost), math.log10(max(error, FLOOR))])
 

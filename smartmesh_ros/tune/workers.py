@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.tune.session import Request
 
 # How long processes may take to note that they were interrupted [s].
-PATIENCE = 20.0
+STOP_TIMEOUT = 20.0
 
 
 class Workers:
@@ -36,7 +36,7 @@ class Workers:
         for process in self._processes:
             if process.is_alive() and process.pid:
                 process.terminate()
-        end = monotonic() + PATIENCE
+        end = monotonic() + STOP_TIMEOUT
         for process in self._processes:
             process.join(max(end - monotonic(), 0.1))
             if process.is_alive():

@@ -1,1 +1,1 @@
-"""A page in the browser that shows a running ``terrain_collider``, over its topics and services alone; docs/view.md."""
+"""A page in the browser that shows a running ``terrain_collider``, by its topics and services only; docs/view.md."""

@@ -1,4 +1,4 @@
-"""Where a camera must stand to have bodies in sight."""
+"""Camera poses that show all bodies."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
-    """How cameras are placed.
+    """Settings of the camera placement.
 
     ``bearing`` [rad]: direction from the bodies to the camera, from the x axis. ``elevations`` [rad]: angles above the
-    horizon that are tried in turn until the ground hides no body. ``spare``: share of the picture's width and height
-    that stays free at each edge. ``nearest`` [m]: least distance, so that one small body is seen on some ground.
-    ``far``: bodies further from the median position than so many median distances are left out; one that fell off the
-    terrain would make all others too small to see. ``samples``: points along a line of sight that are compared with the
-    ground. ``halvings``: of the interval in which the middle of the picture is searched.
+    horizon, tried in this order until the ground hides no body. ``spare``: margin at each edge, as a fraction of the
+    picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with some ground
+    around. ``far``: bodies further than this many median distances from the median position are ignored, because one
+    body that fell off the terrain would make all others too small to see. ``samples``: points along a line of sight
+    that are compared with the ground. ``halvings``: bisection steps in the search for the middle of the picture.
     """
 
     bearing: float = math.radians(-130.0)
@@ -40,8 +40,8 @@ CONFIG = CameraConfig()
 
 
 class Lens(NamedTuple):
-    """What a picture takes in: ``field_of_view`` from bottom to top [rad], ``aspect``: width over height, ``covered``:
-    share of the width that the panel at the right edge covers."""
+    """Geometry of a picture: ``field_of_view`` from bottom to top [rad], ``aspect``: width over height, ``covered``:
+    fraction of the width that the panel at the right edge covers."""
 
     field_of_view: float
     aspect: float
@@ -49,16 +49,19 @@ class Lens(NamedTuple):
 
 
 class Camera(NamedTuple):
-    """Where a camera is and the point that it looks at [m]."""
+    """Position of a camera and the point that it looks at [m]."""
 
     position: Vector
     target: Vector
 
 
 def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Ground) -> Camera:
-    """The camera that has bodies at (B, 3) [m] of ``radii`` (B,) [m] in sight, as near as possible. It looks from
-    higher up where ground hides bodies, and from where it hides fewest if it always hides some."""
-    positions, radii = _together(positions, radii)
+    """Return the nearest camera that shows bodies at (B, 3) [m] of ``radii`` (B,) [m].
+
+    The elevation is the lowest at which the ground hides no body. If the ground hides bodies at every elevation, the
+    elevation is the one with the fewest hidden bodies.
+    """
+    positions, radii = _without_outliers(positions, radii)
     best, hidden = None, len(positions) + 1
     for elevation in CONFIG.elevations:
         found = _fitted(positions, radii, lens, elevation)
@@ -72,23 +75,23 @@ def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Grou
 
 
 def places_in(camera: Camera, points: FloatArray, lens: Lens) -> FloatArray:
-    """Where points (n, 3) [m] are in a picture (n, 2): 0 in its middle, -1 and 1 at its edges, right and up. Points
-    behind the camera are far outside."""
+    """Return the coordinates of points (n, 3) [m] in a picture (n, 2), right and up: 0 in the middle, -1 and 1 at the
+    edges. Points behind the camera are far outside."""
     right, up, forward = _axes(np.subtract(camera.target, camera.position))
     away = points - np.asarray(camera.position)
     depth = np.maximum(away @ forward, 1e-6) * math.tan(0.5 * lens.field_of_view)
     return np.stack([away @ right / (lens.aspect * depth), away @ up / depth], axis=1)
 
 
-def _together(positions: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The bodies without those that are far from all others."""
+def _without_outliers(positions: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions and radii without bodies that are far from all others."""
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     near = away <= CONFIG.far * max(float(np.median(away)), CONFIG.nearest)
     return (positions[near], radii[near]) if near.any() else (positions, radii)
 
 
 def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: float) -> Camera:
-    """The nearest camera at an ``elevation`` [rad] whose picture holds all bodies."""
+    """Return the nearest camera at an ``elevation`` [rad] that shows all bodies."""
     level = math.cos(elevation)
     forward = -np.array([level * math.cos(CONFIG.bearing), level * math.sin(CONFIG.bearing), math.sin(elevation)])
     right, up, forward = _axes(forward)
@@ -108,9 +111,12 @@ def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: flo
 
 
 def _distance(across: FloatArray, along: FloatArray, radii: FloatArray, edges: tuple[float, float]) -> float:
-    """Least distance [m] of a camera from the middle of the bodies at which these fit between two ``edges`` of the
-    picture (tangents). A body ``along`` [m] behind the middle is at x = ``across`` [m] and fits for a camera shifted by
-    s [m] if low (d + along) <= x - s - r and x - s + r <= high (d + along). The bounds of s meet at the distance."""
+    """Return the minimum distance d [m] of a camera from the middle of the bodies at which the bodies fit between two
+    ``edges`` of the picture (tangents).
+
+    A body ``along`` [m] behind the middle and ``across`` x [m] beside it fits for a camera shifted by s [m] if
+    low (d + along) <= x - s - r and x - s + r <= high (d + along). At the minimum distance the bounds on s are equal.
+    """
     low, high = edges
     needed = float((across + radii - high * along).max() - (across - radii - low * along).min())
     return max(needed / (high - low), float((radii - along).max()))
@@ -119,8 +125,8 @@ def _distance(across: FloatArray, along: FloatArray, radii: FloatArray, edges: t
 def _shift(
     across: FloatArray, along: FloatArray, radii: FloatArray, edges: tuple[float, float], distance: float
 ) -> float:
-    """Shift [m] of a camera at a ``distance`` [m] whose picture has as much room at one edge as at the other, by
-    bisection between the bounds of `_distance`."""
+    """Return the shift [m] of a camera at a ``distance`` [m] with equal margins at both edges, by bisection between the
+    bounds of `_distance`."""
     low, high = edges
     depth = np.maximum(distance + along, 1e-6)
     least = float((across + radii - high * depth).max())
@@ -133,7 +139,7 @@ def _shift(
 
 
 def _hidden(camera: Camera, positions: FloatArray, radii: FloatArray, ground: Ground) -> int:
-    """How many bodies' tops the ground hides."""
+    """Return the number of bodies whose tops the ground hides."""
     tops = positions + radii[:, None] * (0.0, 0.0, 1.0)
     share = np.linspace(0.0, 1.0, CONFIG.samples, endpoint=False)
     lines = np.asarray(camera.position) + share[None, :, None] * (tops - np.asarray(camera.position))[:, None, :]
@@ -142,7 +148,7 @@ def _hidden(camera: Camera, positions: FloatArray, radii: FloatArray, ground: Gr
 
 
 def _axes(towards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit vectors to the right, up and forward of a camera that looks ``towards`` a direction (3,), upright."""
+    """Return unit vectors right, up and forward of an upright camera that looks ``towards`` a direction (3,)."""
     forward = towards / np.linalg.norm(towards)
     right = np.cross(forward, (0.0, 0.0, 1.0))
     right = right / np.linalg.norm(right)

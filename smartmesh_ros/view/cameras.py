@@ -1,4 +1,4 @@
-"""The cameras of the open pages: each looks at the bodies at first, and then where its user turns it."""
+"""The cameras of the open pages: each is turned to the bodies once, and then left to its user."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.scene import bodies_of
 from smartmesh_ros.view.sight import Sight
 
-# Before anything is known, pages look from here to the origin [m].
+# Camera of pages that open before any body is known [m].
 START = Camera((-6.3, -7.1, 6.9), (0.0, 0.0, 0.0))
-# Nothing nearer is drawn [m]. Smaller values resolve the depth of far things less finely.
+# Near clipping distance [m]. Lower values reduce the depth resolution of distant objects.
 NEAREST = 0.05
-# A page that was opened so long ago [s] does not wait for bodies that are described but have no pose.
-PATIENCE = 2.0
+# Longest time [s] that a new page waits for the poses of all described bodies.
+POSE_TIMEOUT = 2.0
 # Width of the panel and its margins [pixels].
 PANEL = 340
-# Positions nearer than this are the same [m]: the page rounds to single precision.
-SAME = 1e-2
+# Positions closer together count as equal [m], because the page rounds to single precision.
+SAME_POSITION = 1e-2
 
 
 class Cameras:
-    """The cameras of a viser server's pages. A page whose address names a camera, or whose user has moved it, is left
-    alone."""
+    """The cameras of a viser server's pages. `update` skips a page whose address contains a camera, or whose user has
+    moved the camera."""
 
     def __init__(self, server: Any) -> None:
         self._server = server
-        self._given = [START]  # every camera that pages have started with
-        self._since: dict[int, float] = {}  # when pages were opened [s]
-        self._done: set[int] = set()  # pages that looked at the bodies once
+        self._given = [START]  # all initial cameras of pages
+        self._since: dict[int, float] = {}  # opening time of each page [s]
+        self._done: set[int] = set()  # pages that were turned to the bodies
         self._start_with(START)
 
     def update(self, ground: Ground, sight: Sight) -> None:
-        """Turns the cameras of new pages to the bodies, as soon as the poses of all of them are known."""
+        """Turn the cameras of new pages to the bodies once all poses are known."""
         clients = self._server.get_clients()
         self._done &= clients.keys()
         self._since = {number: self._since.get(number, monotonic()) for number in clients}
@@ -45,25 +45,25 @@ class Cameras:
             if number in self._done:
                 continue
             known = bool(sight.poses) and sight.appearances.keys() <= sight.poses.keys()
-            late = monotonic() > self._since[number] + PATIENCE
-            # A page may tell of the browser's own camera before it takes the one that it is given, so that is no reason
-            # to leave the page alone for good.
+            late = monotonic() > self._since[number] + POSE_TIMEOUT
+            # A page may report the browser's default camera before it applies its initial one. So a camera that seems
+            # moved is checked again in the next update.
             if (known or (late and sight.poses)) and self._is_unmoved(client):
                 self._done.add(number)
                 self._turn(client, ground, sight)
 
     def look(self, ground: Ground, sight: Sight) -> None:
-        """Turns the cameras of all pages to the bodies."""
+        """Turn the cameras of all pages to the bodies."""
         for client in self._server.get_clients().values() if sight.poses else ():
             self._turn(client, ground, sight)
 
     def turn(self, found: Camera) -> None:
-        """Turns the cameras of all pages to a place."""
+        """Set the cameras of all pages."""
         for client in self._server.get_clients().values():
             self._place(client, found)
 
     def _is_unmoved(self, client: Any) -> bool:
-        return any(math.dist(client.camera.position, given.position) < SAME for given in self._given)
+        return any(math.dist(client.camera.position, given.position) < SAME_POSITION for given in self._given)
 
     def _turn(self, client: Any, ground: Ground, sight: Sight) -> None:
         camera = client.camera
@@ -79,7 +79,7 @@ class Cameras:
         self._start_with(found)
 
     def _start_with(self, found: Camera) -> None:
-        """Has later pages, and "reset view" of all, start with a camera."""
+        """Make a camera the initial one of later pages, and of "reset view" on all pages."""
         self._given.append(found)
         start = self._server.initial_camera
         start.near, start.position, start.look_at = NEAREST, found.position, found.target

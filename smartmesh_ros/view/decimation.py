@@ -1,7 +1,7 @@
-"""A grid of samples as few triangles: every sample near the bodies, ever fewer away from them, and no cracks.
+"""Decimates a grid of samples: every sample near the bodies, fewer with growing distance, without cracks.
 
-Square cells of 2^k samples are split while a body is near for their size. Where a smaller cell touches the middle of an
-edge, the larger one is cut from its centre.
+Square cells of 2^k samples are split while a body is near relative to their size. If a smaller cell has a corner in the
+middle of a larger cell's edge, the larger cell becomes a fan of triangles around its centre.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class DecimationConfig:
-    """``far_cells``: cells of a map without bodies, at most: some four pixels each on a screen. ``most_cells``: cells
-    of all, beyond which less is whole around each body: what a browser redraws ten times a second."""
+    """``far_cells``: maximum number of cells of a map without bodies; at the default some four pixels each on a screen.
+    ``most_cells``: maximum number of all cells. Beyond it the undecimated area around each body is reduced. The default
+    is what a browser redraws ten times a second."""
 
     far_cells: int = 16_000
     most_cells: int = 60_000
@@ -48,10 +49,11 @@ def decimate(
     near: NDArray[np.float64],
     config: DecimationConfig = DecimationConfig(),
 ) -> Surface:
-    """The surface of a map of ``shape`` (rows, columns), each >= 2.
+    """Return the surface of a map of ``shape`` (rows, columns), each >= 2.
 
-    ``centres`` (B, 2): row and column of each body [samples], anywhere. ``near`` (B,): every sample less than so far
-    from it along rows and columns is a vertex [samples], as long as there are not too many.
+    ``centres`` (B, 2): row and column of each body [samples], also outside the map. ``near`` (B,) [samples]: every
+    sample within this distance of the body along rows and columns is a vertex. ``near`` is halved until the surface has
+    at most ``config.most_cells`` cells.
     """
     level = coarsest_level(shape, config.far_cells)
     while True:
@@ -62,7 +64,7 @@ def decimate(
 
 
 def coarsest_level(shape: tuple[int, int], far_cells: int) -> int:
-    """The smallest k for which cells of 2^k samples are no more than ``far_cells``; 0 = the whole map is shown."""
+    """Return the smallest k for which the map has at most ``far_cells`` cells of 2^k samples; 0 = no decimation."""
     level = 0
     while np.prod([-(-(count - 1) // (1 << level)) for count in shape]) > far_cells:
         level += 1
@@ -72,14 +74,14 @@ def coarsest_level(shape: tuple[int, int], far_cells: int) -> int:
 def _leaves(
     shape: tuple[int, int], coarsest: int, centres: NDArray[np.float64], near: NDArray[np.float64]
 ) -> list[_Cells]:
-    """Cells that cover the map, each side by side with cells of half, the same or twice its size."""
+    """Return cells that cover the map; neighbours have half, the same or twice the size."""
     leaves = []
     split = np.ones(tuple(-(-(count - 1) // (2 << coarsest)) for count in shape), np.bool_)
     for level in range(coarsest, -1, -1):
         size = 1 << level
         cells = tuple(-(-(count - 1) // size) for count in shape)
         there = np.repeat(np.repeat(split, 2, axis=0), 2, axis=1)[: cells[0], : cells[1]]
-        # Twice the distance for twice the size: neighbours then differ by one split at most.
+        # Cells of twice the size are split at twice the distance, so that neighbours differ by at most one split.
         split = _within(cells, size, centres, near + size) if level else np.zeros(cells, np.bool_)
         rows, columns = np.nonzero(there & ~split)
         leaves.append(_Cells(size, rows * size, columns * size))
@@ -89,7 +91,7 @@ def _leaves(
 def _within(
     cells: tuple[int, ...], size: int, centres: NDArray[np.float64], distance: NDArray[np.float64]
 ) -> BoolArray:
-    """Cells whose squares are less than a body's ``distance`` (B,) from it, along rows and columns."""
+    """Return a mask of the cells that are within a body's ``distance`` (B,) along rows and columns."""
     found = np.zeros(cells, np.bool_)
     reach = distance[:, None]
     first = np.maximum(np.floor((centres - reach) / size), 0).astype(np.int64)
@@ -100,7 +102,7 @@ def _within(
 
 
 def _triangulate(shape: tuple[int, int], leaves: list[_Cells]) -> Surface:
-    """Triangles between the corners of the cells. Cells beyond the last row or column end there."""
+    """Return triangles between the corners of the cells, clipped at the last row and column."""
     width = shape[1] + 2 * max(cells.size for cells in leaves) + 1
     corners = [_corners(cells, width) for cells in leaves]
     known = np.unique(np.concatenate([of_cells.ravel() for of_cells in corners]))
@@ -117,13 +119,13 @@ def _triangulate(shape: tuple[int, int], leaves: list[_Cells]) -> Surface:
 
 
 def _corners(cells: _Cells, width: int) -> IntArray:
-    """Corners (n, 4) of cells, counter-clockwise, each as row * width + column."""
+    """Return the corners (n, 4) of cells, counter-clockwise, each as row * width + column."""
     first = cells.rows * width + cells.columns
     return np.asarray(first[:, None] + np.array([0, cells.size, cells.size * (width + 1), cells.size * width]))
 
 
 def _cut(cells: _Cells, corners: IntArray, width: int, known: IntArray) -> IntArray:
-    """Triangles (m, 3) of cells: two each, or a fan around the centre where an edge has a vertex in its middle."""
+    """Return triangles (m, 3) of cells: two each, or a fan around the centre if an edge has a vertex in its middle."""
     if cells.size == 1:
         return _halves(corners)
     ends = np.roll(corners, -1, axis=1)
@@ -143,5 +145,5 @@ def _cut(cells: _Cells, corners: IntArray, width: int, known: IntArray) -> IntAr
 
 
 def _halves(corners: IntArray) -> IntArray:
-    """Two triangles of each cell, cut from its first corner as the node cuts cells."""
+    """Return two triangles of each cell, divided by the same diagonal as in the node."""
     return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))

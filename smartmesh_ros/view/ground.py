@@ -1,4 +1,4 @@
-"""The terrain as its messages tell it: maps that regions are written into, and meshes."""
+"""The terrain from its messages: height maps with region updates, and general meshes."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, GridGeometry
 
 FloatGrid = NDArray[np.float32]
-# Messages that may wait to be shown: those of a page that nobody has looked at for a while are dropped.
-MOST_WAITING = 2000
+# Messages that may wait. One more applies them all, so that memory stays bounded while no page is open.
+MAX_WAITING = 2000
 
 
 class Relief:
-    """A height map of the terrain. ``changed`` is set when its heights do, ``geometry`` never changes."""
+    """A height map of the terrain. New heights set ``changed``; ``geometry`` is constant."""
 
     def __init__(self, geometry: GridGeometry, heights: FloatGrid) -> None:
         self.geometry = geometry
         self.changed = True
         self._heights = heights
-        self._own = False  # whether the heights may be written to: those of a message lie over its bytes
+        self._own = False  # True = writable; False = a view of a message's bytes
 
     @property
     def heights(self) -> FloatGrid:
-        """Heights (rows, columns) [m] above the map's origin; NaN = a hole."""
+        """Heights (rows, columns) [m] above the map's origin; NaN = hole."""
         return self._heights
 
     def replace(self, heights: FloatGrid) -> None:
-        """New heights everywhere."""
+        """Replace all heights."""
         self._heights, self._own, self.changed = heights, False, True
 
     def write(self, row: int, column: int, heights: FloatGrid) -> None:
-        """New heights of a rectangle; what lies beyond the map is left out."""
+        """Replace the heights of a rectangle; samples beyond the map are ignored."""
         if not self._own:
             self._heights, self._own = self._heights.copy(), True
         rows, columns = heights.shape
@@ -46,7 +46,8 @@ class Relief:
         self.changed = True
 
     def at(self, xy_w: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height [m] in the terrain's frame at points (n, 2) [m], between samples as they weigh; NaN off the map."""
+        """Return bilinearly interpolated heights (n,) [m] in the terrain's frame at points (n, 2) [m]; NaN off the
+        map."""
         geometry = self.geometry
         grid = geometry.to_grid(xy_w)
         inside: NDArray[np.bool_] = np.all((grid >= 0.0) & (grid <= geometry.last), axis=1, keepdims=True)
@@ -66,40 +67,41 @@ class Mesh(NamedTuple):
 
 
 class Ground:
-    """All tiles, by name. Messages are kept as bytes until `settle`: most whole maps are replaced unseen."""
+    """All tiles, by name. Messages wait as bytes until `apply_waiting`, because a newer map often replaces them
+    first."""
 
     def __init__(self) -> None:
         self.tiles: dict[str, Relief | Mesh] = {}
         self._waiting: list[tuple[Callable[[bytes], None], str | None, bytes]] = []
 
     def take_map(self, data: bytes) -> None:
-        """A Heightmap message; what waits for its tile is out of date."""
+        """Queue a Heightmap message and drop older messages of its tile."""
         tile = _tile_of(data)
         self._waiting = [entry for entry in self._waiting if entry[1] != tile]
         self._waiting.append((self._put_map, tile, data))
 
     def take_region(self, data: bytes) -> None:
-        """A HeightmapUpdate message."""
+        """Queue a HeightmapUpdate message."""
         self._wait(self._write_region, data)
 
     def take_mesh(self, data: bytes) -> None:
-        """A TerrainMesh message."""
+        """Queue a TerrainMesh message."""
         self._wait(self._put_mesh, data)
 
     def take_mesh_update(self, data: bytes) -> None:
-        """A TerrainMeshUpdate message."""
+        """Queue a TerrainMeshUpdate message."""
         self._wait(self._move_mesh, data)
 
     def put(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
-        """A whole map of a tile."""
+        """Set the whole map of a tile."""
         known = self.tiles.get(tile)
         if isinstance(known, Relief) and known.geometry == geometry:
             known.replace(heights)
         else:
             self.tiles[tile] = Relief(geometry, heights)
 
-    def settle(self) -> None:
-        """Takes in all that waits. What makes no sense is left to the node to complain about."""
+    def apply_waiting(self) -> None:
+        """Apply all waiting messages. Malformed ones are skipped, because the node reports them."""
         waiting, self._waiting = self._waiting, []
         for take, _, data in waiting:
             try:
@@ -108,7 +110,7 @@ class Ground:
                 continue
 
     def heights(self, xy_w: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The highest map's height [m] at points (n, 2) [m]; NaN where there is none."""
+        """Return the height (n,) [m] of the highest map at points (n, 2) [m]; NaN where no map is."""
         found = np.full(len(xy_w), np.nan)
         for tile in self.tiles.values():
             if isinstance(tile, Relief):
@@ -117,8 +119,8 @@ class Ground:
 
     def _wait(self, take: Callable[[bytes], None], data: bytes) -> None:
         self._waiting.append((take, _tile_of(data), data))
-        if len(self._waiting) > MOST_WAITING:
-            self.settle()
+        if len(self._waiting) > MAX_WAITING:
+            self.apply_waiting()
 
     def _put_map(self, data: bytes) -> None:
         new = conversions.map_from(data, MOST_SAMPLES)
@@ -150,7 +152,7 @@ class Ground:
 
 
 def _tile_of(data: bytes) -> str | None:
-    """The tile of a terrain message; None where the bytes are none."""
+    """Return the tile of a terrain message; None if the bytes are malformed."""
     try:
         return CdrReader(data).stamped().tile
     except InputError:

@@ -1,4 +1,4 @@
-"""The knobs on the page: each shows the parameter's value, sets it, and says why a value was refused."""
+"""The tab of parameters: each widget shows a parameter's value, sets it, and shows why a value was refused."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from smartmesh_ros.view.remote import Remote
 
 
 class KnobPanel:
-    """Asks a node for its parameters once, and keeps the knobs like them."""
+    """Reads a node's parameters once, and keeps the widgets equal to them."""
 
     def __init__(self, server: Any, remote: Remote, tab: Any) -> None:
         self._gui, self._remote, self._tab = server.gui, remote, tab
         self._knobs: dict[str, Knob] = {}
         self._handles: dict[str, Any] = {}
         self._refusals: dict[str, Any] = {}
-        self._values: dict[str, Any] = {}  # of the node, as shown
-        self._wanted: dict[str, Any] = {}  # the newest value that is yet to be set
-        self._busy: set[str] = set()  # parameters that are being set
-        self._turned: SimpleQueue[tuple[str, Any]] = SimpleQueue()  # on the page, by its threads
+        self._values: dict[str, Any] = {}  # the node's values, as shown
+        self._pending: dict[str, Any] = {}  # the newest values that are not sent yet
+        self._busy: set[str] = set()  # parameters whose answer is outstanding
+        self._changes: SimpleQueue[tuple[str, Any]] = SimpleQueue()  # by the page's threads
         self._asked = False
         with tab:
             self._state = server.gui.add_markdown("waiting for the node's parameters ...")
 
     def update(self) -> None:
-        """Sets what was turned, and shows what has changed."""
+        """Send the user's changes to the node, and show the node's changes."""
         if not self._asked and self._remote.parameters.services_are_ready():
             self._asked = True
             self._ask_names()
-        while not self._turned.empty():
-            name, value = self._turned.get()
+        while not self._changes.empty():
+            name, value = self._changes.get()
             if value != self._values.get(name):
-                self._wanted[name] = value
-        for name in list(self._wanted):
+                self._pending[name] = value
+        for name in list(self._pending):
             if name not in self._busy:
-                self._set(name, self._wanted.pop(name))
+                self._set(name, self._pending.pop(name))
         changed, self._remote.changed_parameters = self._remote.changed_parameters, {}
         for name, value in changed.items():
             if name in self._handles:
@@ -79,7 +79,7 @@ class KnobPanel:
     def _add(self, knob: Knob) -> None:
         self._knobs[knob.name], self._values[knob.name] = knob, knob.value
         handle = _widget(self._gui, knob)
-        handle.on_update(lambda event: self._turned.put((knob.name, event.target.value)))
+        handle.on_update(lambda event: self._changes.put((knob.name, event.target.value)))
         self._handles[knob.name] = handle
         self._refusals[knob.name] = self._gui.add_markdown("", visible=False)
 
@@ -103,7 +103,7 @@ class KnobPanel:
         self._values[name] = value
 
     def _refuse(self, name: str, reason: str) -> None:
-        """Says why, and shows the value that the node still has."""
+        """Show the reason, and restore the node's value."""
         self._refusals[name].content = f"**refused:** {reason}"
         self._refusals[name].visible = True
         self._handles[name].value = self._values[name]
@@ -112,7 +112,7 @@ class KnobPanel:
         if value == self._values[name]:
             return
         self._values[name] = value
-        if name not in self._wanted and name not in self._busy:
+        if name not in self._pending and name not in self._busy:
             self._handles[name].value = value
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the node as things to turn on the page: what there is, from the node's own descriptions."""
+"""The kind and bounds of the page's widget for each parameter, from the node's descriptions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 
-# How the node's descriptions begin that list what may be chosen.
+# Prefix of a description's constraints that list choices.
 CHOICES = "one of "
-# A range of more than so many times the value is too wide for a slider, and one of so many steps fine enough.
-WIDEST = 100.0
-STEPS = 200
+# Widest range of a slider, in multiples of the value, and minimum number of steps of a slider.
+MAX_RELATIVE_RANGE = 100.0
+SLIDER_STEPS = 200
 
 
 class Kind(Enum):
-    """What a parameter is set with."""
+    """Kind of widget of a parameter."""
 
     SWITCH = "switch"
     CHOICE = "choice"
@@ -32,8 +32,8 @@ class Kind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Knob:
-    """A parameter that may change: its ``name``, what it does, its ``value`` now, and what it may be: ``low`` to
-    ``high`` in steps of ``step``, or one of ``choices``. Lists are texts in YAML."""
+    """A parameter that may change: ``name``, description (``hint``), present ``value``, and its range ``low`` to
+    ``high`` in steps of ``step``, or its ``choices``. Lists are YAML texts."""
 
     name: str
     kind: Kind
@@ -46,7 +46,7 @@ class Knob:
 
 
 def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
-    """The knob of a parameter; None where it is fixed, or is not the node's own and says nothing of itself."""
+    """Return the knob of a parameter; None if the parameter is read-only, unset, or has no description."""
     if descriptor.read_only or not descriptor.description or value is None:
         return None
     name, hint = descriptor.name, descriptor.description
@@ -63,7 +63,7 @@ def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
 
 
 def parameter_of(knob: Knob, given: Any) -> Parameter:
-    """The parameter as it is to be set, from what the page holds. Raises `InputError` if a text is no list."""
+    """Return the parameter with the value that the page's user gave. Raise `InputError` if a list's text is no list."""
     if knob.kind is Kind.TEXT and knob.value.startswith("["):
         try:
             given = yaml.safe_load(given)
@@ -76,12 +76,12 @@ def parameter_of(knob: Knob, given: Any) -> Parameter:
 
 
 def shown_value(value: Any) -> Any:
-    """A value of the node as its knob shows it."""
+    """Return a parameter's value as its widget shows it: lists as texts."""
     return value if isinstance(value, bool | int | float | str) else text_of(list(value))
 
 
 def text_of(values: list[Any]) -> str:
-    """A list as a text in YAML, in one line."""
+    """Return a list as YAML, in one line."""
     return str(yaml.safe_dump(values, default_flow_style=True, width=math.inf)).strip()
 
 
@@ -98,14 +98,14 @@ def _number(descriptor: ParameterDescriptor, value: float) -> Knob:
     low, high = ranges[0].from_value, ranges[0].to_value
     hint = f"{descriptor.description} {low:g} to {high:g}."
     step: float | int = 1 if whole else nice_step(value, low, high)
-    fits = high - low <= (STEPS if whole and not value else WIDEST * abs(value))
+    fits = high - low <= (SLIDER_STEPS if whole and not value else MAX_RELATIVE_RANGE * abs(value))
     kind = Kind.SLIDER if fits else Kind.NUMBER
     return Knob(name=descriptor.name, kind=kind, hint=hint, value=value, low=low, high=high, step=step)
 
 
 def nice_step(value: float, low: float, high: float) -> float:
-    """A power of ten that divides a range finely enough, and that ``value`` is a multiple of, nearly."""
-    step = 10.0 ** math.floor(math.log10((high - low) / STEPS))
+    """Return a power of ten that divides a range into at least `SLIDER_STEPS`, and nearly divides ``value``."""
+    step = 10.0 ** math.floor(math.log10((high - low) / SLIDER_STEPS))
     while abs(value / step - round(value / step)) > 1e-6 and step > 1e-9:
         step *= 0.1
     return float(f"{step:.0e}")

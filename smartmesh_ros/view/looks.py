@@ -1,4 +1,4 @@
-"""What things look like: colours, and the meshes of shapes."""
+"""Colours, and the meshes of shapes."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ GROUND: Colour = (196, 186, 168)
 TRACKED: Colour = (150, 150, 158)
 CONTACT: Colour = (214, 39, 40)
 SELECTED: Colour = (255, 214, 10)
-# Bodies by their shape.
+# Colours of bodies, by shape.
 BODY_COLOURS: dict[int, Colour] = {
     BodyDescription.SPHERE: (52, 92, 168),
     BodyDescription.BOX: (139, 58, 120),
     BodyDescription.CYLINDER: (30, 116, 96),
     BodyDescription.CAPSULE: (120, 94, 40),
 }
-# Faces around a round body.
+# Faces around the circumference of a round body.
 SECTIONS = 24
 
 
 class PatchLook(Enum):
-    """What a patch is, as the page tells it: its words, and its colour."""
+    """Entries of the patches' legend: words and colour."""
 
     PLANE = ("plane", (86, 180, 233))
     FIELD_1 = ("heightfield, every sample", (240, 120, 20))
@@ -40,7 +40,7 @@ class PatchLook(Enum):
 
     @property
     def words(self) -> str:
-        """How the legend calls it."""
+        """Text in the legend."""
         return self.value[0]
 
     @property
@@ -50,7 +50,7 @@ class PatchLook(Enum):
 
 
 def patch_look(kind: str, stride: int) -> PatchLook:
-    """The look of a patch of a ``kind``, as `smartmesh_ros.client.Patch` has it, at a ``stride`` [samples]."""
+    """Return the look of a patch of a ``kind`` (as in `smartmesh_ros.client.Patch`) at a ``stride`` [samples]."""
     if kind == "plane":
         return PatchLook.PLANE
     if kind != "heightfield":
@@ -61,7 +61,7 @@ def patch_look(kind: str, stride: int) -> PatchLook:
 
 
 def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
-    """The mesh of a shape of BodyDescription with its ``dimensions`` [m]; of a robot, which has its own, none."""
+    """Return the mesh of a primitive shape of BodyDescription with its ``dimensions`` [m]. Not for robots."""
     make: Any = trimesh.creation
     if kind == BodyDescription.BOX:
         return make.box(dimensions)
@@ -73,12 +73,12 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
 
 
 def with_edges(mesh: Any) -> Any:
-    """A mesh with faces of its own on either side of each sharp edge, so that light does not go around it."""
+    """Return a mesh with separate vertices on either side of each sharp edge, so that shading is not smoothed there."""
     return trimesh.graph.smooth_shade(mesh, angle=math.radians(40.0))
 
 
 def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:
-    """Radius of the sphere around the middle that holds a shape [m]."""
+    """Return the radius [m] of a shape's bounding sphere around its centre."""
     if kind == BodyDescription.BOX:
         return float(0.5 * np.linalg.norm(dimensions))
     if kind == BodyDescription.CYLINDER:
@@ -89,8 +89,11 @@ def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:
 def arrows(
     positions: NDArray[np.float64], normals: NDArray[np.float64], forces: NDArray[np.float64], length: float
 ) -> NDArray[np.float64]:
-    """Arrows (n, 2, 3) from contacts at ``positions`` (n, 3) [m] along ``normals`` (n, 3): the largest of ``forces``
-    (n,) [N] is ``length`` [m] long, the others by the root of their share, so that small ones are seen too."""
+    """Return arrows (n, 2, 3) from contacts at ``positions`` (n, 3) [m] along ``normals`` (n, 3).
+
+    The arrow of the largest of ``forces`` (n,) [N] is ``length`` [m] long. Lengths grow with the root of the force, so
+    that small forces are visible too. Contacts without force have no arrow.
+    """
     pressing = np.nan_to_num(forces) > 0.0
     positions, normals, forces = positions[pressing], normals[pressing], forces[pressing]
     longest = forces.max(initial=1e-9)
@@ -98,5 +101,5 @@ def arrows(
 
 
 def ring() -> Any:
-    """A ring of radius 1 around z, to mark what is selected."""
+    """Return a ring of radius 1 around z, the mark of the selected body."""
     return trimesh.creation.torus(1.0, 0.05, major_sections=2 * SECTIONS, minor_sections=8)

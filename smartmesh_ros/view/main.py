@@ -1,6 +1,6 @@
 """``ros2 run smartmesh_ros view``: shows a running terrain_collider in the browser.
 
-It needs nothing but the node's topics and services, so the node may be on another machine of the same DDS domain.
+The view uses only the node's topics and services, so the node may run on another machine of the same DDS domain.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.view.remote import Remote
 
-# Updates of the page a second: smooth to the eye, and cheap.
+# Updates of the page [Hz]. More is smoother and costs more processor time.
 RATE = 12.0
 PORT = 8080
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the view until SIGINT or SIGTERM."""
+    """Run the view until SIGINT or SIGTERM."""
     given = sys.argv if args is None else ["view", *args]
     parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--node", default="/terrain_collider", help="whole name of the node (%(default)s)")
-    parser.add_argument("--host", default="localhost", help="address to serve on; 0.0.0.0 = all (%(default)s)")
+    parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
+    parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
     parser.add_argument("--port", type=int, default=PORT, help="port, or the next free one (%(default)s)")
     parser.add_argument("--rate", type=float, default=RATE, help="updates of the page a second (%(default)s)")
-    parser.add_argument("--demo", action="store_true", help="start the demo's nodes too, and show these")
+    parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
     options = parser.parse_args(remove_ros_args(given)[1:])
     try:
         from smartmesh_ros.view.page import Page
@@ -66,7 +66,7 @@ def main(args: list[str] | None = None) -> None:
 
 @contextmanager
 def demo_running() -> Iterator[Demo]:
-    """Terrain, bodies and a robot to show, in processes of their own."""
+    """Start the demo's nodes, each in its own process, and spawn its bodies and robot."""
     demo = Demo()
     with node_process("terrain_source", SOURCE), node_process("terrain_collider", COLLIDER):
         demo.spawn_all()

@@ -7,13 +7,13 @@ from typing import Any
 from smartmesh_ros.view.cameras import Cameras
 from smartmesh_ros.view.knob_panel import KnobPanel
 from smartmesh_ros.view.panel import Panel
-from smartmesh_ros.view.remote import OF_ROBOTS, OUTPUTS, Remote
+from smartmesh_ros.view.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
 from smartmesh_ros.view.scene import Scene
 from smartmesh_ros.view.server import start_server, stop_server
 
 
 class Page:
-    """Serves the page on ``host`` and ``port`` (the next free one where it is taken); ``url`` tells where."""
+    """Serves the page at ``url``, on ``host`` and ``port`` or the next free port."""
 
     def __init__(self, remote: Remote, host: str, port: int) -> None:
         self._remote = remote
@@ -31,24 +31,24 @@ class Page:
         stop_server(self._server)
 
     def refresh(self) -> None:
-        """Brings the page up to date; without anybody who looks at it, there is nothing to do."""
+        """Refresh the page. If no browser is connected, unsubscribe from the node's outputs instead."""
         remote = self._remote
         if not self._server.get_clients():
             remote.watch(set())
-            remote.sight.poses.clear()  # a page that opens later waits for new ones
+            remote.sight.poses.clear()  # a page that opens later waits for new poses
             return
         remote.watch(self._wanted())
-        remote.settle()
+        remote.apply_waiting()
         self.scene.show(remote.ground, remote.sight)
         self._panel.update()
         self._knobs.update()
         self.cameras.update(remote.ground, remote.sight)
 
     def _wanted(self) -> set[str]:
-        """The outputs that there is something to see of."""
+        """Return the outputs that the page shows."""
         topics = set(OUTPUTS)
         if not self.scene.show_contacts:
             topics.discard("contacts")
         if not any(known.urdf for known in self._remote.sight.appearances.values()):
-            topics -= OF_ROBOTS
+            topics -= ROBOT_OUTPUTS
         return topics

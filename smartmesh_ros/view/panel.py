@@ -1,4 +1,4 @@
-"""How the node is doing, and what can be done to it, beside the scene."""
+"""The tab with the node's state and controls."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from smartmesh_ros.view.looks import PatchLook
 from smartmesh_ros.view.remote import Remote
 from smartmesh_ros.view.scene import Scene, radius_of
 
-# The plot shows so much [s], drawn anew so often [s].
+# Time span of the plot and period of its refreshes [s].
 MINUTE, PLOT_PERIOD = 60.0, 1.0
-# What the plot shows of each step, and their colours.
+# Stages of a step in the plot, and their colours.
 STAGES = {
     "total": "#222222", "step": "#1f77b4", "search": "#2ca02c", "collider": "#ff7f0e", "publish": "#9467bd",
     "bodies": "#8c564b",
@@ -33,7 +33,7 @@ SPAWNS = {
     "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6]),
     "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5]),
 }
-# A spawned body starts so many sizes above the ground, and weighs so much a cubic metre: wood.
+# Height of a spawned body above the ground, in sizes, and its density [kg/m^3], that of wood.
 ABOVE, DENSITY = 1.5, 600.0
 
 
@@ -42,11 +42,11 @@ class Panel:
 
     def __init__(self, server: Any, remote: Remote, scene: Scene, cameras: Cameras, tab: Any) -> None:
         self._server, self._remote, self._scene, self._cameras = server, remote, scene, cameras
-        self._acts: SimpleQueue[Callable[[], None]] = SimpleQueue()  # asked for by the page's threads
+        self._actions: SimpleQueue[Callable[[], None]] = SimpleQueue()  # from the page's threads
         self._plot_due = 0.0
         self._selected: str | None = None
         self._spawned = 0
-        self._words: dict[int, str] = {}
+        self._shown: dict[int, str] = {}
         gui = server.gui
         with tab:
             self._status = gui.add_markdown("looking for the node ...")
@@ -67,31 +67,31 @@ class Panel:
             with gui.add_folder("Median time of a stage [ms]"):
                 self._plot = self._make_plot()
             with gui.add_folder("Warnings and refusals"):
-                self._troubles = gui.add_markdown("none")
+                self._warnings = gui.add_markdown("none")
         self._connect()
 
     def update(self) -> None:
-        """Does what was asked for, and shows how things are."""
-        while not self._acts.empty():
-            self._acts.get()()
+        """Run the user's actions, and show the node's state."""
+        while not self._actions.empty():
+            self._actions.get()()
         remote = self._remote
         self._write(self._status, self._status_words())
         self._pause.label = "Continue" if remote.paused else "Pause"
-        lines = [*remote.troubles, *remote.log]
-        self._write(self._troubles, "\n".join(f"- {line}" for line in lines) or "none")
+        lines = [*remote.warnings, *remote.log]
+        self._write(self._warnings, "\n".join(f"- {line}" for line in lines) or "none")
         self._show_selected()
         if (now := monotonic()) >= self._plot_due:
             self._plot_due = now + PLOT_PERIOD
             self._plot.data = plot_data(list(remote.timings), now)
 
     def _write(self, handle: Any, words: str) -> None:
-        if self._words.get(id(handle)) != words:
-            self._words[id(handle)] = words
+        if self._shown.get(id(handle)) != words:
+            self._shown[id(handle)] = words
             handle.content = words
 
     def _status_words(self) -> str:
         remote, sight = self._remote, self._remote.sight
-        if not remote.there:
+        if not remote.is_running:
             return f"**no node** `{remote.name}` in this DDS domain"
         head = "**paused**" if remote.paused else "**running**"
         if not remote.timings:
@@ -112,7 +112,7 @@ class Panel:
             series=series,
             scales={"x": {"time": False, "range": [-MINUTE, 0.0]}},
             aspect=1.3,
-            legend=uplot.Legend(live=False),  # values would be those under the mouse, and else dashes
+            legend=uplot.Legend(live=False),  # live values would be those under the mouse only
         )
 
     def _connect(self) -> None:
@@ -127,10 +127,10 @@ class Panel:
         @self._server.scene.on_click()
         def _(event: Any) -> None:
             origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            self._acts.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
+            self._actions.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
 
     def _on(self, button: Any, act: Callable[[], None]) -> None:
-        button.on_click(lambda _: self._acts.put(act))
+        button.on_click(lambda _: self._actions.put(act))
 
     def _call(self, service: str, kind: Any, **fields: Any) -> None:
         def done(refused: str) -> None:
@@ -177,7 +177,7 @@ class Panel:
 
 
 def selected_words(name: str, sight: Any) -> str:
-    """What the page says of a body: its name, where it is, and how near its patches lie to the ground."""
+    """Return the page's text on a body: name, position, and kind, stride and deviation of its patches."""
     x, y, z = sight.poses[name].position
     lines = [f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m"]
     for patch in sight.patches:
@@ -191,7 +191,8 @@ def selected_words(name: str, sight: Any) -> str:
 
 
 def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
-    """Seconds before ``now``, and the median of each of `STAGES` [ms], of messages of ~/timing with their times [s]."""
+    """Return times relative to ``now`` [s] and the median of each of `STAGES` [ms], from messages of ~/timing with
+    their times [s]."""
     recent = [(came, message) for came, message in timings if came > now - MINUTE]
     times = np.array([came - now for came, _ in recent])
     medians = [{stage.stage: 1e-3 * stage.p50_us for stage in message.stages} for _, message in recent]

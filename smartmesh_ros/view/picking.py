@@ -1,4 +1,4 @@
-"""What a click on the page meant: a ray meets bodies and the ground."""
+"""Intersections of a click's ray with bodies and the ground."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.scene import radius_of
 from smartmesh_ros.view.sight import Sight
 
-# How far along a ray the ground is looked for [m], in so many steps, each longer than the one before.
-FARTHEST, STEPS = 500.0, 4000
-# Small bodies are hit this far beside them [m].
-SLACK = 0.05
+# Length of a ray [m], and number of points on it that are compared with the ground; their spacing grows linearly.
+MAX_DISTANCE, RAY_POINTS = 500.0, 4000
+# Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
+CLICK_MARGIN = 0.05
 
 
 def body_hit(origin: NDArray[np.float64], direction: NDArray[np.float64], sight: Sight) -> str | None:
-    """The nearest body whose sphere a ray (unit ``direction``) meets; None where there is none."""
+    """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
     best, nearest = None, np.inf
     for name, pose in sight.poses.items():
         offset = np.asarray(pose.position) - origin
         along = float(offset @ direction)
         beside = float(np.linalg.norm(offset - along * direction))
-        if 0.0 < along < nearest and beside <= radius_of(sight, name) + SLACK:
+        if 0.0 < along < nearest and beside <= radius_of(sight, name) + CLICK_MARGIN:
             best, nearest = name, along
     return best
 
@@ -30,15 +30,15 @@ def body_hit(origin: NDArray[np.float64], direction: NDArray[np.float64], sight:
 def ground_hit(
     origin: NDArray[np.float64], direction: NDArray[np.float64], ground: Ground
 ) -> NDArray[np.float64] | None:
-    """Where a ray first comes through the ground (3,) [m]; None where it does not."""
-    along = FARTHEST * np.linspace(0.0, 1.0, STEPS) ** 2
+    """Return the point (3,) [m] at which a ray first hits the ground, or None."""
+    along = MAX_DISTANCE * np.linspace(0.0, 1.0, RAY_POINTS) ** 2
     points = origin + along[:, None] * direction
     heights = ground.heights(points[:, :2])
     below = points[:, 2] <= heights
     entered = np.flatnonzero(below[1:] & ~below[:-1])
     if not entered.size:
         return None
-    # Between the two points the ground is taken to be straight.
+    # Interpolate linearly between the last point above the ground and the first one below.
     first, second = entered[0], entered[0] + 1
     if np.isnan(heights[first]):
         return np.asarray([*points[second, :2], heights[second]])

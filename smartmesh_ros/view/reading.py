@@ -1,4 +1,4 @@
-"""Messages of the node as plain values."""
+"""Conversion of the node's messages to plain values."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
 
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
-from smartmesh_ros.view.sight import NO_TOUCH, Appearance, Pose, Sight, Touch
+from smartmesh_ros.view.sight import NO_CONTACTS, Appearance, Contacts, Pose, Sight
 
 
 def pose_of(message: Any) -> Pose:
-    """A geometry_msgs/Pose."""
+    """Convert a geometry_msgs/Pose."""
     p, q = message.position, message.orientation
     return Pose((p.x, p.y, p.z), (q.w, q.x, q.y, q.z))
 
 
 def poses_of(states: Any) -> dict[str, Pose]:
-    """A TrackedBodyArray, by the names of its bodies."""
+    """Return the poses of a TrackedBodyArray by body."""
     return {body.id: pose_of(body.pose) for body in states.bodies}
 
 
 def appearances_of(descriptions: Any) -> dict[str, Appearance]:
-    """A BodyDescriptionArray, by the names of its bodies."""
+    """Return the appearances of a BodyDescriptionArray by body."""
     return {
         body.id: Appearance(body.shape, tuple(body.dimensions), body.tracked, body.urdf, body.urdf_file)
         for body in descriptions.bodies
@@ -35,21 +35,21 @@ def appearances_of(descriptions: Any) -> dict[str, Appearance]:
 
 
 def joints_of(message: Any) -> dict[str, float]:
-    """A JointState, by the names of its joints."""
+    """Return the positions of a JointState by joint."""
     return dict(zip(message.name, message.position, strict=False))
 
 
-def touch_of(message: Any) -> Touch:
-    """A ContactArray."""
+def contacts_of(message: Any) -> Contacts:
+    """Convert a ContactArray."""
     rows = [
         (c.position.x, c.position.y, c.position.z, c.normal.x, c.normal.y, c.normal.z, c.normal_force)
         for c in message.contacts
     ]
     table = np.array(rows).reshape(-1, 7)
-    return Touch(table[:, :3], table[:, 3:6], table[:, 6]) if rows else NO_TOUCH
+    return Contacts(table[:, :3], table[:, 3:6], table[:, 6]) if rows else NO_CONTACTS
 
 
-# Topics below the node that `take` reads, by their types; ~/odometry may bring several messages at a time.
+# Types of the node's topics that `take` reads. ~/odometry has a message for each robot.
 KINDS = {
     "body_descriptions": BodyDescriptionArray,
     "body_states": TrackedBodyArray,
@@ -61,7 +61,7 @@ KINDS = {
 
 
 def take(sight: Sight, topic: str, data: bytes) -> None:
-    """Brings a sight up to a message of a topic of `KINDS`."""
+    """Update a sight with a message of a topic of `KINDS`."""
     message = deserialize_message(data, KINDS[topic])
     if topic == "body_descriptions":
         sight.appearances = appearances_of(message)
@@ -73,23 +73,23 @@ def take(sight: Sight, topic: str, data: bytes) -> None:
     elif topic == "odometry":
         sight.bases[message.child_frame_id] = pose_of(message.pose.pose)
     else:
-        sight.touch = touch_of(message)
+        sight.contacts = contacts_of(message)
 
 
 def is_incremental(patches: bytes) -> bool:
-    """Whether a ColliderPatchArray, from its bytes, holds only what changed."""
+    """Return True if the bytes of a ColliderPatchArray contain only changed patches."""
     reader = CdrReader(patches)
     reader.number("i"), reader.number("I"), reader.text()
     return bool(reader.number("B"))
 
 
-def troubles_of(message: Any, node: str) -> list[str]:
-    """What the diagnostics of a node warn of, and what it refused so far, in words."""
+def warnings_of(message: Any, node: str) -> list[str]:
+    """Return the warnings of a node's diagnostics and its counts of refusals, as texts."""
     found = []
     for status in message.status:
         task = status.name.removeprefix(f"{node}: ")
         if task == status.name:
-            continue  # another node's
+            continue  # status of another node
         if status.level not in (DiagnosticStatus.OK, b"\x00"):
             found.append(f"{task}: {status.message}")
         found += [
@@ -101,7 +101,7 @@ def troubles_of(message: Any, node: str) -> list[str]:
 
 
 def is_paused(message: Any, node: str) -> bool | None:
-    """Whether diagnostics say that a node's physics stands still; None where they are another node's."""
+    """Return True if diagnostics report a node's physics as paused; None if they are another node's."""
     for status in message.status:
         if status.name == f"{node}: physics":
             return any(pair.key == "paused" and pair.value == "True" for pair in status.values)

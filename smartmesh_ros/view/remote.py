@@ -1,4 +1,4 @@
-"""The running node, as its topics and services show it. Everything here happens in one thread, that of `spin`."""
+"""The running node, as seen through its topics and services. All callbacks run in the thread of `spin`."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.sight import Sight
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Of increments none may be missing; of the others the newest counts.
+# Incremental outputs need every message; of the others only the newest is shown.
 NEWEST, ALL = QoSProfile(depth=1), QoSProfile(depth=10)
-# Regions that may wait: each counts, for seconds at 60 Hz.
+# Every region counts; 200 regions last for 3 s at 60 Hz.
 REGIONS = QoSProfile(depth=200)
 OUTPUTS: dict[str, tuple[Any, QoSProfile]] = {
     **{topic: (kind, NEWEST) for topic, kind in reading.KINDS.items()},
@@ -43,23 +43,23 @@ OUTPUTS: dict[str, tuple[Any, QoSProfile]] = {
     "collider_patches": (ColliderPatchArray, ALL),
     "timing": (Timing, ALL),
 }
-# Of these only robots have something to tell.
-OF_ROBOTS = {"joint_states", "odometry"}
-# So often it is looked whether publishers of maps want another quality of service [s].
-LOOK_PERIOD = 1.0
-# Whole maps of more bytes are taken so seldom [s]: to hand them to one more process takes the machine, and so the node,
-# a tenth of a second and more. Regions of them are shown as they come.
-LARGE, REST = 16_000_000, 5.0
-# Lines of the node's log, and messages of ~/timing, that are kept.
+# Outputs that are empty without robots.
+ROBOT_OUTPUTS = {"joint_states", "odometry"}
+# Period of checks of the QoS of maps' publishers [s].
+QOS_CHECK_PERIOD = 1.0
+# Size [bytes] above which whole maps are received only once in a period [s], because the transfer to one more process
+# delays the machine, and so the node, by a tenth of a second and more. Regions are always received.
+LARGE_MAP, LARGE_MAP_PERIOD = 16_000_000, 5.0
+# Numbers of stored log lines and messages of ~/timing.
 LOG_LINES, TIMINGS = 6, 600
 
 
 class Remote:
-    """A ``terrain_collider`` of the whole name ``name``, somewhere in this DDS domain.
+    """A ``terrain_collider`` with the full name ``name`` in this DDS domain.
 
-    ``ground``: its terrain. ``sight``: what moves. ``timings``: messages of ~/timing with the time they came at [s].
-    ``troubles``, ``log``: what it warns of. ``paused``: whether its physics stands still, None before it said so.
-    ``changed_parameters``: values that it told of since they were last taken, by name.
+    ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
+    arrival [s]. ``warnings``: of the diagnostics. ``log``: last warnings of the log. ``paused``: None = unknown.
+    ``changed_parameters``: changed values by name, until the reader replaces the dictionary.
     """
 
     def __init__(self, name: str) -> None:
@@ -70,7 +70,7 @@ class Remote:
         self.ground = Ground()
         self.sight = Sight()
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
-        self.troubles: list[str] = []
+        self.warnings: list[str] = []
         self.log: deque[str] = deque(maxlen=LOG_LINES)
         self.paused: bool | None = None
         self.changed_parameters: dict[str, Any] = {}
@@ -79,30 +79,31 @@ class Remote:
         self._new: dict[str, deque[bytes]] = {}
         self._patches: dict[str, Patch] = {}
         self._outputs: dict[str, Any] = {}
-        self._maps: dict[str, tuple[Any, tuple[bool, bool]]] = {}  # subscriptions, latched or not, reliable or not
-        self._look_due = 0.0
-        self._rest_until = 0.0  # no whole maps until then
+        self._maps: dict[str, tuple[Any, tuple[bool, bool]]] = {}  # subscription, (latched, reliable)
+        self._qos_check_due = 0.0
+        self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
         self._base = name.rpartition("/")[2]
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 100)
 
     def close(self) -> None:
-        """Ends the view's node."""
+        """Destroy the view's ROS node."""
         self._executor.shutdown()
         self.node.destroy_node()
 
     def spin(self, seconds: float) -> None:
-        """Handles messages for so long."""
-        self._look()
-        if monotonic() < self._rest_until and "heightmap" in self._maps:
+        """Handle messages for this long."""
+        self._match_publishers()
+        if monotonic() < self._no_maps_until and "heightmap" in self._maps:
             self.node.destroy_subscription(self._maps.pop("heightmap")[0])
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def watch(self, topics: set[str]) -> None:
-        """Listens to these of `OUTPUTS` and no others: what nobody listens to costs the node nothing."""
+        """Subscribe to these of `OUTPUTS` and unsubscribe from all others, because the node builds only outputs with
+        subscribers."""
         for topic in set(self._outputs) - topics:
             self.node.destroy_subscription(self._outputs.pop(topic))
             self._new.pop(topic, None)
@@ -110,12 +111,12 @@ class Remote:
             self._outputs[topic] = self._listen(topic, *OUTPUTS[topic])
 
     @property
-    def there(self) -> bool:
-        """Whether the node is running."""
+    def is_running(self) -> bool:
+        """True if the node publishes its body states."""
         return bool(self.node.count_publishers(f"{self.name}/body_states"))
 
     def call(self, service: str, kind: Any, done: Callable[[str], None], **fields: Any) -> None:
-        """Calls a service of the node; ``done`` gets what was refused, or "" when it was done."""
+        """Call a service of the node. ``done`` gets the reason of a refusal, or "" after success."""
         name = f"{self.name}/{service}"
         client = self._services.get(name) or self.node.create_client(kind, name)
         self._services[name] = client
@@ -125,22 +126,22 @@ class Remote:
         future = client.call_async(kind.Request(**fields))
         future.add_done_callback(lambda _: done("" if future.result().success else future.result().message))
 
-    def settle(self) -> None:
-        """Brings ``ground`` and ``sight`` up to what has come."""
-        self.ground.settle()
+    def apply_waiting(self) -> None:
+        """Apply all received messages to ``ground`` and ``sight``."""
+        self.ground.apply_waiting()
         sight = self.sight
         for topic in reading.KINDS:
             waiting = list(self._new.pop(topic, ()))
-            # One message tells all there is, but of robots, each of which has messages of its own.
+            # The newest message is complete, except that odometry has a message for each robot.
             count = max(sum(bool(known.urdf) for known in sight.appearances.values()), 1) if topic == "odometry" else 1
             for data in waiting[-count:]:
                 reading.take(sight, topic, data)
-        self._settle_patches()
+        self._apply_patches()
         now = monotonic()
         for data in self._new.pop("timing", ()):
             self.timings.append((now, deserialize_message(data, Timing)))
 
-    def _settle_patches(self) -> None:
+    def _apply_patches(self) -> None:
         waiting = list(self._new.pop("collider_patches", ()))
         whole = [index for index, data in enumerate(waiting) if not reading.is_incremental(data)]
         for data in waiting[whole[-1] if whole else 0 :]:
@@ -162,14 +163,14 @@ class Remote:
 
         return self.node.create_subscription(kind, f"{self.name}/{topic}", keep, qos, raw=True)
 
-    def _look(self) -> None:
-        """Listens to maps as their publishers publish them: latched ones give the last map to whoever comes later."""
+    def _match_publishers(self) -> None:
+        """Subscribe to maps with the QoS of their publishers, so that a latched map arrives after its publication."""
         now = monotonic()
-        if now < self._look_due:
+        if now < self._qos_check_due:
             return
-        self._look_due = now + LOOK_PERIOD
+        self._qos_check_due = now + QOS_CHECK_PERIOD
         ground = self.ground
-        if now >= self._rest_until:
+        if now >= self._no_maps_until:
             self._listen_to_maps("heightmap", Heightmap, self._on_map, NEWEST)
         self._listen_to_maps("heightmap_update", HeightmapUpdate, ground.take_region, REGIONS)
         self._listen_to_maps("terrain_mesh", TerrainMesh, ground.take_mesh, ALL)
@@ -177,8 +178,8 @@ class Remote:
 
     def _on_map(self, data: bytes) -> None:
         self.ground.take_map(data)
-        if len(data) > LARGE:
-            self._rest_until = monotonic() + REST
+        if len(data) > LARGE_MAP:
+            self._no_maps_until = monotonic() + LARGE_MAP_PERIOD
 
     def _listen_to_maps(self, topic: str, kind: Any, take: Callable[[bytes], None], qos: QoSProfile) -> None:
         name = f"{self.name}/{topic}"
@@ -201,7 +202,7 @@ class Remote:
         paused = reading.is_paused(message, self._base)
         if paused is not None:
             self.paused = paused
-            self.troubles = reading.troubles_of(message, self._base)
+            self.warnings = reading.warnings_of(message, self._base)
 
     def _on_log(self, message: Log) -> None:
         if message.name == self.name.strip("/").replace("/", ".") and message.level >= Log.WARN:

@@ -16,16 +16,16 @@ from viser.extras import ViserUrdf
 
 from smartmesh_ros.view.sight import Appearance, Pose
 
-# yourdfpy tells of every mesh that is not there, which is so for each robot of another machine.
+# yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
-# The label of a robot is so far above its base link where nobody knows how large the robot is, and else so much above
-# its highest point [m].
+# Height of a robot's label above the base link if the robot's size is unknown, and otherwise above its highest point
+# [m].
 UNKNOWN_TOP, GAP = 0.6, 0.05
 _NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
 
 
 class Robot:
-    """A robot of a viser server. ``readable``: whether its description could be shown."""
+    """A robot of a viser server. ``readable``: True if its description can be drawn."""
 
     def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
         self.appearance = appearance
@@ -46,7 +46,7 @@ class Robot:
         self._label = server.scene.add_label(f"/labels/{name}", name, anchor="bottom-center", visible=False)
 
     def place(self, base: Pose, joints: dict[str, float]) -> None:
-        """Moves the base link, the label, and the joints to positions of ~/joint_states."""
+        """Move the base link and the label, and set the joints to positions of ~/joint_states."""
         self._frame.position, self._frame.wxyz = base.position, base.wxyz
         x, y, z = base.position
         self._label.position, self._label.visible = (x, y, z + self._top), True
@@ -58,7 +58,7 @@ class Robot:
             self._shown.update_cfg(np.array(values))
 
     def remove(self) -> None:
-        """Takes it off the page."""
+        """Remove the robot from the page."""
         self._frame.remove()
         self._label.remove()
 
@@ -74,13 +74,13 @@ def _load(appearance: Appearance) -> yourdfpy.URDF:
 
 
 def _top_of(urdf: yourdfpy.URDF) -> float:
-    """Height of a label above the base link [m]."""
+    """Return the height [m] of a label above the base link."""
     bounds = urdf.scene.bounds
     return UNKNOWN_TOP if bounds is None else float(bounds[1][2]) + GAP
 
 
 def _path(name: str, folder: Path | None) -> Path:
-    """The file of a mesh; one that may not be there where its package is not installed."""
+    """Return the path of a mesh. If its package is not installed, the path may not exist."""
     if name.startswith("package://"):
         package, _, rest = name.removeprefix("package://").partition("/")
         try:
@@ -92,8 +92,8 @@ def _path(name: str, folder: Path | None) -> Path:
 
 
 def _readable(urdf: str, folder: Path | None) -> bytes:
-    """A description that can be shown here: with zeros for places that are no numbers, as PyBullet takes them, and
-    links whose meshes are not here as the simple shapes that they collide with."""
+    """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, and links
+    whose meshes are missing are drawn by their collision shapes."""
     root = ElementTree.fromstring(urdf)
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):

@@ -16,17 +16,17 @@ from smartmesh_ros.view.robots import Robot
 from smartmesh_ros.view.sight import Appearance, Sight
 from smartmesh_ros.view.terrain_scene import TerrainScene
 
-# Patches are drawn so much above the ground that they lie on [m], and arrows are so many radii of a body long.
+# Height at which patches are drawn above the ground [m], and length of the longest arrow, in radii of a body.
 LIFT = 0.006
 ARROW = 2.5
-# Light from the sky and from the sun, which stands low: slopes are told apart by their shade.
+# Light from the sky and from a low sun, whose shading makes slopes visible.
 SKY, SUN, TOWARDS_SUN = (225, 236, 255), (255, 240, 214), (-3.5, 7.0, 5.5)
-# Where nobody says how large bodies are [m].
+# Radius of bodies of unknown size [m].
 DEFAULT_RADIUS = 0.25
 
 
 class Shape(NamedTuple):
-    """Bodies that are drawn together: those of one shape."""
+    """Key of bodies that are drawn as one batch."""
 
     kind: int
     dimensions: tuple[float, ...]
@@ -34,7 +34,7 @@ class Shape(NamedTuple):
 
 
 class Scene:
-    """Keeps a viser scene like what is to be seen."""
+    """Draws the terrain and a sight in a viser scene."""
 
     def __init__(self, server: Any) -> None:
         self._server, self._scene = server, server.scene
@@ -55,7 +55,7 @@ class Scene:
         self.light(shadows=False)
 
     def show(self, ground: Ground, sight: Sight) -> None:
-        """Brings everything up to date."""
+        """Refresh the whole scene."""
         positions, radii = bodies_of(sight)
         with self._server.atomic():
             self._terrain.show(ground, positions, radii)
@@ -65,7 +65,7 @@ class Scene:
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
 
     def mark(self, position: tuple[float, float, float] | None, radius: float = DEFAULT_RADIUS) -> None:
-        """Marks what is selected by a ring, or nothing."""
+        """Mark a position by a ring; None removes the ring."""
         if self._selected is None:
             ring = looks.ring()
             self._selected = self._scene.add_mesh_simple(
@@ -76,7 +76,7 @@ class Scene:
             self._selected.position, self._selected.scale = position, 1.4 * radius
 
     def light(self, *, shadows: bool) -> None:
-        """Puts the sun up, with shadows or without."""
+        """Set the sun, with shadows or without."""
         self._scene.add_light_directional(
             "/lights/sun", color=SUN, intensity=2.3, position=TOWARDS_SUN, cast_shadow=shadows
         )
@@ -148,7 +148,7 @@ class Scene:
                 self._robots[name].place(sight.bases[name], sight.joints)
 
     def _show_contacts(self, sight: Sight, radius: float) -> None:
-        points = looks.arrows(*sight.touch, ARROW * radius) if self.show_contacts else np.zeros((0, 2, 3))
+        points = looks.arrows(*sight.contacts, ARROW * radius) if self.show_contacts else np.zeros((0, 2, 3))
         if not len(points):
             if self._contacts is not None:
                 self._contacts.visible = False
@@ -164,14 +164,14 @@ class Scene:
 
 
 def bodies_of(sight: Sight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions (B, 3) and radii (B,) [m] of all bodies."""
+    """Return positions (B, 3) and radii (B,) [m] of all bodies."""
     names = list(sight.poses)
     positions = np.array([sight.poses[name].position for name in names]).reshape(-1, 3)
     return positions, np.array([radius_of(sight, name) for name in names])
 
 
 def radius_of(sight: Sight, name: str) -> float:
-    """Radius of a body [m]; of a robot, which is not worked out here, a common one."""
+    """Return the radius of a body [m]; robots have a common default."""
     known = sight.appearances.get(name)
     if known is None or known.urdf or not known.dimensions:
         return DEFAULT_RADIUS if known is None else 2.0 * DEFAULT_RADIUS
@@ -179,7 +179,7 @@ def radius_of(sight: Sight, name: str) -> float:
 
 
 def merged(patches: list[Patch]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """One mesh of several patches: vertices (V, 3) [m], a little above the ground, and triangles (T, 3)."""
+    """Return one mesh of several patches: vertices (V, 3) [m], `LIFT` above the ground, and triangles (T, 3)."""
     starts = np.cumsum([0] + [len(patch.vertices_w) for patch in patches])
     triangles = [patch.triangles + start for patch, start in zip(patches, starts[:-1].tolist(), strict=True)]
     vertices = np.concatenate([patch.vertices_w for patch in patches])

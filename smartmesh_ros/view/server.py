@@ -1,4 +1,4 @@
-"""The server of a page, which leaves it to its user to say where it is."""
+"""The server of a page, without viser's own output."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import viser
 
 
 def start_server(host: str, port: int, label: str | None = None) -> Any:
-    """A viser server at a ``port``, 0 = any that is free."""
-    # Browsers open connections that they then do not use.
+    """Start a viser server at a ``port``; 0 = any free port."""
+    # Browsers open connections without using them, which websockets reports as errors.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with redirect_stdout(io.StringIO()):
         return viser.ViserServer(host=host, port=port, label=label, verbose=False)
 
 
 def stop_server(server: Any) -> None:
-    """Ends a server."""
+    """Stop a server."""
     with redirect_stdout(io.StringIO()):
         server.stop()

@@ -1,4 +1,4 @@
-"""What is to be seen at one time, as plain values."""
+"""The shown state of bodies, patches and contacts, as plain values."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from smartmesh_ros.client.patch import Patch
 
 Vector = tuple[float, float, float]
-# w first, as viser has it.
-Turn = tuple[float, float, float, float]
+# (w, x, y, z), the order of viser.
+Quaternion = tuple[float, float, float, float]
 
 
 class Pose(NamedTuple):
     """Position [m] and orientation (w, x, y, z) in the terrain's frame."""
 
     position: Vector
-    wxyz: Turn
+    wxyz: Quaternion
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """What a body looks like: the ``kind`` and ``dimensions`` [m] of BodyDescription, or a URDF and its file."""
+    """Shape of a body: the ``kind`` and ``dimensions`` [m] of BodyDescription, or a URDF and its file."""
 
     kind: int
     dimensions: tuple[float, ...] = ()
@@ -33,7 +33,7 @@ class Appearance:
     urdf_file: str = ""
 
 
-class Touch(NamedTuple):
+class Contacts(NamedTuple):
     """Contacts (n): ``positions`` and ``normals`` (n, 3) [m], ``forces`` (n,) [N]."""
 
     positions: NDArray[np.float64]
@@ -41,17 +41,17 @@ class Touch(NamedTuple):
     forces: NDArray[np.float64]
 
 
-NO_TOUCH = Touch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 @dataclass
 class Sight:
-    """All that moves. ``poses`` and ``appearances`` by body; ``bases``: of robots, the pose of their base link;
-    ``joints``: positions [rad, m] by name as in ~/joint_states."""
+    """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``bases``: pose of each
+    robot's base link; ``joints``: positions [rad, m] by name as in ~/joint_states."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
     appearances: dict[str, Appearance] = field(default_factory=dict)
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
     patches: list[Patch] = field(default_factory=list)
-    touch: Touch = NO_TOUCH
+    contacts: Contacts = NO_CONTACTS

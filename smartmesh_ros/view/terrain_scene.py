@@ -1,4 +1,4 @@
-"""The terrain on the page: one mesh a tile, whole near the bodies."""
+"""The terrain on the page: one mesh a tile, at full resolution near the bodies."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from smartmesh_ros.view.looks import GROUND
 
 @dataclass(frozen=True)
 class TerrainConfig:
-    """``margin``: so many radii around each body the ground is whole. ``least``: and so many samples at the least.
-    ``period``: bodies that moved are followed so often [s]: the cut of a large map takes tens of milliseconds."""
+    """``margin``: distance around each body with full resolution, in radii. ``least``: minimum of that distance
+    [samples]. ``period`` [s]: minimum time between two decimations, each of which takes tens of milliseconds for a
+    large map."""
 
     margin: float = 2.0
     least: float = 8.0
@@ -26,14 +27,14 @@ class TerrainConfig:
 
 
 class TerrainScene:
-    """Keeps the tiles of a viser scene like those of a `Ground`."""
+    """Draws the tiles of a `Ground` in a viser scene."""
 
     def __init__(self, scene: Any, config: TerrainConfig = TerrainConfig()) -> None:
         self._scene, self._config = scene, config
         self._shown: dict[str, _Relief | _Mesh] = {}
 
     def show(self, ground: Ground, bodies: NDArray[np.float64], radii: NDArray[np.float64]) -> None:
-        """Brings the page up to date, with bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
+        """Refresh the tiles, with bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
         for name in set(self._shown) - set(ground.tiles):
             self._shown.pop(name).remove()
         for name, tile in ground.tiles.items():
@@ -51,7 +52,7 @@ class TerrainScene:
 
 
 class _Mesh:
-    """A general mesh, all of it."""
+    """A general mesh, drawn as a whole."""
 
     def __init__(self, scene: Any, path: str) -> None:
         self._scene, self._path = scene, path
@@ -99,11 +100,11 @@ class _Relief:
         if self._cut(bodies, radii, config):
             self._draw()
         elif tile.changed:
-            self._raise()
+            self._update_heights()
         tile.changed = False
 
     def _cut(self, bodies: NDArray[np.float64], radii: NDArray[np.float64], config: TerrainConfig) -> bool:
-        """Cuts the map anew where bodies have moved out of what is whole; tells whether it did."""
+        """Decimate the map again if bodies have moved far; return True if it was decimated."""
         if self._surface is not None and (self._is_whole or monotonic() < self._due):
             return False
         geometry = self._tile.geometry
@@ -120,26 +121,26 @@ class _Relief:
         self._vertices = np.column_stack([xy, np.zeros(len(xy))]).astype(np.float32)
         return True
 
-    def _raise(self) -> None:
-        """New heights for the vertices there are."""
-        if not np.array_equal(self._lift(), self._holes):
+    def _update_heights(self) -> None:
+        """Set new heights of the present vertices."""
+        if not np.array_equal(self._set_heights(), self._holes):
             self._draw()
         else:
             self._handle.vertices = self._vertices
 
-    def _lift(self) -> NDArray[np.bool_]:
-        """Brings the vertices to their heights; which of them are holes."""
+    def _set_heights(self) -> NDArray[np.bool_]:
+        """Set the heights of the vertices; return a mask of those in holes."""
         assert self._surface is not None
         heights = self._tile.heights[self._surface.rows, self._surface.columns] + self._tile.geometry.origin[2]
         holes = np.isnan(heights)
-        self._vertices = self._vertices.copy()  # what was sent last may still be on its way
+        self._vertices = self._vertices.copy()  # the last array may still be in transmission
         self._vertices[:, 2] = np.where(holes, 0.0, heights)
         return np.asarray(holes)
 
     def _draw(self) -> None:
-        """The whole mesh, without the triangles of holes."""
+        """Draw the mesh without the triangles of holes."""
         assert self._surface is not None
-        self._holes = self._lift()
+        self._holes = self._set_heights()
         triangles = self._surface.triangles
         if self._holes.any():
             triangles = triangles[~self._holes[triangles].any(axis=1)]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tune.front import SAME, Point, front, nearest, ranked
+from smartmesh_ros.tune.front import SAME_PENETRATION, Point, front, nearest, ranked
 from smartmesh_ros.tune.session import Request
 from tests.examples import examples
 
@@ -46,7 +46,7 @@ def test_nothing_that_keeps_it_is_better(points: list[Point], asked: Asked, base
     able = [point for point in points if not limits.excess(point.figures)]
     assert sorted(map(id, kept)) == sorted(map(id, able))
     if kept and asked.penetration is None and (asked.budget or asked.deadline):
-        assert kept[0].figures.error <= SAME * min(point.figures.error for point in able) * (1.0 + 1e-9)
+        assert kept[0].figures.error <= SAME_PENETRATION * min(point.figures.error for point in able) * (1.0 + 1e-9)
     elif kept:
         assert kept[0].figures.cost == min(point.figures.cost for point in able)
     else:

@@ -15,7 +15,7 @@ from smartmesh_ros.testing import Probe
 from smartmesh_ros.tune import cli, space
 from smartmesh_ros.tune.figures import Asked, Figures
 from smartmesh_ros.tune.front import Point
-from smartmesh_ros.tune.plain import plain
+from smartmesh_ros.tune.idle_changes import without_idle_changes
 from smartmesh_ros.tune.search import Search, prepare, work
 from smartmesh_ros.tune.session import Request
 
@@ -114,6 +114,6 @@ def test_changes_that_do_nothing_are_left_out(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump({**SCENE, "ground": {"kind": "sinusoid", "amplitude": 0.05}, "map_rate": 0}))
     case = Request(source=str(path)).open_case()
     values = {**space.defaults(), "terrain.motion": "hold", "physics.rate": 60.0, "physics.contact_erp": 0.8}
-    [point] = plain(case, [Point(values, Figures())], None)
+    [point] = without_idle_changes(case, [Point(values, Figures())], None)
     assert point.values["terrain.motion"] == space.defaults()["terrain.motion"]
     assert point.values["physics.rate"] == 60.0

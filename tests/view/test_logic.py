@@ -132,7 +132,7 @@ def test_contacts_without_force_have_no_arrow() -> None:
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground = Ground()
     ground.take_map(serialize_message(heightmap_message(heights, **options)))
-    ground.settle()
+    ground.apply_waiting()
     return ground
 
 
@@ -172,18 +172,18 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
     ground = ground_of(np.zeros((6, 8)))
     region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
     ground.take_region(serialize_message(region))
-    ground.settle()
+    ground.apply_waiting()
     expected = np.zeros((6, 8))
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
     ground.take_region(serialize_message(region))
     ground.take_map(serialize_message(heightmap_message(np.full((6, 8), 2.0))))
-    ground.settle()
+    ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all()
     for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
         ground.take_region(spoilt)
         ground.take_map(spoilt)
-        ground.settle()
+        ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
 
 

@@ -16,13 +16,13 @@ from smartmesh_ros.tune.start import settings_of
 SAME_COST = 1.03
 
 
-def plain(case: Case, points: Sequence[Point], reference: Mapping[str, Any] | None) -> list[Point]:
+def without_idle_changes(case: Case, points: Sequence[Point], reference: Mapping[str, Any] | None) -> list[Point]:
     """The points with those parameters at their defaults that change nothing here: bodies go exactly where they went,
     and it does not cost more."""
-    return [_plain(case, point, reference) for point in points]
+    return [_without_idle_changes(case, point, reference) for point in points]
 
 
-def _plain(case: Case, point: Point, reference: Mapping[str, Any] | None) -> Point:
+def _without_idle_changes(case: Case, point: Point, reference: Mapping[str, Any] | None) -> Point:
     known = space.defaults()
     changed = [name for name, value in point.values.items() if value != known[name]]
     if not changed:
