@@ -1,1 +1,1 @@
-"""What accuracy costs on a user's own terrain and bodies, and the parameters that give most of it within a budget."""
+"""Search for parameters that meet limits of cost and accuracy on a user's terrain and bodies; docs/tuning.md."""

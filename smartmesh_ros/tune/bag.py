@@ -1,4 +1,4 @@
-"""What is in a bag, and its records; whatever is wrong with it is said with what is there."""
+"""A bag's topics and records. Every error lists the contents of the bag."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ class Bag:
 
     @property
     def contents(self) -> str:
-        """What is in the bag, in words."""
+        """The topics of the bag, as a text."""
         lines = [f"  {topic.name}  {topic.type_name}  {topic.messages} messages" for topic in self.topics]
         return "\n".join([f"The bag {self.path} has", *lines]) if lines else f"The bag {self.path} has no topic."
 
     def of_type(self, type_name: str) -> list[str]:
-        """Topics of a type that have messages."""
+        """Return the topics of a type that have messages."""
         return [topic.name for topic in self.topics if topic.type_name == type_name and topic.messages]
 
     def require(self, topic: str, type_name: str, what: str) -> str:
-        """A topic that must be there with messages of a type; raises `InputError` saying what there is instead."""
+        """Return a topic after checking that it has messages of a type; raise `InputError` with the bag's contents if
+        not. ``what`` names the parameter or option that needs the topic."""
         found = [known for known in self.topics if known.name == topic]
         if not found:
             raise self.refusal("topic", f"{what}: there is no topic {topic}")
@@ -49,11 +50,11 @@ class Bag:
         return topic
 
     def refusal(self, reason: str, message: str) -> InputError:
-        """An error that says what is in the bag."""
+        """Return an error with the contents of the bag."""
         return InputError(reason, f"{message}\n{self.contents}")
 
     def records(self) -> Iterator[Record]:
-        """The messages in the order in which they were recorded; raises `InputError` where the file ends too soon."""
+        """Yield the messages in recorded order; raise `InputError` if the file is cut off or damaged."""
         count = 0
         try:
             for record in read(self.path):

@@ -30,10 +30,10 @@ from smartmesh_ros.tune.truth import Truth
 class BagLimits:
     """How much of a bag is replayed.
 
-    ``search`` [s]: at the most so much of it is searched on, and half of it; ``longer``: so many times as much confirms
-    what was found. ``memory`` [bytes]: of all messages that are kept. ``balls``: at the most so many stand in for
-    bodies whose poses are dictated. ``truth_rate`` [Hz]: of the maps that the reference gets. ``shortest`` [s]: less
-    than that tells nothing.
+    ``search`` [s]: maximum length of a searching run, which is also at most half of the bag. ``longer``: length of the
+    confirming run, in searching runs. ``memory`` [bytes]: maximum size of all stored messages. ``balls``: maximum
+    number of test balls beside tracked bodies. ``truth_rate`` [Hz]: rate of the reference's maps. ``shortest`` [s]:
+    minimum length of a bag.
     """
 
     search: float = 3.0
@@ -48,7 +48,7 @@ LIMITS = BagLimits()
 
 
 class BagCase(Case):
-    """A bag: its maps and poses come as they were recorded. Raises `InputError` saying what is in it."""
+    """A bag, replayed as it was recorded. Raises `InputError` with the bag's contents if it cannot be replayed."""
 
     def __init__(
         self, bag: Bag, start: Mapping[str, Any], terrain_topic: str = "", seconds: float | None = None
@@ -92,7 +92,7 @@ class BagCase(Case):
         return self._truth.at(time)
 
     def forget(self, before: float) -> None:
-        """Keeps everything: it is in memory once."""
+        """Do nothing: all events stay in memory."""
 
     def reference(self) -> dict[str, Vector] | None:
         finest: Case = self if self._settings.motion.corrects else _Finest(self)
@@ -101,7 +101,7 @@ class BagCase(Case):
         return found
 
     def true_maps(self) -> tuple[Truth, list[Event]]:
-        """The true ground, and everything that is no map."""
+        """Return the true ground, and all events that are no maps."""
         others = [event for event in self._recording.events if event not in set(self._recording.maps)]
         return Truth(self._recording.maps, self._settings), others
 
@@ -114,7 +114,7 @@ class BagCase(Case):
 
 
 class _Finest(Case):
-    """A bag whose maps come so often that nothing lies between them."""
+    """A bag whose maps are replaced by the true ground at `BagLimits.truth_rate`."""
 
     def __init__(self, bag: BagCase) -> None:
         self.name, self.title, self.identity = bag.name, bag.title, bag.identity
@@ -140,14 +140,14 @@ class _Finest(Case):
         return found + self._others[first:last]
 
     def rasters(self, time: float) -> Sequence[tuple[str, Any]]:
-        """The true ground at a time [s]."""
+        """Return the tiles of the true ground at a time [s]."""
         return list(self._truth.rasters(time))
 
     def truth(self, time: float) -> Sequence[Ground]:
         return self._truth.at(time)
 
     def forget(self, before: float) -> None:
-        """Keeps everything."""
+        """Do nothing."""
 
     def reference(self) -> dict[str, Vector] | None:
         return None
@@ -158,7 +158,7 @@ def _start(entry: Entry, world: Any) -> bool:
 
 
 def _entries(settings: Settings) -> list[Entry]:
-    """The bodies that the parameters name."""
+    """Return the bodies and the robot that the parameters spawn."""
     entries = [entry_from_text(text) for text in settings.spawn]
     robot: RobotConfig = settings.robot
     if robot.description:
@@ -168,7 +168,8 @@ def _entries(settings: Settings) -> list[Entry]:
 
 
 def _test_balls(recording: Recording, settings: Settings) -> list[Entry]:
-    """Balls of the tracked bodies' size beside their ways, because a dictated pose shows nothing of its patch."""
+    """Return balls of the tracked bodies' size beside their paths, because a dictated pose does not depend on a
+    patch."""
     ways: dict[str, list[tuple[float, float]]] = {}
     radii: dict[str, float] = {}
     for event in recording.events:
@@ -184,7 +185,8 @@ def _test_balls(recording: Recording, settings: Settings) -> list[Entry]:
 
 
 def _beside(name: str, radius: float, way: FloatArray, taken: FloatArray, apart: float) -> list[Entry]:
-    """Balls on both sides of a way (N, 2) [m], ``apart`` [m] from everything ``taken`` (M, 2) [m] and each other."""
+    """Return balls on both sides of a path ``way`` (N, 2) [m], at least ``apart`` [m] from all positions ``taken``
+    (M, 2) [m] and from each other."""
     found: list[Entry] = []
     for x, y in way[:: max(1, len(way) // LIMITS.balls)].tolist():
         for dx, dy in ((0.0, 1.1), (0.0, -1.1), (1.1, 0.0), (-1.1, 0.0)):
@@ -197,7 +199,7 @@ def _beside(name: str, radius: float, way: FloatArray, taken: FloatArray, apart:
 
 
 def _map_topics(bag: Bag, recording: Recording, settings: Settings) -> list[MapTopic]:
-    """The topics of the maps that were replayed, and where the node takes such maps."""
+    """Return the topics of the replayed maps, and the node's input topic for each."""
     found = []
     for topic in bag.topics:
         if topic.name in recording.map_topics:
@@ -211,7 +213,7 @@ def _notes(recording: Recording, balls: Sequence[Entry]) -> list[str]:
     if balls:
         notes.append(
             f"The parameters name no simulated body: {len(balls)} test balls of the tracked bodies' size stand beside "
-            "their ways, and their cost is counted too."
+            "their paths. The cost includes these balls."
         )
     for words, count in recording.refused.most_common(5):
         notes.append(f"Refused {count} times, as the node would: {words}")
@@ -219,7 +221,7 @@ def _notes(recording: Recording, balls: Sequence[Entry]) -> list[str]:
 
 
 def _require_enough(bag: Bag, recording: Recording, settings: Settings) -> None:
-    """Raises `InputError` where the bag does not say enough to replay it."""
+    """Raise `InputError` if the bag lacks maps, transforms or length."""
     refused = "; ".join(words for words, _ in recording.refused.most_common(3))
     frames = ", ".join(recording.frames) or "none"
     if not recording.maps:

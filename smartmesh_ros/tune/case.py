@@ -1,4 +1,4 @@
-"""What a search is done on: terrain that moves, bodies, and the truth that they are measured against."""
+"""The case of a search: moving terrain, bodies, and the true ground for measurements."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.physics.state import Vector
 from smartmesh_ros.tune.events import Event, Start
 
-# What arrives within so much of a step still belongs to it [s]: a sum of steps is not quite what it stands for.
+# Tolerance of comparisons between times [s], because sums of steps have rounding errors.
 SLACK = 1e-6
 
 
 class Ground(NamedTuple):
-    """The true surface of one tile at an instant: a surface without yaw, and by how much it is turned about z [rad]
-    around its origin."""
+    """The true surface of one tile at an instant: a surface without yaw, and its yaw [rad] around its origin."""
 
     surface: Surface
     yaw: float
 
 
 class MapTopic(NamedTuple):
-    """Where the maps of a recording were: a topic and its type, and ``taken_on``, the node's own topic for these."""
+    """A topic with maps in a recording, its type, and ``taken_on``: the node's input topic for such maps."""
 
     name: str
     type_name: str
@@ -33,7 +32,7 @@ class MapTopic(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """How long the searching runs and the confirming ones are [s], and what is not measured at first [s]."""
+    """Lengths [s] of searching and confirming runs, and of their beginning that is not measured."""
 
     search: float
     confirm: float
@@ -41,16 +40,16 @@ class Span:
 
     @property
     def horizon(self) -> float:
-        """When bodies are compared with the reference [s]: later contacts make their ways chaotic."""
+        """Time at which bodies are compared with the reference [s]. Later their motion is chaotic because of
+        contacts."""
         return min(1.0, self.search)
 
 
 class Case(ABC):
     """A scene or a recording.
 
-    ``name``: short, for files. ``identity``: changes when anything changes that measurements depend on. ``start``: the
-    parameters that are given, by name. ``notes``: what the user should know of how it is replayed. ``map_topics``: of a
-    recording.
+    ``name``: short name for files. ``identity``: digest of everything that measurements depend on. ``start``: given
+    parameters by name. ``notes``: messages to the user about the replay. ``map_topics``: topics of a recording's maps.
     """
 
     name: str
@@ -63,24 +62,24 @@ class Case(ABC):
 
     @abstractmethod
     def fresh(self) -> None:
-        """Begins a run: times that are asked for start at zero again, and never go back until the next call."""
+        """Begin a run. Later arguments of the other methods start at time zero and never decrease within the run."""
 
     @abstractmethod
     def bodies(self) -> Sequence[Start]:
-        """The simulated bodies of the start."""
+        """Return the simulated bodies of the start."""
 
     @abstractmethod
     def events(self, after: float, until: float) -> Sequence[Event]:
-        """What arrives after one time and until another [s], in its order."""
+        """Return the events after one time and until another [s], in order of arrival."""
 
     @abstractmethod
     def truth(self, time: float) -> Sequence[Ground]:
-        """The ground as it is at a time [s], which must not go back within a run."""
+        """Return the true ground at a time [s]."""
 
     @abstractmethod
     def forget(self, before: float) -> None:
-        """Frees what only times before [s] need."""
+        """Free data that only times before ``before`` [s] need."""
 
     @abstractmethod
     def reference(self) -> dict[str, Vector] | None:
-        """Where bodies are at the span's horizon in a run at an eighth of the step, by name [m]; None = not known."""
+        """Return positions by body [m] at the span's horizon, from a run at an eighth of the step; None = unknown."""

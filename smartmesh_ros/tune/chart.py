@@ -14,13 +14,13 @@ from smartmesh_ros.tune.front import Point, front
 from smartmesh_ros.tune.words import broken_limit, verb
 
 WIDTH, HEIGHT = 64, 16
-# Dots by the limit that they break, "" = none. The axes show cost and penetration, and none of the others.
+# Marks of points by the limit that they exceed, "" = none. The axes show cost and penetration only.
 SIGNS = {"": ".", "failed": "l", "hover": "h", "deviation": "d", "longest": "t", "penetration": ",", "cost": ","}
 UNSEEN = {"failed": "tab:brown", "hover": "tab:purple", "deviation": "tab:pink", "longest": "tab:olive"}
 
 
 class Mark(NamedTuple):
-    """A place on the chart: share of a core, penetration [m], and a character."""
+    """A point of the chart: share of a core, penetration [m], and a character."""
 
     cost: float
     error: float
@@ -28,7 +28,7 @@ class Mark(NamedTuple):
 
 
 def marks(points: Iterable[Point], best: Iterable[Point], verdict: Verdict) -> list[Mark]:
-    """What is drawn, the most important last."""
+    """Return all marks, the most important last, because later marks cover earlier ones."""
     found = [
         Mark(point.figures.cost, point.figures.error, SIGNS[broken_limit(point.figures, verdict.searched)])
         for point in points
@@ -42,7 +42,7 @@ def marks(points: Iterable[Point], best: Iterable[Point], verdict: Verdict) -> l
 
 
 def in_terminal(points: Sequence[Point], verdict: Verdict) -> str:
-    """The chart in characters, both axes logarithmic."""
+    """Return the chart as text, with logarithmic axes."""
     shown = marks(points, front(points, verdict.searched), verdict)
     left, right = _ends([mark.cost for mark in shown])
     low, high = _ends([mark.error for mark in shown])
@@ -68,13 +68,13 @@ def in_terminal(points: Sequence[Point], verdict: Verdict) -> str:
 
 
 def _ends(values: Sequence[float]) -> tuple[float, float]:
-    """Logarithms of the ends of an axis, a little apart."""
+    """Return the logarithms of an axis' ends, at least a little apart."""
     low, high = math.log(min(values)), math.log(max(values))
     return (low, high) if high - low > 1e-3 else (low - 0.1, high + 0.1)
 
 
 def draw(path: Path, title: str, points: Sequence[Point], verdict: Verdict) -> None:
-    """The chart as a picture."""
+    """Write the chart as a picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,4 +1,5 @@
-"""The second, longer run: the best candidates beside the defaults, the user's own settings and the presets."""
+"""The confirming run, longer than the search: the best candidates, the defaults, the user's settings and the
+presets."""
 
 from __future__ import annotations
 
@@ -15,14 +16,14 @@ from smartmesh_ros.tune.idle_changes import without_idle_changes
 from smartmesh_ros.tune.measuring import run
 from smartmesh_ros.tune.start import preset_file, read_parameters, settings_of
 
-# Groups of parameters that a preset changes and that matter to the core.
+# Prefixes of the preset parameters that affect the core.
 OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terrain.noise", "terrain.settle")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Confirming:
-    """``candidates``: so many of the best points are run again, among them the best that keep these shares of the
-    limits (``tightened``); every step is timed ``repeats`` times."""
+    """``candidates``: number of points that run again. For each fraction in ``tightened`` the best point within that
+    fraction of the limits is among them. ``repeats``: number of times that every step is timed."""
 
     candidates: int = 6
     tightened: tuple[float, ...] = (0.8, 0.6, 0.4)
@@ -31,13 +32,13 @@ class Confirming:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What was confirmed.
+    """Result of the confirming run.
 
-    ``chosen``: the point that is written; ``keeps``: whether it keeps what is asked, and is not merely the nearest to
-    it; ``on_front``: whether the defaults are chosen themselves, because nothing found beats them. ``others``: what it
-    was measured beside, by name. ``limits``: what was to be kept in the confirming run, ``searched``: in the search,
-    whose defaults have other figures. ``short``: figures of the chosen point in the search. ``confirmed``: all points
-    that ran again, the defaults last.
+    ``chosen``: the point of the written file. ``keeps``: True if the point meets all limits, False if it is only the
+    nearest. ``on_front``: True if the defaults are chosen because no point is better. ``others``: figures of presets
+    and of the user's settings, by name. ``limits``: limits in the confirming run. ``searched``: limits in the search,
+    which differ because the defaults' figures differ. ``short``: figures of the chosen point in the search.
+    ``confirmed``: all points that ran again, the defaults last.
     """
 
     chosen: Point
@@ -60,9 +61,9 @@ def confirm(
     plan: Confirming,
     say: Callable[[str], None],
 ) -> Verdict:
-    """Runs the best points for longer, in turns with the defaults, and chooses by what they show there."""
+    """Run the best points for longer, in turns with the defaults, and choose one by these figures."""
     candidates = _candidates(points, asked, Limits.of(asked, base), plan)
-    say("what the best settings can do without")
+    say("changes of the best settings without effect")
     candidates = _distinct(without_idle_changes(case, candidates, reference))
     beside = _beside(case.start)
     all_values = [{**case.start, **space.defaults()}, *beside.values()]
@@ -83,8 +84,11 @@ def confirm(
 
 
 def _candidates(points: Sequence[Point], asked: Asked, limits: Limits, plan: Confirming) -> list[Point]:
-    """The best points; the best where the limits are tightened, because not everything that holds for a short while
-    holds for longer; and those that pass their limits by the least. The defaults are measured anyway."""
+    """Return the best points, the best within tightened limits, and then those that exceed their limits least.
+
+    Points with a margin are included because figures may rise in the longer run. The defaults are left out, because
+    they are measured anyway.
+    """
     able = [point for point in points if dict(point.values) != space.defaults()]
     found = ranked(able, asked, limits)[:2]
     for share in plan.tightened:
@@ -101,7 +105,7 @@ def _distinct(points: Sequence[Point]) -> list[Point]:
 
 
 def _beside(start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The user's own settings, where they differ from the defaults, and the presets in place of them."""
+    """Return the user's settings, if they differ from the defaults, and the settings of each preset."""
     found: dict[str, dict[str, Any]] = {}
     if any(start.get(name, value) != value for name, value in space.defaults().items()):
         found["as given"] = dict(start)

@@ -1,4 +1,4 @@
-"""What reaches the world from outside while it runs, with the simulated times that the node would give it."""
+"""Inputs of the world while it runs, with the simulated times that the node would assign to them."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.physics.world import World
 
 FloatGrid = NDArray[np.float32]
-# Puts a body into the world; False while there is no ground for it yet.
+# Spawns a body; returns False if there is no ground below it yet.
 Start = Callable[[World], bool]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that arrives at ``arrives`` [s] of simulated time and holds for ``at`` [s], its stamp. One that is not
-    ``stamped`` holds for the step that takes it."""
+    """An input that arrives at ``arrives`` [s] of simulated time and is valid for its stamp ``at`` [s]. Without a stamp
+    (``stamped`` False) it is valid for the time of the step that applies it."""
 
     arrives: float
     at: float
     stamped: bool = True
 
     def time(self, now: float) -> float:
-        """The time that it holds for where it is taken ``now`` [s]."""
+        """Return the time [s] for which the event is valid if it is applied at ``now`` [s]."""
         return self.at if self.stamped else now
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapCame(Event):
-    """A whole map of a tile; ``raster`` None = the tile goes."""
+    """A whole map of a tile; ``raster`` None = the tile is removed."""
 
     tile: str
     raster: Raster | None
@@ -54,7 +54,7 @@ class RegionCame(Event):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BodiesCame(Event):
-    """Dictated poses in the terrain's frame; ``gone``: bodies that the message no longer names."""
+    """Dictated poses in the terrain's frame; ``gone``: bodies that are no longer in the message."""
 
     bodies: tuple[BodyInput, ...]
     gone: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What a run costs and how true it is, and what is asked of both."""
+"""Figures of cost and accuracy, and limits on them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 
-# Penetration below this is taken as none [m]: PyBullet lets bodies at rest overlap by half of it.
+# Penetration below this counts as none [m]. Bodies at rest in PyBullet overlap by half of it.
 FLOOR = 2e-5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """One setting in one case.
+    """Figures of one setting in one case.
 
-    ``cost``: processor time of taking maps in, patches and steps, per simulated second [s], which is the share of a
-    core at real time. ``longest``: processor time of the longest step, with what arrived before it [s]. ``penetration``
-    and ``hover``: 99th percentiles [m], as the accuracy study has them. ``deviation``: median distance from the
-    reference [m], NaN = none. ``lost``: bodies whose centre was below the ground, or that left everything;
-    ``rescued``: times that bodies were put back onto the ground. ``ran`` [s] of simulated time; ``note``: why not
-    longer.
+    ``cost``: processor time of map updates, patches and steps per simulated second [s], which is the share of a core in
+    real time. ``longest``: processor time of the longest step with the inputs before it [s]. ``penetration`` and
+    ``hover``: 99th percentiles [m], defined as in the accuracy study. ``deviation``: median distance from the reference
+    [m], NaN = unknown. ``lost``: number of bodies whose centre was below the ground or that left the world.
+    ``rescued``: how often bodies were lifted back onto the ground. ``ran`` [s]: simulated time. ``note``: reason why
+    the run was stopped or could not be measured.
     """
 
     cost: float = math.nan
@@ -37,26 +37,26 @@ class Figures:
 
     @property
     def error(self) -> float:
-        """Penetration as the chart has it [m]; infinite where it was not measured."""
+        """Penetration for the chart [m], at least `FLOOR`; infinite if it was not measured."""
         return math.inf if math.isnan(self.penetration) or self.note else max(self.penetration, FLOOR)
 
     def as_json(self) -> dict[str, Any]:
-        """The figures as JSON has them: what is not a number is left out."""
+        """Return the figures as a JSON object without NaN values."""
         return {name: value for name, value in asdict(self).items() if value == value}
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> Figures:
-        """The figures that `as_json` gave."""
+        """Return the figures of a JSON object from `as_json`."""
         known = {field.name for field in fields(cls)}
         return cls(**{name: value for name, value in values.items() if name in known})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What the user asks for; None = nothing of this kind.
+    """The user's limits; None = not given.
 
-    ``budget``: share of a core. ``penetration``, ``hover``, ``deviation`` [m] and ``deadline`` [s] for the longest step
-    are the most that is allowed.
+    ``budget``: maximum share of a core. ``penetration``, ``hover``, ``deviation``: maximum [m]. ``deadline``: maximum
+    processor time of a step [s].
     """
 
     budget: float | None = None
@@ -73,7 +73,7 @@ class Asked:
 
     @property
     def words(self) -> str:
-        """What is asked, in words."""
+        """The limits as a text."""
         said = {
             "budget": "{:g} of a core", "penetration": "{:g} m of penetration", "deadline": "{:g} s for a step",
             "hover": "{:g} m of hover", "deviation": "{:g} m of deviation",
@@ -84,8 +84,8 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Allowance:
-    """How much worse than the defaults' the figures may be that nobody asked about: factors, and what is always allowed
-    [m]. Half the rate of steps doubles how far a body's way deviates."""
+    """Limits of hover and deviation if the user gives none: ``factor`` times the figure of the defaults, but at least
+    ``hover`` and ``deviation`` [m]. The factor is 2, because half the rate of steps doubles the deviation."""
 
     factor: float = 2.0
     hover: float = 5e-4
@@ -97,7 +97,7 @@ ALLOWANCE = Allowance()
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """The most that a setting may have of each figure, all of them numbers; infinite = anything."""
+    """Maximum of each figure; infinite = no limit. ``failed``: lost and rescued bodies together."""
 
     cost: float = math.inf
     penetration: float = math.inf
@@ -108,7 +108,7 @@ class Limits:
 
     @classmethod
     def of(cls, asked: Asked, defaults: Figures) -> Limits:
-        """What is asked, and where nothing is, what the defaults allow."""
+        """Return the user's limits, and limits derived from the defaults' figures where the user gives none."""
 
         def allowed(wanted: float | None, known: float, least: float) -> float:
             if wanted is not None:
@@ -126,15 +126,15 @@ class Limits:
         )
 
     def tightened(self, share: float) -> Limits:
-        """The limits with only a share of each length and time allowed; the cost is kept, and so is what counts as no
-        penetration."""
+        """Return limits with a fraction ``share`` of each length and time. The limit of cost stays, and that of
+        penetration is at least `FLOOR`."""
         return replace(
             self, penetration=max(share * self.penetration, FLOOR), longest=share * self.longest,
             hover=share * self.hover, deviation=share * self.deviation,
         )  # fmt: skip
 
     def excess(self, figures: Figures) -> dict[str, float]:
-        """By how many times each limit is passed, less one; those that are kept are left out."""
+        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name."""
         found = {
             "cost": figures.cost / self.cost,
             "penetration": figures.error / self.penetration if math.isfinite(self.penetration) else figures.error / 1e9,

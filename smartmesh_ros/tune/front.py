@@ -1,4 +1,4 @@
-"""Points of cost and accuracy: which of them nothing beats, and which one keeps what is asked."""
+"""Points of cost and accuracy: the Pareto front, and the best point within limits."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 from smartmesh_ros.tune.figures import Asked, Figures, Limits
 
-# Penetrations this close together are the same, and the cheaper one is better.
+# Penetrations within this factor count as equal; the cheaper point is then better.
 SAME_PENETRATION = 1.05
 
 
 @dataclass(frozen=True)
 class Point:
-    """Searched values and what was measured of them; ``name``: of a preset and the like."""
+    """Values of the searched parameters and their figures; ``name``: of a preset or of the defaults."""
 
     values: Mapping[str, Any]
     figures: Figures
@@ -23,8 +23,7 @@ class Point:
 
 
 def front(points: Iterable[Point], limits: Limits) -> list[Point]:
-    """The points, of those that keep the limits of all but cost and penetration, than which none is both cheaper and
-    truer; by cost."""
+    """Return the Pareto front of cost and penetration, sorted by cost, among points within all other limits."""
     beside = Limits(longest=limits.longest, hover=limits.hover, deviation=limits.deviation, failed=limits.failed)
     able = [point for point in points if math.isfinite(point.figures.error) and not beside.excess(point.figures)]
     found: list[Point] = []
@@ -35,8 +34,10 @@ def front(points: Iterable[Point], limits: Limits) -> list[Point]:
 
 
 def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]:
-    """The points that keep every limit, the best first: the cheapest where a penetration is asked for or nothing is,
-    the truest where only a budget or a deadline is."""
+    """Return the points within all limits, the best first.
+
+    If only a budget or a deadline is given, the best is the one with the least penetration, otherwise the cheapest.
+    """
     kept = [point for point in points if not limits.excess(point.figures)]
     truest = asked.penetration is None and (asked.budget is not None or asked.deadline is not None)
     if not truest:
@@ -49,7 +50,7 @@ def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]
 
 
 def nearest(points: Sequence[Point], limits: Limits) -> Point:
-    """The point that passes its worst limit by the least, and of equals the cheapest."""
+    """Return the point with the smallest maximum excess over its limits; of equals the cheapest."""
 
     def worst(point: Point) -> tuple[float, float]:
         return max(limits.excess(point.figures).values(), default=0.0), point.figures.cost
@@ -58,7 +59,8 @@ def nearest(points: Sequence[Point], limits: Limits) -> Point:
 
 
 def hypervolume(points: Iterable[Point], corner: tuple[float, float]) -> float:
-    """The area, on logarithmic axes, between the points and a ``corner`` of (cost, penetration) that is worse."""
+    """Return the area, on logarithmic axes, between the front of the points and a worse ``corner`` (cost,
+    penetration)."""
     area, height = 0.0, math.log(corner[1])
     for point in front(points, Limits(failed=10**9)):
         cost, error = point.figures.cost, point.figures.error

@@ -1,4 +1,4 @@
-"""Points without changes that do nothing: who deploys them meets ground on which they may do something."""
+"""Reverts parameter changes without effect on the case, because they may have an effect on other ground."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from smartmesh_ros.tune.front import Point
 from smartmesh_ros.tune.measuring import run
 from smartmesh_ros.tune.start import settings_of
 
-# Costs this close together are the same.
+# Costs within this factor count as equal.
 SAME_COST = 1.03
 
 
 def without_idle_changes(case: Case, points: Sequence[Point], reference: Mapping[str, Any] | None) -> list[Point]:
-    """The points with those parameters at their defaults that change nothing here: bodies go exactly where they went,
-    and it does not cost more."""
+    """Return the points with parameters at their defaults where that changes no figure of accuracy and costs no
+    more."""
     return [_without_idle_changes(case, point, reference) for point in points]
 
 
@@ -35,7 +35,7 @@ def _without_idle_changes(case: Case, point: Point, reference: Mapping[str, Any]
 
 
 def _same(own: Figures, other: Figures) -> bool:
-    """Whether bodies went the same ways, for no more."""
+    """Return True if ``other`` has exactly the same accuracy and costs no more."""
 
     def ways(figures: Figures) -> tuple[str, ...]:
         return tuple(repr(value) for value in (figures.penetration, figures.hover, figures.deviation, figures.lost))

@@ -1,4 +1,4 @@
-"""Runs settings of one case side by side, taking turns, and measures what each costs and how true it is."""
+"""Runs several settings of one case in turns, and measures cost and accuracy of each."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from smartmesh_ros.tune.figures import Figures
 from smartmesh_ros.tune.parts import Part, Pose, parts_of, pose_of
 from smartmesh_ros.tune.replay import Replay
 
-# Of Part.key.
+# Type of Part.key.
 Key = tuple[str, int, Vector]
 
 
@@ -33,9 +33,9 @@ Key = tuple[str, int, Vector]
 class Measuring:
     """How runs are measured.
 
-    ``samples`` [Hz]: how often bodies are looked at; the rates that are searched are multiples of it. ``pieces``: the
-    settings take turns so often within a run. ``cost_factor``: a setting that costs so many times as much as the first
-    of its run is stopped, once it has used ``grace`` [s].
+    ``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns within a
+    run. ``cost_factor``: a setting is stopped if it costs this many times as much as the first of its run, after at
+    least ``grace`` [s] of processor time.
     """
 
     samples: float = 30.0
@@ -48,12 +48,12 @@ MEASURING = Measuring()
 
 
 class Measurements(dict[Key, tuple[float, bool, bool]]):
-    """Of each part at an instant: clearance [m], whether its centre is below the ground, and whether it is held up."""
+    """For each part at an instant: clearance [m], centre below the ground (bool), body supported (bool)."""
 
 
 @dataclass
 class Snapshot:
-    """The parts at an instant ``time`` [s], those that something holds up, and where the bodies are [m]."""
+    """Poses of all parts at ``time`` [s]; ``held``: supported bodies; ``positions``: of the bodies [m]."""
 
     time: float
     poses: list[tuple[Part, Pose]]
@@ -62,12 +62,12 @@ class Snapshot:
 
 
 class Runner:
-    """One setting in a case: steps it, times it and keeps what is to be measured."""
+    """One setting in a case: steps its world, times the steps and records snapshots for measurements."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
         self.note = ""
         self.used = 0.0
-        self.steps: list[float] = []  # processor time of each [s]
+        self.steps: list[float] = []  # processor time of each step [s]
         self.snapshots: list[Snapshot] = []
         self.measured: list[Measurements] = []
         self._case = case
@@ -82,7 +82,7 @@ class Runner:
         return len(self.steps) / self._rate
 
     def advance(self, until: float) -> None:
-        """Steps to ``until`` [s] and snapshots at the bodies there."""
+        """Step to ``until`` [s] and take a snapshot."""
         world, last = self.replay.world, round(until * self._rate)
         before: dict[str, Vector] = {}
         while len(self.steps) < last:
@@ -115,12 +115,12 @@ class Runner:
         self.snapshots.append(Snapshot(self.time, poses, held, positions))
 
     def measure(self, grounds: Mapping[float, Sequence[Ground]]) -> None:
-        """Measures what was looked at since the last call."""
+        """Measure the snapshots since the last call against the true ground by time [s]."""
         for snapshot in self.snapshots[len(self.measured) :]:
             self.measured.append(_measure_parts(snapshot, grounds[snapshot.time]))
 
     def figures(self, reference: Mapping[str, Vector] | None, steps: Sequence[float] | None = None) -> Figures:
-        """All figures; ``steps``: other times of the steps [s]."""
+        """Return all figures; ``steps``: times of the steps [s] instead of the runner's own."""
         times = self.steps if steps is None else steps
         world, case = self.replay.world, self._case
         keys = list(dict.fromkeys(key for seen in self.measured for key in seen))
@@ -166,9 +166,10 @@ def run(
     repeats: int = 1,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[Figures]:
-    """Runs the settings for ``duration`` [s] of simulated time in turns; the first is what the cost_factor goes by.
+    """Run the settings for ``duration`` [s] of simulated time in turns, and return their figures.
 
-    Of ``repeats`` every step is timed by its median, so that neither the machine's other work nor luck counts.
+    A setting that costs `Measuring.cost_factor` times as much as the first one is stopped. The time of every step is
+    the median over ``repeats``, so that other load on the machine has little influence.
     """
     times: list[list[list[float]]] = [[] for _ in settings]
     found: list[Runner] = []
@@ -183,7 +184,7 @@ def run(
 
 
 def _middle(repeats: Sequence[Sequence[float]]) -> list[float]:
-    """The median time of each step."""
+    """Return the median time of each step."""
     count = min(map(len, repeats))
     middle: list[float] = np.median(np.array([steps[:count] for steps in repeats]), axis=0).tolist()
     return middle
@@ -216,7 +217,7 @@ def _once(
 
 
 def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
-    """Stops a setting that costs far more than the first one."""
+    """Stop a setting that costs far more than the first one."""
     if runner is first or runner.used < MEASURING.grace or not first.steps:
         return
     if runner.used / runner.time > MEASURING.cost_factor * first.used / first.time:
@@ -225,7 +226,7 @@ def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """Keeps Python's collection of cycles out of the times: what it finds is not of the step it comes in."""
+    """Disable Python's garbage collector, because its pauses are not caused by the step in which they occur."""
     gc.disable()
     try:
         yield
@@ -234,7 +235,7 @@ def _without_collector() -> Iterator[None]:
 
 
 def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurements:
-    """Clearances of all parts at an instant."""
+    """Measure all parts of a snapshot."""
     found = Measurements()
     shapes: dict[Shape, list[tuple[Part, Pose]]] = {}
     for part, pose in snapshot.poses:
@@ -247,8 +248,8 @@ def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurement
 
 
 def _over(grounds: Sequence[Ground], shape: Shape, poses: Sequence[Pose]) -> tuple[FloatArray, Any]:
-    """Clearance (N,) [m] of bodies from the nearest tile that is below them, NaN = none; whether their centre is below
-    the ground (N,)."""
+    """Return the clearance (N,) [m] of bodies from the nearest tile at their x and y, NaN = none, and a mask (N,) of
+    bodies whose centre is below the ground."""
     clearance = np.full(len(poses), np.nan)
     below = np.zeros(len(poses), bool)
     for ground in grounds:
@@ -265,7 +266,7 @@ def _over(grounds: Sequence[Ground], shape: Shape, poses: Sequence[Pose]) -> tup
 
 
 def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
-    """A pose as seen from a tile that is turned about z around its origin."""
+    """Return a pose in the frame of a tile that is rotated about z around its origin."""
     if not ground.yaw:
         return pose
     x0, y0, _ = ground.surface.geometry.origin
@@ -276,7 +277,7 @@ def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
 
 
 def require_measurable(figures: Figures) -> None:
-    """Raises `InputError` where there is nothing that settings could be compared by."""
+    """Raise `InputError` if the figures cannot be used to compare settings."""
     if figures.note or math.isnan(figures.penetration):
         raise InputError(
             "bodies",

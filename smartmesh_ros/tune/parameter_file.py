@@ -1,4 +1,4 @@
-"""The file that a search writes: what to give ``terrain_collider``, and what it was measured to cost and to give."""
+"""The parameter file that a search writes, with the measured figures as comments."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ COLUMNS = f"{'':18} {'cost':>9} {'longest':>10} {'penetration':>12} {'hover':>9}
 
 
 def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
-    """The text of the file: comments, then everything that was given, with what was searched in its place."""
+    """Return the text of the file: comments, then all given parameters with the chosen values of the searched ones."""
     machine = describe()
     about = [f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked.words}."]
     about += [_map_words(topic) for topic in case.map_topics]
     if not verdict.keeps:
-        about.append("NOT POSSIBLE: this is the nearest that was found.")
+        about.append("NOT POSSIBLE: these are the nearest settings that were found.")
     if verdict.on_front:
-        about.append("Nothing that was found beats the defaults here.")
+        about.append("No settings better than the defaults were found here.")
     about.append(
         f"Measured over {verdict.chosen.figures.ran:.3g} s of simulated time, in turns, on {machine['cores']} cores of "
         f"{machine['cpu']}. Cost: processor time per simulated second, which is the share of a core. Longest: processor"
@@ -44,14 +44,14 @@ def parameter_file(case: Case, asked: Asked, verdict: Verdict) -> str:
 
 
 def _map_words(topic: MapTopic) -> str:
-    """Which topic maps were on, and how the node gets them from there."""
+    """Return a sentence with a topic of maps and the node's input topic for them."""
     own = f"~/{topic.taken_on}"
     remap = "" if topic.name == own.replace("~", NODE) else f": start it with -r {own}:={topic.name}"
     return f"Maps: {topic.name} ({topic.type_name}), which the node takes on {own}{remap}."
 
 
 def table(verdict: Verdict) -> str:
-    """The chosen point's figures, and those of what it was measured beside."""
+    """Return the figures of the chosen point, the defaults, the presets and the user's settings."""
     rows = [
         COLUMNS,
         row("this file", verdict.chosen.figures),
@@ -62,7 +62,7 @@ def table(verdict: Verdict) -> str:
 
 
 def row(name: str, figures: Figures) -> str:
-    """Figures as a line of the table."""
+    """Return figures as a line of the table."""
 
     def millimetres(value: float) -> str:
         return "-" if value != value else f"{1e3 * value:.3g} mm"
@@ -76,7 +76,7 @@ def row(name: str, figures: Figures) -> str:
 
 
 def _entries(values: Mapping[str, Any]) -> list[str]:
-    """The parameters, those that were searched first."""
+    """Return the lines of the parameters, the searched ones first."""
     known = defaults()
     lines = []
     for name in [*known, *(name for name in values if name not in known)]:
@@ -90,7 +90,7 @@ def _entries(values: Mapping[str, Any]) -> list[str]:
 
 
 def _text(value: Any) -> str:
-    """A value as YAML has it, on one line."""
+    """Return a value as YAML on one line."""
     if isinstance(value, float):
         text = repr(value)
         return text.replace("e", ".0e") if "e" in text and "." not in text else text

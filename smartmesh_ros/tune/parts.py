@@ -1,4 +1,4 @@
-"""What is measured of a world: its simulated bodies and their links, as far as their shapes are known exactly."""
+"""The measured parts of a world: simulated bodies and links with primitive shapes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from smartmesh_ros.physics.world import World
 
 
 class Part(NamedTuple):
-    """A shape of a body or link, which lies at ``offset`` [m] and ``turn`` in its frame of inertia. ``free``: a body of
-    its own, which nothing but the ground holds up."""
+    """A shape of a body or link, with position ``offset`` [m] and orientation ``turn`` in the link's inertial frame.
+    ``free``: True for a body without joints, which only the ground supports."""
 
     body: str
     uid: int
@@ -29,19 +29,19 @@ class Part(NamedTuple):
 
     @property
     def key(self) -> tuple[str, int, Vector]:
-        """What tells it from others in every run."""
+        """Key that identifies the part in every run."""
         return self.body, self.link, self.offset
 
 
 class Pose(NamedTuple):
-    """Where a part is [m] and how it is turned."""
+    """Position [m] and orientation of a part."""
 
     position: Vector
     orientation: Quaternion
 
 
 def parts_of(world: World) -> list[Part]:
-    """All parts of the simulated bodies that are spheres, boxes, cylinders or capsules."""
+    """Return all parts of simulated bodies that are spheres, boxes, cylinders or capsules."""
     found: list[Part] = []
     for body in world.bodies.values():
         if body.tracked:
@@ -54,7 +54,7 @@ def parts_of(world: World) -> list[Part]:
 
 
 def pose_of(client: Any, part: Part) -> Pose:
-    """Where a part is now."""
+    """Return the present pose of a part."""
     if part.link < 0:
         position, orientation = client.getBasePositionAndOrientation(part.uid)
     else:
@@ -69,7 +69,7 @@ def _links(client: Any, body: Body) -> list[Part]:
         for _, _, kind, size, _, offset, turn in client.getCollisionShapeData(body.uid, link):
             try:
                 shape = _shape(kind, size)
-            except InputError:  # smaller or larger than anything that is measured
+            except InputError:  # outside the range of sizes that is measured
                 continue
             if shape is not None:
                 found.append(Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False))
@@ -77,7 +77,7 @@ def _links(client: Any, body: Body) -> list[Part]:
 
 
 def _shape(kind: int, size: Any) -> Shape | None:
-    """A shape as PyBullet tells it; None of a mesh, whose surface is not known exactly."""
+    """Return the shape of PyBullet's collision data; None for a mesh, whose surface is not measured."""
     if kind == pb.GEOM_SPHERE:
         return Sphere(size[0])
     if kind == pb.GEOM_BOX:

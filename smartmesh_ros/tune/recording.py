@@ -1,4 +1,4 @@
-"""The records of a bag as events, checked and placed in time as the node checks and places them."""
+"""Conversion of a bag's records to events, with the node's checks and its mapping of stamps to simulated time."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/ms
 TRACKED, POSES = "smartmesh_msgs/msg/TrackedBodyArray", "geometry_msgs/msg/PoseArray"
 POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-# What the node publishes itself, and a recording of everything holds too.
+# Outputs of the node that a recording of all topics contains too.
 OUTPUTS = ("/body_states",)
 
 
 @dataclass
 class Recording:
-    """Events of a bag, in the order of their arrival; time zero is that of the first record that counts.
+    """Events of a bag in order of arrival; time zero is the first record that gives an event.
 
-    ``frame``: the terrain's. ``refused``: what the node would refuse too: how often, by what it says.
+    ``frame``: the terrain's frame. ``refused``: counts of refused records, by the node's message.
     """
 
     events: list[Event] = field(default_factory=list)
     frame: str = ""
     refused: Counter[str] = field(default_factory=Counter)
-    frames: Counter[str] = field(default_factory=Counter)  # that maps or bodies are in, by "what in frame"
-    map_topics: set[str] = field(default_factory=set)  # that changed the terrain
+    frames: Counter[str] = field(default_factory=Counter)  # of maps and bodies: counts by "what in frame"
+    map_topics: set[str] = field(default_factory=set)  # topics that changed the terrain
 
     @property
     def maps(self) -> list[MapCame | RegionCame]:
-        """What changes the terrain."""
+        """Events that change the terrain."""
         return [event for event in self.events if isinstance(event, MapCame | RegionCame)]
 
     @property
@@ -63,7 +63,7 @@ class Recording:
 
 
 class Reader:
-    """Turns records into events, keeping what the node keeps between them."""
+    """Converts records to events, with the same state between records as in the node."""
 
     def __init__(self, bag: Bag, settings: Settings, terrain_topic: str, memory: float) -> None:
         self._bag, self._memory = bag, memory
@@ -76,7 +76,7 @@ class Reader:
         self._takes = _takers(self, bag, settings, terrain_topic)
 
     def read(self, records: Iterator[Record], seconds: float | None) -> Recording:
-        """The recording of the first ``seconds`` [s], None = all; raises `InputError` where it is too large."""
+        """Return the recording of the first ``seconds`` [s], None = all; raise `InputError` if it is too large."""
         taken = 0
         for record in records:
             take = self._takes.get(record.topic)
@@ -104,7 +104,7 @@ class Reader:
         return self.recording
 
     def take_map(self, record: Record, now: float) -> Iterator[Event]:
-        """A Heightmap."""
+        """Convert a Heightmap."""
         new = conversions.map_from(record.data, self._settings.max_samples)
         start = new.start
         stamp = conversions.stamp_seconds(start)
@@ -116,7 +116,7 @@ class Reader:
         )
 
     def take_region(self, record: Record, now: float) -> Iterator[Event]:
-        """A HeightmapUpdate."""
+        """Convert a HeightmapUpdate."""
         new = conversions.region_from(record.data, self._settings.max_samples)
         start = new.start
         late = self._settings.motion.max_interval
@@ -129,7 +129,7 @@ class Reader:
         )  # fmt: skip
 
     def take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
-        """What an adapter turns into heights."""
+        """Convert a message that an adapter reads as heights."""
         message = message_from(record.data, kind)
         stamp = conversions.stamp_seconds(message.header.stamp)
         at = self._place("", stamp, now, record.time)
@@ -138,12 +138,12 @@ class Reader:
         yield MapCame(arrives=now, at=at, stamped=stamp is not None, tile="", raster=raster)
 
     def take_tracked(self, record: Record, now: float) -> Iterator[Event]:
-        """A TrackedBodyArray."""
+        """Convert a TrackedBodyArray."""
         message = message_from(record.data, TrackedBodyArray, self._settings.most_bodies)
         yield self._bodies(record, now, message.header, conversions.bodies_from(message))
 
     def take_poses(self, record: Record, now: float) -> Iterator[Event]:
-        """A PoseArray, which names all of its bodies."""
+        """Convert a PoseArray. Bodies of the previous message that are missing now are gone."""
         message = message_from(record.data, PoseArray, self._settings.most_bodies)
         bodies = conversions.poses_from(message)
         names = {body.name for body in bodies}
@@ -151,22 +151,22 @@ class Reader:
         yield self._bodies(record, now, message.header, bodies, tuple(sorted(gone)))
 
     def take_pose(self, name: str, record: Record, now: float) -> Iterator[Event]:
-        """A PoseStamped."""
+        """Convert a PoseStamped."""
         message = message_from(record.data, PoseStamped)
         body = BodyInput(name, conversions.state_from(message.pose), 0.0)
         yield self._bodies(record, now, message.header, [body])
 
     def take_odometry(self, name: str, record: Record, now: float) -> Iterator[Event]:
-        """An Odometry."""
+        """Convert an Odometry."""
         message = message_from(record.data, Odometry)
         yield self._bodies(record, now, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
 
     def take_joints(self, record: Record, now: float) -> Iterator[Event]:
-        """A command to robots' joints."""
+        """Convert a command to robots' joints."""
         yield JointsCame(arrives=now, at=now, message=message_from(record.data, JointState))
 
     def take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
-        """A TFMessage, and the bodies that are frames."""
+        """Store a TFMessage, and yield the poses of bodies that are frames."""
         for stamp, parent, child, transform in transforms_from(record.data):
             time = None if static else conversions.stamp_seconds(stamp) or 0.0
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
@@ -178,7 +178,7 @@ class Reader:
         try:
             pose, stamp = self._frames.lookup(self.recording.frame, frame)
             at = self._place(f"frame {name}", stamp, now, record.time)
-        except InputError as error:  # until all frames on the way are known
+        except InputError as error:  # a transform between the frames is still missing
             self.recording.refused[f"bodies.frames: {error}"] += 1
             return
         yield BodiesCame(arrives=now, at=at, bodies=(BodyInput(name, BodyState(*pose), 0.0),))
@@ -205,19 +205,19 @@ class Reader:
         self.recording.frame = known or frame
 
     def _place(self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0) -> float:
-        """Simulated time of a stamp that arrives at ``now`` [s], when the recorder's clock says ``clock`` [s]."""
+        """Return the simulated time [s] of a stamp that arrives at ``now`` [s], at ``clock`` [s] of the recorder."""
         known = self._clocks.setdefault(source, StampClock())
         time = known.place(stamp, clock, lambda age: now - age, late)
         known.accept(stamp, time)
         return time
 
 
-# Takes a record that arrives so many seconds after the start.
+# Converts a record, given its arrival after the start [s].
 Take = Callable[[Record, float], Iterator[Event]]
 
 
 def _takers(reader: Reader, bag: Bag, settings: Settings, terrain_topic: str) -> dict[str, Take]:
-    """Who takes the records of each topic."""
+    """Return the converter of each topic's records."""
     takes: dict[str, Take] = {}
     for topic in bag.of_type(TRACKED):
         if not topic.endswith(OUTPUTS):

@@ -1,4 +1,4 @@
-"""The run that others are compared with: an eighth of the default step, and patches made anew in every step."""
+"""The reference run: an eighth of the default step, and patches refreshed in every step."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ FINEST: Mapping[str, Any] = {
     "patch.tolerance": 1e-4,
     "patch.rate": 0.0,
     "terrain.motion": "extrapolate",
-    "terrain.min_interval": 0.0,  # maps come with every step, and none of them is a part of another
+    "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own
 }
 
 
 def finest_positions(case: Case, start: Mapping[str, Any], horizon: float) -> dict[str, Vector]:
-    """Where the simulated bodies are after ``horizon`` [s], by name [m]."""
+    """Return the positions of the simulated bodies after ``horizon`` [s], by name [m]."""
     case.fresh()
     fed = -math.inf
     with Replay(settings_of({**start, **FINEST}), case.bodies()) as replay:

@@ -1,4 +1,4 @@
-"""A case replayed through the core in process, in simulated time, as the node would take it."""
+"""Replay of a case through the core in this process, in simulated time, with the node's order of inputs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from smartmesh_ros.tune.events import BodiesCame, Event, JointsCame, MapCame, Re
 
 
 class Replay:
-    """One world, its bodies and what reaches it. Close it, or use it as a context manager.
+    """One world with its bodies and inputs. Close it, or use it as a context manager.
 
-    ``refused``: what was refused, by reason; the world is as it was before.
+    ``refused``: counts of refused events by reason. A refused event does not change the world.
     """
 
     def __init__(self, settings: Settings, bodies: Sequence[Start]) -> None:
@@ -37,11 +37,11 @@ class Replay:
         self.close()
 
     def close(self) -> None:
-        """Ends the world."""
+        """Close the world."""
         self.world.close()
 
     def step(self, events: Iterable[Event]) -> None:
-        """Takes what has arrived, then runs one step."""
+        """Apply the events, then run one step."""
         for event in events:
             try:
                 self._take(event)
@@ -90,7 +90,7 @@ class Replay:
             self.tracking.forget(name)
 
     def _spawn(self) -> None:
-        """Spawns the bodies that there is ground for by now."""
+        """Spawn the waiting bodies that have ground below them."""
         waiting, self._waiting = self._waiting, []
         if waiting:
             with self.world.together():

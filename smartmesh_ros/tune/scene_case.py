@@ -1,4 +1,4 @@
-"""A scene of the studies as a case."""
+"""An evaluation scene as a case."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from smartmesh_ros.tune.case import SLACK, Case, Ground, Span
 from smartmesh_ros.tune.events import Event, MapCame, Start
 from smartmesh_ros.tune.reference import finest_positions
 
-# A confirming run is so many times as long as a searching one.
+# Length of a confirming run, in searching runs.
 LONGER = 2.0
 
 
 class SceneCase(Case):
-    """A scene: its maps come at its own rate, its bodies start where it says."""
+    """A scene with its own rate of maps and initial states of bodies."""
 
     def __init__(self, scene: Scene, start: Mapping[str, Any]) -> None:
         self.name, self.title = scene.name, scene.title

@@ -1,4 +1,4 @@
-"""The search: settings are drawn, measured in turns with the defaults, and noted."""
+"""The search: the sampler draws settings, which are measured in turns with the defaults and stored."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ Drawn = list[tuple[optuna.Trial, dict[str, Any]]]
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """``trials`` in all, whoever measures them; ``batch``: so many are measured in turns with the defaults; ``repeats``
-    of the defaults' own first run."""
+    """``trials``: total number, over all processes. ``batch``: number of trials that run in turns with the defaults.
+    ``repeats``: of the first run of the defaults."""
 
     trials: int = 96
     batch: int = 3
@@ -35,8 +35,8 @@ class Search:
 
 
 def prepare(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> Figures:
-    """The defaults' figures, which are measured with settings to try first unless the store has them. Raises
-    `InputError` where nothing can be measured."""
+    """Return the defaults' figures. If the store lacks them, measure the defaults and the first settings to try.
+    Raise `InputError` if nothing can be measured."""
     if store.base is not None:
         return store.base
     say("the reference, at an eighth of the step")
@@ -51,7 +51,7 @@ def prepare(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> F
 
 
 def work(store: Store, case: Case, asked: Asked, plan: Search, say: Say) -> None:
-    """Measures trials until there are enough. What was measured before an interruption is kept."""
+    """Measure trials until the store has enough. Trials from before an interruption count."""
     base = store.base
     if base is None:
         raise InputError("storage", "the storage has no defaults for this case; start the search anew")
@@ -69,7 +69,7 @@ def _try(
     drawn: Drawn,
     say: Say,
 ) -> None:
-    """Measures settings that were drawn, in turns with the defaults, and notes them."""
+    """Measure drawn settings in turns with the defaults, and store their figures."""
     limits = Limits.of(asked, base)
     with _failed_unless_recorded(store, [trial for trial, _ in drawn]) as recorded:
         settings = [settings_of({**case.start, **values}) for values in [space.defaults(), *(new for _, new in drawn)]]
@@ -80,14 +80,18 @@ def _try(
 
 
 def normalised(base: Figures, beside: Figures, figures: Figures) -> Figures:
-    """Costs as if the machine were as fast as it was when ``base`` was measured: ``beside`` is the same setting,
-    measured in turns with the ``figures``. The longest step is no sum that turns even out, and stays."""
+    """Return the figures with the cost scaled to the machine's speed at the time of ``base``.
+
+    ``beside``: figures of the same setting as ``base``, measured in turns with ``figures``. The longest step is not
+    scaled, because it is a single time and no sum over turns.
+    """
     return replace(figures, cost=figures.cost * base.cost / beside.cost)
 
 
 @contextmanager
 def _failed_unless_recorded(store: Store, trials: list[optuna.Trial]) -> Iterator[list[int]]:
-    """Has trials that an interruption leaves open count as not measured."""
+    """Mark trials as failed that an interruption leaves unmeasured. The block adds measured trials to the yielded
+    list."""
     recorded: list[int] = []
     try:
         yield recorded
@@ -98,8 +102,7 @@ def _failed_unless_recorded(store: Store, trials: list[optuna.Trial]) -> Iterato
 
 
 def _first(start: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Settings to try first: what the user has now, what the presets have of it, and single steps from the defaults
-    that are known to pay."""
+    """Return settings to try first: the user's, those of the presets, and changes of the defaults that often help."""
     presets = [read_parameters(preset_file(name)) for name in PRESETS]
     steps: list[Mapping[str, Any]] = [
         start,

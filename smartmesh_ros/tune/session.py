@@ -1,4 +1,4 @@
-"""One search from its beginning to its file."""
+"""A whole search, from the command line's options to the written file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from smartmesh_ros.warm_up import warm_up
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """All that a process needs to take part in a search."""
+    """Everything that a process needs to take part in a search."""
 
     source: str
     params_file: Path | None = None
@@ -48,7 +48,7 @@ class Request:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Request:
-        """The request of a command line; raises `InputError` for numbers that cannot be."""
+        """Return the request of a command line; raise `InputError` for invalid numbers."""
         for name, least in (("trials", 1), ("jobs", 1)):
             if getattr(options, name) < least:
                 raise InputError("parameter", f"--{name} is {getattr(options, name)}; it must be {least} or more")
@@ -66,7 +66,7 @@ class Request:
         )  # fmt: skip
 
     def open_case(self) -> Case:
-        """The scene or bag; raises `InputError`."""
+        """Return the scene or bag; raise `InputError` if neither can be opened."""
         start = read_start(self.params_file, self.preset, self.single)
         path = Path(self.source)
         named = FOLDER / f"{self.source}.yaml"
@@ -80,25 +80,25 @@ class Request:
         raise InputError("source", f"there is no bag and no scene {self.source!r}; the scenes are {scenes}")
 
     def open_store(self, case: Case, seed: int | None) -> Store:
-        """What is known of the case; raises `InputError`."""
+        """Return the stored results of the case; raise `InputError` if the storage does not open."""
         return Store(open_storage(self.storage), f"{case.name}-{case.identity}", seed)
 
 
 def take_part(request: Request, seed: int | None, say: Say) -> None:
-    """Measures trials of a search that has begun, until there are enough."""
+    """Measure trials of a prepared search until it has enough."""
     quiet_optuna()
     case = request.open_case()
     work(request.open_store(case, seed), case, request.asked, request.plan, say)
 
 
 def quiet_optuna() -> None:
-    """Keeps Optuna's own words from between those of the search: what goes wrong raises."""
+    """Silence Optuna's log. Errors still raise."""
     optuna.logging.set_verbosity(optuna.logging.CRITICAL)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
 
 
 def run_session(options: argparse.Namespace) -> int:
-    """Searches, confirms, writes and tells; returns the exit code."""
+    """Search, confirm, write the file and report; return the exit code."""
     request = Request.of(options)
     case = request.open_case()
     for note in case.notes:
@@ -109,7 +109,7 @@ def run_session(options: argparse.Namespace) -> int:
 
 
 def find(request: Request, case: Case, jobs: int) -> tuple[list[Point], Verdict]:
-    """Everything that was tried, and what was confirmed of it."""
+    """Search and confirm; return all tried points and the verdict."""
     quiet_optuna()
     store = request.open_store(case, request.seed)
     warm_up()
@@ -122,7 +122,7 @@ def find(request: Request, case: Case, jobs: int) -> tuple[list[Point], Verdict]
 
 
 def search(request: Request, case: Case, store: Store, base: Figures, jobs: int) -> None:
-    """Has the trials measured, by this process or by ``jobs`` of them, and tells how far they are."""
+    """Measure the trials in this process or in ``jobs`` processes, and show the progress."""
     began, before = monotonic(), len(store.finished())
 
     def say(_: str) -> None:
@@ -141,7 +141,7 @@ def search(request: Request, case: Case, store: Store, base: Figures, jobs: int)
 
 
 def _report(request: Request, case: Case, points: Sequence[Point], verdict: Verdict, out: Path) -> None:
-    """Writes the file and the chart, and says what was found."""
+    """Write the file and the chart, and print the result."""
     name = f"{case.name}_tuned" if verdict.keeps else f"{case.name}_nearest"
     out.mkdir(parents=True, exist_ok=True)
     file, picture = out / f"{name}.yaml", out / f"{case.name}.png"
@@ -155,6 +155,6 @@ def _report(request: Request, case: Case, points: Sequence[Point], verdict: Verd
 
 
 def _line(text: str) -> None:
-    """Shows one line in place of the last one; where nobody looks, nothing."""
+    """Replace the terminal's last line; do nothing if stderr is no terminal."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text[:160]}", end="", file=sys.stderr, flush=True)

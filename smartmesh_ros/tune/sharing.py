@@ -1,4 +1,4 @@
-"""How much sooner processes that share a storage reach the front of one: what docs/tuning.md says of it."""
+"""Measures the speed-up of processes that share a storage, for docs/tuning.md."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from typing import NamedTuple
 
 from smartmesh_ros.startup.quiet import silence_pybullet
 
-# Of the area under the front of one process, so much is the same front.
+# Fraction of the area under one process's front at which the front counts as reached.
 SAME_FRONT = 0.98
 
 
 class Run(NamedTuple):
-    """A search: seconds since the processes started, and the area under the front by then, trial by trial."""
+    """A search: for each trial, its end after the start of the processes [s] and the area under the front by then."""
 
     times: list[float]
     areas: list[float]
 
     def reached(self, area: float) -> float:
-        """When the area was reached [s]; infinite = never."""
+        """Return the time at which the area was reached [s]; infinite = never."""
         return next((time for time, found in zip(*self, strict=True) if found >= area), float("inf"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Prints when one process and when several reach the front of one, for each seed."""
+    """Print, for each seed, when one process and when several processes reach the front of one process."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scene", nargs="?", default="waves_w04_maps_20")
     parser.add_argument("--trials", type=int, default=48)

@@ -1,4 +1,4 @@
-"""What is searched: parameters and the values they may take."""
+"""The search space: parameters and their values."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Value = float | str
 
 @dataclass(frozen=True, kw_only=True)
 class Space:
-    """Ladders of values, so that what comes out reads well, and every rate divides into the samples' 30 Hz.
+    """Ordered lists (ladders) of values. The values are round, and every rate is a multiple of the measurements' 30 Hz.
 
-    The kinds are those that keep the ground's shape within the tolerance, one plane, and one collider of the whole map;
-    the report's other kinds are slower than *heightfield* and no truer, see docs/accuracy.md.
+    The kinds are those with a tolerance, the plane, and the collider of the whole map. The report's other kinds are
+    slower than *heightfield* and no more accurate, see docs/accuracy.md.
     """
 
     rate: tuple[float, ...] = (60.0, 90.0, 120.0, 150.0, 180.0, 240.0, 300.0, 360.0, 480.0, 600.0, 720.0, 960.0)
@@ -32,7 +32,7 @@ class Space:
 
     @property
     def ladders(self) -> Mapping[str, tuple[Value, ...]]:
-        """Values by parameter."""
+        """Ladders by parameter."""
         return {
             "physics.rate": self.rate,
             "patch.rate": self.patch_rate,
@@ -50,12 +50,12 @@ _CHOICES = frozenset({"patch.kind", "terrain.motion"})
 
 
 def defaults() -> dict[str, Any]:
-    """The searched parameters at the package's defaults."""
+    """Return the package's defaults of the searched parameters."""
     return {name: DEFAULTS[name] for name in SEARCHED}
 
 
 def ask(trial: Trial) -> dict[str, Any]:
-    """The values of a trial. Numbers are steps of their ladder, whose order the sampler then knows."""
+    """Draw the values of a trial. A number is drawn as its index in the ladder, so that the sampler knows the order."""
     found: dict[str, Any] = {}
     for name, ladder in SPACE.ladders.items():
         if name in _CHOICES:
@@ -66,12 +66,12 @@ def ask(trial: Trial) -> dict[str, Any]:
 
 
 def values_of(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a trial's ``parameters`` as the storage keeps them."""
+    """Return the values of a trial's stored ``parameters``."""
     return {name: value if name in _CHOICES else SPACE.ladders[name][int(value)] for name, value in parameters.items()}
 
 
 def parameters_of(values: Mapping[str, Any]) -> dict[str, Any]:
-    """What the storage keeps of values, each the nearest on its ladder; raises `InputError` for a choice that is not
+    """Return the stored form of values, each rounded to its ladder; raise `InputError` for a choice that is not
     searched."""
     found: dict[str, Any] = {}
     for name, ladder in SPACE.ladders.items():

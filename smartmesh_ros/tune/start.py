@@ -17,17 +17,18 @@ from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_
 
 NODE = "/terrain_collider"
 DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
-# Parameters that every node has, and none of them changes what is measured.
+# Parameters of every ROS node, which do not affect measurements.
 OF_EVERY_NODE = frozenset({"use_sim_time"})
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
-    """Settings where these parameters are given and all others stand at their defaults; raises `InputError`."""
+    """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
     return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
 
 
 def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[str, Any]:
-    """The parameters that a preset, then a file, then entries ``name=value`` give; raises `InputError`."""
+    """Return the parameters of a preset, a file and entries ``name=value``; later ones override earlier ones. Raise
+    `InputError` for unknown names and invalid values."""
     values: dict[str, Any] = {}
     if preset:
         values.update(read_parameters(preset_file(preset)))
@@ -49,7 +50,7 @@ def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[st
 
 
 def preset_file(name: str) -> Path:
-    """The parameter file of a preset; raises `InputError` naming those there are."""
+    """Return the parameter file of a preset; raise `InputError` with the known presets if it does not exist."""
     found = folder()
     path = (found or Path()) / f"{name}.yaml"
     if found is None or not path.is_file():
@@ -59,7 +60,7 @@ def preset_file(name: str) -> Path:
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """The values that a parameter file has for the node; raises `InputError` where it is none, or not for this node."""
+    """Return a parameter file's values for the node; raise `InputError` if the file is invalid or for another node."""
     try:
         content = yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:

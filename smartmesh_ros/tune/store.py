@@ -1,4 +1,4 @@
-"""What was found so far, in a storage that processes and machines share."""
+"""Results of a search, in a storage that processes and machines can share."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from smartmesh_ros.tune.figures import FLOOR, Figures, Limits
 from smartmesh_ros.tune.front import Point
 
 FIGURES, BASE, REFERENCE = "figures", "defaults", "reference"
-# What the sampler is told of a setting whose penetration could not be measured [m].
+# Penetration that is passed to the sampler if it could not be measured [m].
 UNKNOWN_ERROR = 1.0
-# By how many times a limit may be passed as far as the sampler knows.
+# Maximum relative excess over a limit that is passed to the sampler.
 MAX_EXCESS = 100.0
-# Trials that are drawn at random before the sampler draws conclusions.
+# Number of random trials before the sampler uses results.
 RANDOM_TRIALS = 16
 
 
 class Storage(NamedTuple):
-    """An open storage, and where it is."""
+    """An open storage and its address or path."""
 
     where: str
     storage: BaseStorage
 
 
 def open_storage(where: str) -> Storage:
-    """A database's address such as ``sqlite:///tune.db``, or the path of a journal file; raises `InputError`."""
+    """Open a database's address such as ``sqlite:///tune.db``, or a journal file; raise `InputError` if that fails."""
     try:
         if "://" in where:
             return Storage(where, optuna.storages.get_storage(where))
@@ -47,20 +47,20 @@ def open_storage(where: str) -> Storage:
 
 
 def _refusal(where: str, error: Exception) -> InputError:
-    """An error that says why a storage does not open, without the libraries' own words."""
+    """Return an error with the reason why a storage does not open, in this package's words."""
     if isinstance(error, OSError):
         why = error.strerror or "the file cannot be read"
     elif isinstance(error, ImportError):
         why = "the Python package for such databases is not installed"
     elif "://" in where:
-        why = "there is no such database, or it is of no kind that is known"
+        why = "the database does not exist, or its kind is unknown"
     else:
         why = "it is no journal of a search, or it is damaged"
     return InputError("storage", f"--storage {where!r} does not open: {why}; name a journal file or sqlite:///FILE")
 
 
 class Store:
-    """One study: what was found of one case, whoever found it."""
+    """An Optuna study: the results of one case from all processes."""
 
     def __init__(self, storage: Storage, name: str, seed: int | None = None) -> None:
         try:
@@ -76,44 +76,45 @@ class Store:
 
     @property
     def base(self) -> Figures | None:
-        """The defaults' figures, once they are known."""
+        """The defaults' figures; None before they are measured."""
         found = self.study.user_attrs.get(BASE)
         return None if found is None else Figures.from_json(found)
 
     @property
     def reference(self) -> dict[str, Vector] | None:
-        """Where bodies go in the reference run [m], if it is known."""
+        """Positions of bodies in the reference run [m]; None = unknown."""
         found: Mapping[str, Sequence[float]] = self.study.user_attrs.get(REFERENCE) or {}
         return {name: (x, y, z) for name, (x, y, z) in found.items()} or None
 
     def begin(self, base: Figures, reference: Mapping[str, Vector] | None) -> None:
-        """Notes what everything is compared with."""
+        """Store the defaults' figures and the reference."""
         self.study.set_user_attr(REFERENCE, {name: list(place) for name, place in (reference or {}).items()})
         self.study.set_user_attr(BASE, base.as_json())
 
     def points(self) -> list[Point]:
-        """Everything that was found."""
+        """Return all measured points."""
         return [
             Point(space.values_of(trial.params), Figures.from_json(trial.user_attrs[FIGURES]))
             for trial in self.finished()
         ]
 
     def finished(self) -> list[FrozenTrial]:
-        """The trials that were measured."""
+        """Return the measured trials."""
         return self.study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
     def ask_for(self, values: Mapping[str, Any]) -> tuple[optuna.Trial, dict[str, Any]]:
-        """Certain settings to try. Not for processes that search at the same time: one could get those of another."""
+        """Return a trial with given settings. Not for concurrent processes, because one could get another's
+        settings."""
         self.study.enqueue_trial(space.parameters_of(values))
         return self.ask(1)[0]
 
     def ask(self, count: int) -> list[tuple[optuna.Trial, dict[str, Any]]]:
-        """Settings to try."""
+        """Return trials with settings from the sampler."""
         trials = [self.study.ask() for _ in range(count)]
         return [(trial, space.ask(trial)) for trial in trials]
 
     def tell(self, trial: optuna.Trial, figures: Figures, limits: Limits) -> None:
-        """Notes what was measured of a trial. Both axes are logarithmic: a factor counts the same everywhere."""
+        """Store a trial's figures. The sampler gets logarithms, so that equal factors count equally."""
         trial.set_user_attr(FIGURES, figures.as_json())
         beside = {name: value for name, value in limits.excess(figures).items() if name not in ("cost", "penetration")}
         trial.set_constraint("limits", min(max(beside.values(), default=0.0), MAX_EXCESS))
@@ -121,5 +122,5 @@ class Store:
         self.study.tell(trial, [math.log10(figures.cost), math.log10(max(error, FLOOR))])
 
     def give_up(self, trial: optuna.Trial) -> None:
-        """Notes that a trial was not measured."""
+        """Mark a trial as failed."""
         self.study.tell(trial, state=TrialState.FAIL)

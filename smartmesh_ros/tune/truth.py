@@ -1,8 +1,7 @@
 """The true ground of a recording.
 
-Where changes of height are motion, it is what lies between the map before and the map after an instant: the recording
-knows what comes. Where they are corrections the ground stands still and is known better later; then it is the main mesh
-as the node has it, to which corrections are spread over ``terrain.settle``.
+If changes of height are motion, the true ground is interpolated between the map before and the map after an instant. If
+changes are corrections, the true ground is the node's main mesh, which applies corrections over ``terrain.settle``.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ Change = MapCame | RegionCame
 
 @dataclass(frozen=True)
 class _Known:
-    """A tile as it was at ``time`` [s]; no raster = it was gone."""
+    """A tile at ``time`` [s]; no raster = the tile was removed."""
 
     time: float
     raster: Raster | None
 
 
 class Truth:
-    """The ground of a recording at times that never go back."""
+    """The ground of a recording at times that never decrease."""
 
     def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
         self._corrected = _Corrected(changes, settings) if settings.motion.corrects else None
@@ -42,7 +41,7 @@ class Truth:
         self._moving = {tile: _Moving([change for change in changes if change.tile == tile]) for tile in tiles}
 
     def rasters(self, time: float) -> Iterator[tuple[str, Raster]]:
-        """Heights of each tile at a time [s]."""
+        """Yield name and heights of each tile at a time [s]."""
         if self._corrected is not None:
             yield from self._corrected.at(time)
             return
@@ -52,17 +51,17 @@ class Truth:
                 yield tile, raster
 
     def at(self, time: float) -> list[Ground]:
-        """The ground at a time [s]."""
+        """Return the ground at a time [s]."""
         return [ground_of(raster.geometry, raster.heights) for _, raster in self.rasters(time)]
 
 
 def ground_of(geometry: GridGeometry, heights: FloatGrid) -> Ground:
-    """A tile as the yardstick takes it."""
+    """Return a tile as a surface without yaw, and its yaw."""
     return Ground(Surface(replace(geometry, yaw=0.0), heights.astype(np.float64)), geometry.yaw)
 
 
 class _Moving:
-    """One tile between the map before and the map after."""
+    """One tile, interpolated between the map before and the map after an instant."""
 
     def __init__(self, changes: Sequence[Change]) -> None:
         self._changes = sorted(changes, key=lambda change: change.at)
@@ -83,7 +82,7 @@ class _Moving:
         return Raster(before.raster.geometry, heights)
 
     def _following(self, known: _Known | None) -> _Known | None:
-        """The tile once the next change is made."""
+        """Return the tile after the next change; None = no further change."""
         if self._next == len(self._changes):
             return None
         change = self._changes[self._next]
@@ -101,7 +100,7 @@ class _Moving:
 
 
 class _Corrected:
-    """Ground that stands still, as it is known."""
+    """Ground at rest, as the node estimates it."""
 
     def __init__(self, changes: Sequence[Change], settings: Settings) -> None:
         self._changes = sorted(changes, key=lambda change: change.arrives)

@@ -1,4 +1,4 @@
-"""What a search says of itself: a line while it runs, and some at its end."""
+"""Texts of a search: the line of progress, and the report at the end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from smartmesh_ros.tune.confirm import Verdict
 from smartmesh_ros.tune.figures import ALLOWANCE, Asked, Figures, Limits
 from smartmesh_ros.tune.front import Point, ranked
 
-# Limits by their fields: how they are called, and the option that sets each.
+# Names of the limits, and the options that set them, by field.
 NAMES = {
     "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
     "deviation": "deviation", "failed": "bodies lost or put back",
@@ -21,20 +21,20 @@ OPTIONS = {
 
 
 def progress(done: int, trials: int, left: float, points: Sequence[Point], asked: Asked, base: Figures) -> str:
-    """How far a search is; ``left`` [s]."""
+    """Return the line of progress; ``left``: estimated remaining time [s]."""
     best = ranked(points, asked, Limits.of(asked, base))
-    found = f"best so far {costs(best[0].figures)}" if best else "nothing yet keeps what is asked"
+    found = f"best so far {costs(best[0].figures)}" if best else "no settings within the limits yet"
     minutes, seconds = divmod(round(left), 60)
     return f"{done}/{trials} tried, {minutes}:{seconds:02d} left; {found}; defaults {costs(base)}"
 
 
 def costs(figures: Figures) -> str:
-    """Cost and penetration in words."""
+    """Return cost and penetration as a text."""
     return f"{figures.cost:.3f} of a core, {1e3 * figures.penetration:.3g} mm"
 
 
 def closing_lines(title: str, asked: Asked, verdict: Verdict, points: Sequence[Point], file: str) -> list[str]:
-    """What was found; ``points``: everything that was tried."""
+    """Return the lines of the report; ``points``: all tried points."""
     chosen, short, defaults = verdict.chosen.figures, verdict.short, verdict.defaults
     changed = [f"{name} {value}" for name, value in _changes(verdict).items()]
     return [
@@ -51,8 +51,8 @@ def closing_lines(title: str, asked: Asked, verdict: Verdict, points: Sequence[P
 
 
 def binding(found: Iterable[Figures], limits: Limits) -> tuple[str, ...]:
-    """The fewest limits without which one of the settings would keep all others; of several such sets that which is
-    exceeded least."""
+    """Return the smallest set of limits without which one of the settings would be within all others; of several such
+    sets the one with the smallest excess."""
     exceeded = [limits.excess(figures) for figures in found]
     least = min(exceeded, key=lambda excess: (len(excess), max(excess.values(), default=0.0)), default={})
     return tuple(least)
@@ -78,8 +78,8 @@ def _outcome(asked: Asked, verdict: Verdict, points: Sequence[Point]) -> list[st
 
 
 def _what_binds(verdict: Verdict, points: Sequence[Point]) -> str:
-    """The limits that nothing keeps together with the others, in the search or, if something did, in the confirming
-    run."""
+    """Return a sentence on the limits that bind: in the search, or in the confirming run if settings of the search were
+    within all limits."""
     kept = sum(not verdict.searched.excess(point.figures) for point in points)
     if kept:
         names = binding([point.figures for point in verdict.confirmed], verdict.limits)
@@ -101,7 +101,7 @@ def _what_binds(verdict: Verdict, points: Sequence[Point]) -> str:
 
 
 def _better_dots(verdict: Verdict, points: Sequence[Point]) -> list[str]:
-    """Why dots of the chart that look better than the chosen settings were not chosen."""
+    """Return the reasons why dots of the chart that look better than the chosen settings were not chosen."""
     short = verdict.short
     better = [
         point.figures for point in points if point.figures.cost < short.cost and point.figures.error <= short.error
@@ -118,14 +118,14 @@ def _better_dots(verdict: Verdict, points: Sequence[Point]) -> list[str]:
 
 
 def broken_limit(figures: Figures, limits: Limits) -> str:
-    """The limit that a setting breaks, of those that the chart's axes do not show; else of the others; "" = none."""
+    """Return the limit that a setting exceeds, preferably one that the chart's axes do not show; "" = none."""
     excess = limits.excess(figures)
     return next((name for name in ("failed", "hover", "deviation", "longest", "penetration", "cost") if name in excess),
                 "")  # fmt: skip
 
 
 def verb(name: str, count: int = 1) -> str:
-    """What settings do that break a limit."""
+    """Return the predicate of settings that exceed a limit, for a legend or a sentence."""
     if name == "failed":
         return "loses bodies" if count == 1 else "lose bodies"
     return f"break{'s' if count == 1 else ''} the limit of {NAMES[name]}"
@@ -136,12 +136,12 @@ def _limits(names: Sequence[str]) -> str:
 
 
 def _value(name: str, figures: Figures) -> float:
-    """What a setting has of what a limit is of."""
+    """Return the figure of a setting that belongs to a limit."""
     return figures.lost + figures.rescued if name == "failed" else float(getattr(figures, name))
 
 
 def _amount(name: str, value: float) -> str:
-    """A value with its unit."""
+    """Return a value with its unit."""
     if not math.isfinite(value):
         return "not measured"
     if name == "cost":
@@ -152,7 +152,7 @@ def _amount(name: str, value: float) -> str:
 
 
 def _reason(name: str, asked: Asked, limits: Limits) -> str:
-    """Where a limit comes from."""
+    """Return the origin of a limit."""
     option = OPTIONS.get(name)
     if option is not None and getattr(asked, option) is not None:
         return ", as asked"

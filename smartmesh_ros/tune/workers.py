@@ -1,4 +1,4 @@
-"""Processes that search together, by way of one storage."""
+"""Processes of one search, which share a storage."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from smartmesh_ros.startup.quiet import silence_pybullet
 if TYPE_CHECKING:
     from smartmesh_ros.tune.session import Request
 
-# How long processes may take to note that they were interrupted [s].
+# Time that processes have to mark their trials as failed and end [s]. Then they are killed.
 STOP_TIMEOUT = 20.0
 
 
 class Workers:
-    """``jobs`` processes of one search. A context manager: whatever ends it ends them, and what they found is kept."""
+    """``jobs`` processes of one search. A context manager that ends the processes in any case; results stay stored."""
 
     def __init__(self, request: Request, jobs: int) -> None:
         context = multiprocessing.get_context("spawn")
-        # As bytes: a request imports PyBullet where it is unpacked, which then prints its build time.
+        # Pickled here, because unpickling imports PyBullet, which prints its build time unless it is silenced first.
         packed = pickle.dumps(request)
         self._processes = [context.Process(target=_work, args=(packed, index), daemon=True) for index in range(jobs)]
 
@@ -43,16 +43,16 @@ class Workers:
                 process.kill()
 
     def wait(self, seconds: float) -> bool:
-        """Waits a little; whether any is still at work. Raises `InputError` if one has failed."""
+        """Wait, then return True if a process is still running. Raise `InputError` if one has failed."""
         sleep(seconds)
         failed = [process.exitcode for process in self._processes if process.exitcode]
         if failed:
-            raise InputError("jobs", f"a process of the search ended with {failed[0]}; its words are above")
+            raise InputError("jobs", f"a process of the search ended with code {failed[0]}; see its output above")
         return any(process.is_alive() for process in self._processes)
 
 
 def _work(packed: bytes, index: int) -> None:
-    """One of the processes. SIGTERM comes as Ctrl-C does, so that open trials are given up."""
+    """Run one of the processes. SIGTERM acts like Ctrl-C, so that open trials are marked as failed."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     silence_pybullet()
     from smartmesh_ros.tune.session import take_part
