@@ -58,9 +58,7 @@ def parser() -> argparse.ArgumentParser:
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="single", help="a single parameter"
     )
     given.add_argument("--terrain", default="", metavar="TOPIC", help="topic of the maps, if the bag has several")
-    given.add_argument(
-        "--seconds", type=float, help="length of a searching run on a bag (3 s, at most half of the bag)"
-    )
+    given.add_argument("--seconds", type=float, help="length of a searching run on a bag (3 s, at most half of it)")
     asked = found.add_argument_group("limits")
     asked.add_argument("--budget", type=float, help="maximum cost, as a share of a core")
     asked.add_argument("--penetration", type=float, help="maximum 99th percentile of penetration [m]")
