@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 
-# What each is called, the module whose ``main`` runs it, and what it is.
+# By name: the module whose ``main`` runs the study, and a description.
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
     "before-after": ("studies.before_after.study", "this code against that of another checkout"),
@@ -19,7 +19,7 @@ STUDIES = {
 
 
 def usage() -> str:
-    """The studies there are."""
+    """Return the usage text with all studies."""
     lines = [f"  {name:14}{about}" for name, (_, about) in STUDIES.items()]
     return "\n".join(
         ["usage: python -m studies NAME [options]; `python -m studies NAME --help` tells the options", "", *lines]

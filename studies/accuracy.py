@@ -63,14 +63,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def folder_of(options: argparse.Namespace) -> Path:
-    """Where a run writes: only whole runs change the documents, so that no page mixes figures of several machines."""
+    """Return the output folder of a run. Only whole runs write into docs/, so that no page mixes figures of
+    machines."""
     part = options.quick or options.scenes or options.methods or options.charts_only or options.matrix_only
     folder: Path = options.out or Path("out/studies" if part else "docs")
     return folder
 
 
 def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
-    """The results of scenes that an earlier run wrote."""
+    """Return the results of an earlier run by scene."""
     scenes = read_results(path).get("scenes", {})
     return {
         scene: {name: Result(**{**values, "spread": tuple(values["spread"])}) for name, values in found.items()}
@@ -79,7 +80,7 @@ def _measured_before(path: Path) -> dict[str, dict[str, Result]]:
 
 
 def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
-    """Cells of the matrix, and those of other methods that an earlier run wrote, row by row."""
+    """Merge new cells of the matrix with an earlier run's cells of other methods, row by row."""
     written = read_results(path).get("stability", [])
     new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
     before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}

@@ -1,4 +1,4 @@
-"""What the accuracy study compares: our settings, the report's methods, and other engines."""
+"""Configurations of the accuracy study: our settings, the report's methods, and other engines."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ OURS = (
     _patch("no velocity", "ours, less", carry_velocity=False, quick=True),
     _patch("neither", "ours, less", edge_filter=False, carry_velocity=False),
 )
-# As the report has it: made anew in every step, with none of what was added since.
+# The report's method: patches rebuilt in every step, without later additions.
 BARE: dict[str, Any] = {"edge_filter": False, "carry_velocity": False, "rate": 0.0}
 REPORT = (
     _patch("rebuilt trimesh", "report", kind="trimesh", quick=True, **BARE),

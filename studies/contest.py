@@ -1,4 +1,4 @@
-"""Runs one scene in many engines side by side, and measures what each costs and how true it is."""
+"""Runs one scene in many engines in turns, and measures cost and accuracy of each."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
 from studies.engines.registry import build
 
-# The run is timed in so many pieces, all engines taking turns; cost is their median.
+# Number of pieces of a run, in which all engines take turns. The cost is the median over the pieces.
 PIECES = 12
-# An engine that has used so much of the processor in one scene is stopped [s].
+# Processor time in one scene after which an engine is stopped [s].
 PATIENCE = 2.5
 
 
@@ -53,8 +53,8 @@ class Result:
 
 @dataclass
 class Sample:
-    """N bodies at one instant: centres (N, 3) [m], orientations (N, 4), whether something holds them up (N,); and once
-    measured, clearance (N,) [m] and whether their centre is below the ground (N,)."""
+    """N bodies at one instant: centres (N, 3) [m], orientations (N, 4), mask of supported bodies (N,); after measuring
+    also clearance (N,) [m] and a mask of bodies whose centre is below the ground (N,)."""
 
     positions: FloatArray
     orientations: FloatArray
@@ -83,7 +83,7 @@ class Maps:
 
 
 class Runner:
-    """One configuration in a scene: steps it, times it and keeps what is to be measured."""
+    """One configuration in a scene: steps and times it, and records samples for measurements."""
 
     def __init__(self, scene: Scene, configuration: Configuration, maps: Maps) -> None:
         self.configuration = configuration
@@ -110,7 +110,7 @@ class Runner:
         return self._steps / self.configuration.rate
 
     def advance(self, until: float) -> None:
-        """Steps to ``until`` [s]; maps come as they fall due. Gives up where that takes too much of the processor."""
+        """Step to ``until`` [s] with the scene's maps. Stop if that takes too much processor time."""
         engine, rate, scene = self.engine, self.configuration.rate, self._scene
         last = round(until * rate)
         before = engine.velocities()
@@ -137,7 +137,8 @@ class Runner:
         self.samples.append(Sample(engine.positions(), engine.orientations(), held))
 
     def _handing(self, heights: Any) -> Callable[[], None]:
-        """Hands the engine a map in the form it keeps it in, made before anything is timed."""
+        """Return a function that transfers a map in the engine's own format, which is prepared before the
+        measurement."""
         engine: Any = self.engine
         if self.configuration.engine == "mujoco":
             ready = engine.normalised(heights)

@@ -1,4 +1,4 @@
-"""Which points of a chart nothing else beats."""
+"""The Pareto front of a chart, and comparisons with it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from studies.contest import Result
 
-# Penetration below this is taken as none [m]: PyBullet lets bodies at rest overlap by half of it.
+# Penetration below this counts as none [m]. Bodies at rest in PyBullet overlap by half of it.
 FLOOR = 2e-5
 
 
@@ -19,8 +19,8 @@ def error_of(result: Result) -> float:
 
 
 def pareto_front(results: Mapping[str, Result]) -> list[str]:
-    """Names of the results than which none is both cheaper and more accurate, by cost; those that lose bodies are not
-    among them."""
+    """Return the names of the results on the Pareto front of cost and accuracy, sorted by cost, without results that
+    lost bodies."""
     order = sorted((result.cost, error_of(result), name) for name, result in results.items() if result.cost > 0.0)
     front = []
     least = math.inf
@@ -32,8 +32,8 @@ def pareto_front(results: Mapping[str, Result]) -> list[str]:
 
 
 def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result], *, trajectory: bool) -> list[str]:
-    """Rivals that are both faster and more accurate than every one of ours: in penetration and, if so asked, in the
-    ``trajectory``, as far as its deviation from the reference was measured."""
+    """Return rivals that are both faster and more accurate than all of our results: in penetration and, with
+    ``trajectory``, in the deviation from the reference, if it was measured."""
     return [
         name
         for name, rival in rivals.items()

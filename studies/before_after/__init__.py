@@ -1,1 +1,1 @@
-"""The code of another folder against this one's: speed and penetration of both, taken in turns in one run."""
+"""Comparison of this code with that of another folder: speed and penetration, measured in turns in one run."""

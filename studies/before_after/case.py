@@ -1,4 +1,4 @@
-"""What is compared: cases, each a row of the table."""
+"""The cases of the comparison, each a row of the table."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box}
 class Case:
     """Bodies on a map, run again and again from the same start.
 
-    ``ground``: as `make_ground` takes it. ``samples`` on a side and ``resolution`` [m] of the map, around the origin.
-    ``map_rate`` [Hz]: how often a map comes, 0 = once; ground at rest sends the same one. ``early`` [s]: maps come so
-    long before the time they are stamped with, as they do to a node that is behind its sender. ``kind``: of patches,
-    which are brought up to date at 60 Hz. ``driver``: *ground* = `Ground` in a plain PyBullet world, *world* = `World`.
-    ``settle`` [s] is neither timed nor measured, the rest of ``seconds`` [s] is. ``to_reach``: the update's speed-up
-    that is asked for, None = none; ``deepest``: the penetration [m], 99 %, that is asked for. ``calls``: PyBullet's
-    own calls are counted as well. ``quick``: part of the quick run.
+    ``ground``: argument of `make_ground`. ``samples`` on a side and ``resolution`` [m] of the map, around the origin.
+    ``map_rate`` [Hz]: 0 = one map only; ground at rest repeats the same map. ``early`` [s]: arrival of maps before
+    their stamps, as at a node that runs behind its source. ``kind``: of patches, which are refreshed at 60 Hz.
+    ``driver``: *ground* = `Ground` in a plain PyBullet world, *world* = `World`. ``settle`` [s]: beginning of
+    ``seconds`` [s] that is neither timed nor measured. ``to_reach``: target of the update's speed-up, None = none.
+    ``deepest`` [m]: target of the penetration, 99 %. ``calls``: True = PyBullet's own calls are timed too. ``quick``:
+    part of the quick run.
     """
 
     name: str
@@ -59,7 +59,7 @@ _NOISE = {"kind": "noise", "deviation": 0.02, "seed": 3}
 
 
 def _both_kinds(case: Case) -> list[Case]:
-    """The case with *auto*, and with heightfields for comparison, of which nothing is asked."""
+    """Return the case with *auto*, and with heightfields for comparison, without targets."""
     plain = replace(
         case, name=f"{case.name}_heightfield", title=f"{case.title}, heightfield", kind="heightfield",
         to_reach=None, calls=False,

@@ -1,4 +1,4 @@
-"""Runs the cases on both sides in turns, piece by piece, and works out the figures."""
+"""Runs the cases on both sides in turns, piece by piece, and computes the figures."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ UPDATE, STEP, OWN, CALLS, MAP_CAME = range(5)
 
 @dataclass(frozen=True, kw_only=True)
 class Calls:
-    """Steps in which a map comes, per body [us]: what PyBullet's own calls take, but for ``stepSimulation``, and all
-    else; and how many ``calls`` there are per body."""
+    """Steps with a new map, per body [us]: time of PyBullet's own calls without ``stepSimulation``, and of everything
+    else; ``calls``: number of calls per body."""
 
     own: float
     else_: float
@@ -61,7 +61,7 @@ class Compared:
 
     @property
     def speed_up(self) -> float:
-        """How many times less the update takes now; NaN where a side did not run."""
+        """Return the ratio of the update times, before / now; NaN if a side did not run."""
         return self.before.update / self.now.update
 
 
@@ -96,7 +96,7 @@ def _timed(
 def _pieces(
     case: Case, sides: Mapping[str, Side], pieces: int, scratch: Path, say: Callable[[str], None], what: str
 ) -> dict[str, list[Piece] | str]:
-    """So many pieces of each side after one for warming up, which comes first; or why a side cannot run the case."""
+    """Return the pieces of each side, after one for warming up; or the reason why a side cannot run the case."""
     found: dict[str, list[Piece] | str] = {name: [] for name in SIDES}
     for part in range(pieces + 1):
         say(f"{case.title}: {what}, piece {part} of {pieces}")
@@ -133,7 +133,7 @@ def _figures(case: Case, timed: list[Piece] | str, counted: list[Piece] | str) -
 
 
 def _typical(taken: FloatArray) -> FloatArray:
-    """The median over the pieces of each of their steps: all pieces do the same, so that what differs is noise."""
+    """Return the median of each step over the pieces. All pieces are identical, so that differences are noise."""
     return np.asarray(np.median(taken, axis=0))
 
 

@@ -1,4 +1,4 @@
-"""What both sides are given, made once: maps, starts, and the surface that bodies are measured against."""
+"""Inputs of both sides, made once: maps, initial positions, and the surface for measurements."""
 
 from __future__ import annotations
 

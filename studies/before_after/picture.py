@@ -14,7 +14,7 @@ from studies.before_after.contest import Compared
 
 
 def draw(path: Path, compared: Sequence[Compared]) -> None:
-    """How many times faster the update is now, a bar a case, with what was to be reached."""
+    """Draw the speed-up of the update, a bar a case, with the targets."""
     ran = [one for one in compared if math.isfinite(one.speed_up)]
     figure = Figure(figsize=(9.0, 1.2 + 0.24 * len(ran)), layout="constrained")
     FigureCanvasAgg(figure)

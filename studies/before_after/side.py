@@ -1,4 +1,4 @@
-"""A folder's code as a process that runs pieces when it is asked to."""
+"""A process that runs pieces of cases with the code of a folder."""
 
 from __future__ import annotations
 
@@ -75,6 +75,6 @@ class Side:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise InputError("before", f"a side ended with code {self._process.wait()}; its words are above")
+            raise InputError("before", f"a side ended with code {self._process.wait()}; see its output above")
         found: dict[str, Any] = json.loads(line)
         return found

@@ -80,7 +80,7 @@ def _page(compared: list[Compared], commits: dict[str, str], pieces: int) -> str
 
 
 def _commit(folder: Path) -> str:
-    """The commit that is checked out there, as far as Git knows, and whether something was changed since."""
+    """Return the checked-out commit of a folder, and a mark if files were changed since."""
     words = []
     for arguments in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "--untracked-files=no")):
         try:

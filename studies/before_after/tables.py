@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from studies.before_after.contest import Compared, Figures
 from studies.tables import table
 
-# No worse in penetration: by more than neither of these.
+# Tolerances within which penetration counts as no worse.
 MORE_BY_SHARE, MORE_BY_MM = 1.1, 0.05
-# What PyBullet's own calls may be accompanied by, as a share of them [-].
+# Maximum time of everything but PyBullet's own calls, as a fraction of those [-].
 SHARE_TO_REACH = 0.5
 
 
 def speed_table(compared: Sequence[Compared]) -> str:
-    """A row a case: update and step before and now, penetration, and what was to be reached."""
+    """Return a table with a row a case: update and step before and now, penetration, and targets."""
     rows = []
     for one in compared:
         case, before, now = one.case, one.before, one.now
@@ -35,7 +35,7 @@ def speed_table(compared: Sequence[Compared]) -> str:
 
 
 def calls_table(compared: Sequence[Compared]) -> str:
-    """What PyBullet's own calls take of an update on a new map."""
+    """Return a table of the time of PyBullet's own calls in an update on a new map."""
     rows = []
     for one in compared:
         for side, figures in (("before", one.before), ("now", one.now)):
@@ -70,7 +70,7 @@ def kinds_table(compared: Sequence[Compared]) -> str:
 
 
 def missed(compared: Sequence[Compared]) -> list[str]:
-    """What was asked for and is not there, in words."""
+    """Return the missed targets as texts."""
     found = []
     for one in compared:
         case, before, now = one.case, one.before, one.now

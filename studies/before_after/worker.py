@@ -1,7 +1,7 @@
-"""One side of the comparison: a process that runs cases on whichever smartmesh_ros its PYTHONPATH leads to.
+"""One side of the comparison: a process that runs cases with the smartmesh_ros of its PYTHONPATH.
 
-It is started as a script and takes nothing from the package but its public API, so that it runs on other versions of
-it. It reads a line of JSON for each piece from standard input, and writes one in answer.
+This script uses only the package's public API, so that it runs with other versions of the package. It reads a line of
+JSON for each piece from standard input, and answers with a line of JSON.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ EVERY = 10
 
 @dataclass
 class Meter:
-    """Time [s] and number of calls since it was last read. ``clock``: what tells the time; ``offset`` [s]: what reading
-    it twice takes, which is no part of what is timed."""
+    """Time [s] and number of calls since the last `take`. ``clock``: function that returns the time; ``offset`` [s]:
+    time of two clock readings, which is subtracted."""
 
     clock: Callable[[], float]
     offset: float = field(init=False)
@@ -42,7 +42,7 @@ class Meter:
         self.offset = float(np.median([end - begin for begin, end in pairs]))
 
     def take(self) -> tuple[float, int]:
-        """What there is, and back to zero."""
+        """Return time and number of calls, and reset both to zero."""
         found = self.time, self.calls
         self.time, self.calls = 0.0, 0
         return found
@@ -69,8 +69,8 @@ class Metered:
 
 
 def meter_bullet(clock: Callable[[], float], *, all_calls: bool) -> tuple[Meter, Meter]:
-    """Has ``stepSimulation`` timed, and with ``all_calls`` everything else; call it before anything else imports
-    PyBullet's functions."""
+    """Time ``stepSimulation``, and with ``all_calls`` all other functions too. Call this before any other module
+    imports PyBullet's functions."""
     stepping, others = Meter(clock), Meter(clock)
     for name, function in list(vars(pb).items()):
         if name == "stepSimulation":
@@ -81,7 +81,7 @@ def meter_bullet(clock: Callable[[], float], *, all_calls: bool) -> tuple[Meter,
 
 
 class GroundDriver:
-    """`Ground` in a PyBullet world: patches at every fourth step, and left to move on in the steps between."""
+    """`Ground` in a PyBullet world: patches are refreshed in every fourth step, and extrapolated in the others."""
 
     steps_per_update = 4
 
@@ -172,7 +172,7 @@ class Worker:
     """Runs pieces, each a whole case from its start."""
 
     def __init__(self, *, count_calls: bool) -> None:
-        # The processor's clock does not see what else runs; it is too slow to read around every call.
+        # The processor clock excludes other processes, but reading it around every call is too slow.
         self._clock = perf_counter if count_calls else process_time
         self._stepping, self._calls = meter_bullet(self._clock, all_calls=count_calls)
         self._offset = Meter(self._clock).offset
@@ -191,7 +191,7 @@ class Worker:
             due = int((step / rate + case["early"]) * map_rate + 1e-6)
             # A copy, because no two messages share their memory.
             heights = maps[min(due, len(maps) - 1)].copy() if due != number else None
-            # A world adds up its time: no map is to come from its future by a mere rounding error.
+            # A world sums its time steps: a rounding error must not put a map into its future.
             stamp = min(due / map_rate, driver.time + case["early"]) if map_rate else 0.0
             taken[step] = self._one_step(driver, heights, stamp)
             number = due
@@ -223,7 +223,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count-calls", action="store_true", help="time every call of PyBullet, which disturbs")
     options = parser.parse_args()
-    # What PyBullet prints must not come between the answers; errors go to them as well.
+    # Redirect PyBullet's output, which must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     worker = Worker(count_calls=options.count_calls)

@@ -17,7 +17,7 @@ RINGS_OF_BATCHES = 2
 
 
 def measure_one(bench: Bench) -> None:
-    """The report's methods on the grid's graph, and on a general mesh with its triangles."""
+    """Measure the report's methods on the grid's graph, and on a general mesh with its triangles."""
     graph = GridGraph(SIDE, SIDE)
     mesh = general_mesh(Waves(SIDE))
     cache = TopologyCache(mesh)

@@ -1,4 +1,4 @@
-"""Many bodies at once: collider updates, whole steps, taking maps in, and other engines beside."""
+"""Many bodies at once: collider updates, whole steps, map updates, and other engines."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def measure_updates(bench: Bench) -> None:
 
 
 def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], None]:
-    """What PyBullet alone takes to replace the batch's heightfields: no update can cost less."""
+    """Measure PyBullet's replacement of the batch's heightfields alone, the lower bound of an update."""
     size = 2 * rings + 1
     heights = np.random.default_rng(1).uniform(-0.1, 0.1, (2, size * size)).tolist()
     layout = {"shapeType": pb.GEOM_HEIGHTFIELD, "numHeightfieldRows": size, "numHeightfieldColumns": size}
@@ -101,7 +101,7 @@ def measure_batches(bench: Bench, count: int) -> None:
 
 
 def measure_ingest(bench: Bench) -> None:
-    """Taking in a whole map, a region of a map, and the vertices of a general mesh."""
+    """Measure the update of a whole map, a region of a map, and the vertices of a general mesh."""
     waves = Waves(SIDE)
     heightmap = height_map(waves)
     region = np.full((REGION, REGION), 0.1, np.float32)
@@ -124,7 +124,7 @@ def measure_ingest(bench: Bench) -> None:
 
 
 def measure_general(bench: Bench) -> None:
-    """One body on a general mesh whose vertices all move: the update by each search that works there."""
+    """Measure the update of one body on a general mesh whose vertices all move, with each suitable search."""
     waves = Waves(MESH_SIDE)
     base = PatchConfig(kind="trimesh", rings=1, edge_filter=False)
     for search in ("brute_force", "best_first"):
@@ -135,7 +135,7 @@ def measure_general(bench: Bench) -> None:
 
 
 def measure_engines(bench: Bench, scale: Scale, count: int) -> None:
-    """A map that changes at every step under ``count`` balls: taking it in, the colliders and the step, by engine."""
+    """Measure, by engine, a new map at every step under ``count`` balls: map update, colliders and step."""
     for name in scale.engines:
         if missing(name):
             bench.results.left_out[name] = missing(name)

@@ -1,4 +1,4 @@
-"""What a run leaves: one JSON, the tables, the pictures, and the generated section of the documentation."""
+"""Output of a run: one JSON, the tables, the pictures, and the generated section of the documentation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PICTURES = Path("images/bench")
 
 
 class Run(NamedTuple):
-    """What one run of the bench found, on which machine, and whether it was a quick one."""
+    """Results of one run of the bench, the machine, and whether the run was quick."""
 
     results: Results
     machine: dict[str, Any]

@@ -1,4 +1,4 @@
-"""How each engine is handed a map: in the form it keeps it in, which is made before anything is timed."""
+"""Transfer of a map to each engine, in the engine's own format, which is prepared before the measurement."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from studies.bench.moving import Waves, doubles
 
 
 class Handing(NamedTuple):
-    """``advance`` makes the next frame ready, ``give`` hands it over."""
+    """``advance`` prepares the next frame, ``give`` transfers it."""
 
     advance: Callable[[], object]
     give: Callable[[], None]
 
 
 def handing(name: str, engine: Any, waves: Waves) -> Handing:
-    """The least that handing over a map can cost: float32 for this package, heights in its range for MuJoCo."""
+    """Return the cheapest transfer of maps: float32 for this package, normalised heights for MuJoCo."""
     if name == "smartmesh":
         return Handing(waves.next, lambda: engine.set_ground(waves.now))
     if name == "mujoco":

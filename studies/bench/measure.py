@@ -1,4 +1,4 @@
-"""Measuring: a case is run for many frames, and its median and spread are kept (the report's Chapter 4)."""
+"""Measures cases over many frames: median and spread (the report's Chapter 4)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-# Frames that are run and not counted; the first alone where it takes longer than a second.
+# Frames for warming up, which are not counted. If the first takes longer than a second, only one.
 WARM_UP = 2
 # A frame that would take longer than this is not measured [s].
 LONGEST_FRAME = 2.5
@@ -18,8 +18,8 @@ LONGEST_FRAME = 2.5
 
 @dataclass(frozen=True)
 class Case:
-    """What is measured: ``side`` x ``side`` samples or vertices, ``bodies`` at a time, colliders of ``rings``; zero
-    where that says nothing."""
+    """A measured case: ``side`` x ``side`` samples or vertices, ``bodies`` at a time, colliders of ``rings``; zero =
+    does not apply."""
 
     what: str
     method: str
@@ -39,8 +39,8 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """``frames`` to measure of each case; fewer, but at least ``least``, where they take longer than ``seconds``, or
-    ``report_seconds`` for the report's own figures."""
+    """``frames``: number of frames for each case. If they take longer than ``seconds`` (``report_seconds`` for the
+    report's own figures), fewer are measured, but at least ``least``."""
 
     frames: int = 100
     least: int = 5
@@ -78,7 +78,7 @@ class Results:
         return other
 
     def as_json(self) -> dict[str, Any]:
-        """What `from_json` takes."""
+        """Return a JSON object for `from_json`."""
         return {
             "left_out": self.left_out,
             "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
@@ -86,7 +86,7 @@ class Results:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Results:
-        """What `as_json` gave."""
+        """Return the results of a JSON object from `as_json`."""
         results = cls()
         results.left_out = dict(data["left_out"])
         for entry in data["timings_us"]:
@@ -96,7 +96,7 @@ class Results:
 
 
 class Bench:
-    """Runs cases and keeps what they took."""
+    """Runs cases and stores their timings."""
 
     def __init__(self, effort: Effort = FULL) -> None:
         self.effort = effort
@@ -109,7 +109,7 @@ class Bench:
         prepare: Callable[[], object] | None = None,
         seconds: float | None = None,
     ) -> Timing:
-        """Measures ``run``, each time after ``prepare``, which is not measured; for at most about ``seconds`` [s]."""
+        """Measure ``run`` for at most about ``seconds`` [s]. ``prepare`` runs before each call and is not measured."""
         return self.race({case: run}, prepare, seconds)[case]
 
     def race(
@@ -118,7 +118,7 @@ class Bench:
         prepare: Callable[[], object] | None = None,
         seconds: float | None = None,
     ) -> dict[Case, Timing]:
-        """Measures several cases turn by turn, so that whatever else the machine does slows all of them alike."""
+        """Measure several cases in turns, so that other load on the machine affects all of them equally."""
         effort, start = self.effort, perf_counter()
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
@@ -134,7 +134,7 @@ class Bench:
         return timings
 
     def hopeless(self, case: Case, smaller: int) -> bool:
-        """Whether a frame of ``case`` would take too long, by the time of the same on ``smaller`` x ``smaller``."""
+        """Return True if a frame of ``case`` would take too long, extrapolated from ``smaller`` x ``smaller``."""
         known = self.results.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
         return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
 

@@ -22,7 +22,7 @@ def sides(quick: bool) -> tuple[int, ...]:
 
 
 def measure_engine(bench: Bench, name: str) -> None:
-    """Updates of the whole collider in one engine, up to the size where a frame takes too long."""
+    """Measure updates of the whole collider in one engine, up to the size at which a frame takes too long."""
     if missing(name):
         bench.results.left_out[name] = missing(name)
         return

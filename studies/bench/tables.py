@@ -1,4 +1,4 @@
-"""All tables of a run: what was reached, the report's, and what goes beyond them."""
+"""All tables of a run: targets, the report's tables, and further ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def all_tables(results: Results) -> str:
 
 
 def targets(results: Results) -> str:
-    """What was to be reached."""
+    """Return the table of targets."""
     rows = []
     low, high = results.at("low"), results.at("high")
     for target in TARGETS:
@@ -153,5 +153,5 @@ def _scale(scale: crowds.Scale) -> str:
 
 
 def left_out(results: Results) -> str:
-    """What was not measured, and why."""
+    """Return the cases that were not measured, and the reasons."""
     return "\n".join(f"- {what}: {why}" for what, why in results.left_out.items())

@@ -1,4 +1,4 @@
-"""What the package is to reach, and whether a run of the bench reached it."""
+"""Targets of the package, and their comparison with a run of the bench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Target(NamedTuple):
     at_least: bool = False
 
     def reached(self, results: Results) -> bool:
-        """Whether the figure was reached; not where it was not measured."""
+        """Return True if the figure was measured and reached."""
         value = self.value(results)
         return value >= self.limit if self.at_least else value <= self.limit
 

@@ -1,1 +1,1 @@
-"""MuJoCo drives a rover on patches that a ``terrain_collider`` serves, beside MuJoCo with a field of the whole map."""
+"""MuJoCo drives a rover on patches from a ``terrain_collider``; compared with MuJoCo on a field of the whole map."""

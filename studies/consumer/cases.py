@@ -1,4 +1,4 @@
-"""What the consumer study runs, and the ground of each run at any time."""
+"""Cases of the consumer study, and the true ground of each case at any time."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Case:
 
 
 class TrueGround:
-    """The ground of a case as it is, centred on the frame's origin."""
+    """The true ground of a case, centred on the frame's origin."""
 
     def __init__(self, case: Case) -> None:
         self._wave = WAVE if case.scene == "waves" else Wave(amplitude=0.0)

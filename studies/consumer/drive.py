@@ -1,4 +1,4 @@
-"""MuJoCo in a process of its own, in step with real time on the ground that topics tell of.
+"""MuJoCo in a separate process, in real time, on ground from topics.
 
 python -m studies.consumer.drive CASE.json RESULT.json
 """
@@ -33,12 +33,12 @@ TRACKING, LOOKING, JUDGED = 4, 4, 5
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """What a drive came to. ``ages`` [s]: of the ground in every step. ``clearance`` [m]: from each wheel to the true
-    ground, negative = sunk in. ``lost``: wheels without ground, counted in every step, and wheels whose centre is below
-    ground. ``messages``: taken. ``taking`` [s]: of each, where it is known. ``steps``, ``updates``, ``cpu`` [s]: of
-    MuJoCo's steps, of bringing its ground up to date, and processor time of the process. ``memory`` [MiB]: resident, at
-    the most. ``late`` [s]: the most that the loop was behind real time. ``way`` [m]: of the rover. ``node``: processors
-    that the serving node used, NaN without one."""
+    """Result of a drive. ``ages`` [s]: age of the ground in every step. ``clearance`` [m]: from each wheel to the true
+    ground, negative = penetration. ``lost``: wheels without ground, counted in every step, and wheels whose centre is
+    below the ground. ``messages``: number received. ``taking`` [s]: time of reading each message, if known. ``steps``,
+    ``updates``, ``cpu`` [s]: MuJoCo's steps, updates of its ground, and processor time of the process. ``memory``
+    [MiB]: maximum resident memory. ``late`` [s]: maximum delay behind real time. ``way`` [m]: distance that the rover
+    drove. ``node``: number of cores that the node used, NaN without a node."""
 
     ages: list[float]
     clearance: list[float]
@@ -114,7 +114,7 @@ def _place(rover: Rover, truth: TrueGround, now: float) -> None:
 
 
 def _judge(truth: TrueGround, wheels: FloatArray, begin: float) -> FloatArray:
-    """Clearances (n, 4) [m] of those wheels (steps, 4, 3) [m] that are judged, from the ground at their instants."""
+    """Return clearances (n, 4) [m] of a subset of the wheels' positions (steps, 4, 3) [m] from the true ground."""
     chosen = range(round(SETTLE / STEP), len(wheels), JUDGED)
     shape, unturned = Sphere(RADIUS), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1))
     found = []

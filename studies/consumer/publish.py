@@ -1,4 +1,4 @@
-"""Publishes the ground of a case until it is told to stop.
+"""Publishes the ground of a case until SIGINT or SIGTERM.
 
 python -m studies.consumer.publish CASE.json
 """
@@ -38,7 +38,7 @@ class Publisher(Node):
         origin = message.info.origin.position
         origin.x, origin.y, origin.z = geometry.origin
         self._bytes = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # The heights are followed by the length of no velocities.
+        # After the heights: the length of the empty array of velocities.
         at = len(self._bytes) - 4 - 4 * geometry.size
         self._heights = np.ndarray((geometry.rows, geometry.columns), "<f4", self._bytes, at)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

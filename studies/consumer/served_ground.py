@@ -1,4 +1,4 @@
-"""MuJoCo's ground from served patches: one small height field a wheel, written anew and moved to each new patch."""
+"""MuJoCo's ground from served patches: one small height field a wheel, rewritten and moved for each new patch."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from studies.consumer.rover import CONTACT, WHEELS, FieldSpec, Rover
 
 # Samples on a side of a wheel's field, at the most: nodes serve patches of tracked bodies with up to 9 or so.
 MOST = 33
-# MuJoCo's contacts do not know that the ground moves: a wheel stays behind it by its speed times twice the time
-# constant of the contact. So much further the patches are moved on [s].
+# Time by which patches are extrapolated ahead [s]. MuJoCo's contacts ignore the velocity of the ground, so that a wheel
+# lags behind the ground by its speed times twice the time constant of the contact.
 LEAD = 2.0 * CONTACT
 
 
@@ -54,7 +54,7 @@ class ServedGround:
         self.client.track(rover.links(), now)
 
     def update(self, rover: Rover, now: float) -> int:
-        """Brings the wheels' fields to ``now`` [s]; returns how many wheels have no patch."""
+        """Update the wheels' fields to ``now`` [s]; return the number of wheels without a patch."""
         patches = self.client.patches(now + LEAD)
         for index, name in enumerate(WHEELS):
             patch = patches.get(name)

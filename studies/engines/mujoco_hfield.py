@@ -21,10 +21,10 @@ _ARENA = 1 << 20
 
 @dataclass(frozen=True, kw_only=True)
 class MujocoOptions:
-    """``time_constant`` [s]: of the contact (MuJoCo's solref; it takes no less than two of its steps), None = tuned,
-    two steps; MuJoCo's own default is 0.02. ``substeps``: MuJoCo's steps in one ``dt``. ``lowest``, ``highest`` [m]:
-    range of the ground, which is fixed when the model is built. ``surface_velocity``: ground that slides has MuJoCo's
-    ``surfacevel``, else contacts see where it is and not how it moves."""
+    """``time_constant`` [s]: of the contact (MuJoCo's solref, at least two steps), None = two steps, the tuned value;
+    MuJoCo's own default is 0.02. ``substeps``: MuJoCo's steps in one ``dt``. ``lowest``, ``highest`` [m]: range of the
+    ground, which is fixed when the model is built. ``surface_velocity``: True = sliding ground has MuJoCo's
+    ``surfacevel``; False = the ground has no velocity in contacts."""
 
     time_constant: float | None = None
     substeps: int = 1
@@ -34,11 +34,11 @@ class MujocoOptions:
 
 
 class MujocoHfield(Engine):
-    """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; what leaves it is refused.
+    """MuJoCo stores heights as float32 from 0 to 1 of a fixed range; heights outside the range are refused.
 
-    The ground has no velocity: a contact sees where it is and not how it moves. MuJoCo's ``surfacevel`` is one velocity
-    field for the whole map (a constant and a rotation), of which a contact takes what lies in its tangent plane: it
-    drags bodies along and cannot lift them, and has no place for waves, whose velocity is another at every sample.
+    The ground has no velocity in contacts. MuJoCo's ``surfacevel`` is one velocity field for the whole map (a constant
+    and a rotation), of which a contact uses the tangential part: the field drags bodies but cannot lift them, and
+    cannot describe waves, whose velocity differs at every sample.
     """
 
     name: ClassVar[str] = "mujoco"
@@ -83,14 +83,15 @@ class MujocoHfield(Engine):
         self.write(self.normalised(heights))
 
     def normalised(self, heights: FloatArray) -> NDArray[np.float32]:
-        """Heights (R, C) [m] as MuJoCo keeps them: 0 to 1 of the range; raises `InputError` where they leave it."""
+        """Return heights (R, C) [m] as MuJoCo stores them: 0 to 1 of the range; raise `InputError` outside the
+        range."""
         low, high = self._options.lowest, self._options.highest
         if not (heights.min() >= low and heights.max() <= high):
             raise InputError("height", f"heights leave {low} to {high} m; build the engine with a wider range")
         return np.asarray((heights - low) / (high - low), np.float32)
 
     def write(self, data: NDArray[np.float32]) -> None:
-        """Takes heights that are `normalised` already: all that MuJoCo itself needs, and the least it can cost."""
+        """Write heights that are `normalised` already: the cheapest possible update of MuJoCo."""
         self._heights[...] = data
         if self._setup.slides:
             self.data.mocap_pos[0, :2] = self._setup.offset(self.data.time)

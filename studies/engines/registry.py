@@ -1,4 +1,4 @@
-"""Engines by name; one whose package is not installed is left out, and the reason is known."""
+"""Engines by name. An engine whose package is not installed is left out, with a reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ENGINES = tuple(_ENTRIES)
 
 @cache
 def missing(name: str) -> str:
-    """Why an engine cannot be used here, "" = it can; raises `InputError` if there is none of that name."""
+    """Return the reason why an engine cannot be used here, "" = none; raise `InputError` for an unknown name."""
     if name not in _ENTRIES:
         raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
     try:

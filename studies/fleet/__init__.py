@@ -1,1 +1,1 @@
-"""Several nodes on one terrain: what they carry together, how well their bodies meet, and what faults do to them."""
+"""Several nodes on one terrain: capacity, accuracy of collisions between their bodies, and faults."""

@@ -1,4 +1,4 @@
-"""What fleets on networks of their own carry, and what faults do to them."""
+"""Capacity of fleets on separate networks, and recovery from faults."""
 
 from __future__ import annotations
 
@@ -28,9 +28,8 @@ def places(count: int, first: int) -> list[tuple[float, float]]:
 
 
 def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
-    """Adds bodies until the slowest node of a fleet falls behind real time: the real-time factors at each number, and
-    what the network carried, in bytes a second of a node. ``meet``: whether bodies of different nodes do, or each node
-    is by itself."""
+    """Add bodies until the slowest node of a fleet falls behind real time; return the real-time factors at each number
+    and the network traffic of a node [bytes/s]. ``meet``: True = bodies of different nodes collide."""
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
     alone = {} if meet else {"bodies.peers": [NOBODY]}
@@ -58,8 +57,8 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
 
 
 def measure(fleet: Site, seconds: float) -> dict[str, float]:
-    """Runs a fleet for so long: the slowest node's real-time factor, the most processor time that one took for a
-    simulated second [s], which other work on the machine hardly changes, and bytes a second that a node sent and got.
+    """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
+    second [s], which hardly depends on other load, and the bytes a second that a node sent and received.
     """
     watcher, machines = fleet.watcher, fleet.machines
     for timings in watcher.timings.values():
@@ -81,8 +80,8 @@ def measure(fleet: Site, seconds: float) -> dict[str, float]:
 
 
 def carried(runs: list[dict[str, Any]]) -> float:
-    """Bodies at which the real-time factor crosses the bound, between the last number within it and the first without;
-    the last number where all were within."""
+    """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
+    within the bound and the first one beyond; the last number if all are within."""
     within = 0
     for run in runs:
         if run["real_time"] < REAL_TIME:
@@ -96,9 +95,8 @@ def carried(runs: list[dict[str, Any]]) -> float:
 
 
 def faults(times: int, bodies: int = 30) -> dict[str, Any]:
-    """Of three nodes that with the most bodies is killed and started again, then that with the most is cut off and
-    joined again, so many times; how long it takes each time until every body is on one node that is heard [s], and the
-    fewest bodies that there were after it."""
+    """Kill and restart the fullest of three nodes, then cut off and rejoin the fullest node, repeatedly; return the
+    times [s] until every body is on one connected node, and the minimum number of bodies afterwards."""
     plan = FleetPlan(count=3, source={**WAVES, "wave.amplitude": 0.0}, parameters={"bodies.timeout": 2.0})
     found: dict[str, list[float]] = {"kill": [], "join": [], "cut": [], "heal": []}
     least = bodies
@@ -134,7 +132,7 @@ def faults(times: int, bodies: int = 30) -> dict[str, Any]:
 
 
 def joined(fleet: Site, index: int) -> bool:
-    """Whether a node is heard again, by the front as well."""
+    """Return True if the watcher and the front receive a node's states again."""
     watcher = fleet.watcher
     heard = monotonic() - watcher.heard.get(watcher.nodes[index], -math.inf) < 1.0
     return heard and watcher.complete()

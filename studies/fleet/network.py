@@ -1,6 +1,6 @@
-"""Machines on one switch, as far as one kernel has them: network namespaces joined by a bridge, without shared memory.
+"""Simulated machines on one switch: network namespaces joined by a bridge, without shared memory.
 
-Needs no privileges where user namespaces are allowed: the study runs itself anew in a namespace that has the bridge.
+If user namespaces are allowed, this needs no privileges: the study restarts itself in a namespace with the bridge.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ DROPPED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML")
 
 
 def enter() -> None:
-    """Runs this command anew in a namespace with a bridge, and ends with it; returns where it is that one already.
+    """Restart this command in a namespace with a bridge, and exit with its code. Return if it runs there already.
 
-    Exits with 1 where namespaces are not to be had.
+    Exit with 1 if namespaces are not available.
     """
     if os.environ.get(INSIDE):
         _ip("link set lo up")
@@ -74,7 +74,7 @@ class Machine:
             self.process.wait()
 
     def connect(self, *, on: bool) -> None:
-        """Plugs the cable in, or pulls it."""
+        """Connect the machine to the bridge, or disconnect it."""
         _ip(f"link set {self._cable} {'up' if on else 'down'}")
 
     def traffic(self) -> tuple[int, int]:
@@ -101,7 +101,7 @@ class Machine:
 
 
 def delays_are_to_be_had() -> bool:
-    """Whether the kernel can delay and lose packets (``tc netem``)."""
+    """Return True if the kernel can delay and lose packets (``tc netem``)."""
     command = ["tc", "qdisc", "add", "dev", BRIDGE, "root", "netem", "delay", "1ms"]
     found = subprocess.run(command, capture_output=True, check=False).returncode == 0
     if found:

@@ -1,4 +1,4 @@
-"""Bodies of several worlds against those of one, in one process: what delay and loss make of impacts."""
+"""Effect of delay and loss on impacts: bodies in several worlds compared with bodies in one, in one process."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ SHIFTS = 16
 
 @dataclass(frozen=True)
 class Encounter:
-    """Bodies that meet, each of a world of its own; ``speed`` [m/s]: that they meet with. What is compared after so
-    many ``steps`` are velocities, or places where it is ``pushing``."""
+    """Bodies that collide, each in its own world; ``speed`` [m/s]: of the approach. After ``steps`` velocities are
+    compared, or with ``pushing`` positions."""
 
     name: str
     bodies: tuple[Start, ...]
@@ -82,14 +82,14 @@ def references(encounter: Encounter) -> FloatArray:
 
 
 def spread(encounter: Encounter, known: FloatArray) -> float:
-    """How far the outcomes of one world are apart, as a share of the speed they met with, or in [m]."""
+    """Return the spread of the outcomes of one world, as a fraction of the speed of approach, or in [m]."""
     scale = 1.0 if encounter.pushing else encounter.speed
     return float(np.linalg.norm(known[:, None] - known[None], axis=-1).max()) / scale
 
 
 def error_of(encounter: Encounter, known: FloatArray, late: int, loss: float, seeds: int) -> dict[str, float]:
-    """How far outcomes are from the nearest one that one world has: speeds as a share of the speed they met with,
-    places in [m]; the median and the worst of so many seeds."""
+    """Return the distance of outcomes to the nearest outcome of one world: velocities as a fraction of the speed of
+    approach, positions in [m]; the median and the maximum over the seeds."""
     scale = 1.0 if encounter.pushing else encounter.speed
     errors = []
     for seed in range(seeds):

@@ -1,4 +1,4 @@
-"""``make fleet-study``: what several nodes on one terrain carry, how well their bodies meet, and what faults do.
+"""``make fleet-study``: capacity of several nodes on one terrain, accuracy of their collisions, and faults.
 
 Nodes run in network namespaces joined by a bridge: UDP between them, no shared memory.
 """

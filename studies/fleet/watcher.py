@@ -1,4 +1,4 @@
-"""Watches a fleet on its network, and has it do things."""
+"""Observes a fleet on its network, and controls it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Watcher(FleetWatcher):
-    """What the nodes of a fleet say. ``heard``: when each was heard last; ``timings``: since they were cleared.
-    ``with_bodies``: what bodies they have as well, which takes as much as a node more."""
+    """Subscriptions to the nodes of a fleet. ``heard``: time of each node's last message; ``timings``: messages since
+    the list was cleared. ``with_bodies``: True = also their bodies, which costs as much as one more node."""
 
     def __init__(self, count: int, *, with_bodies: bool) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Several worlds in one process that tell each other the states of their bodies, late by so many steps, if at all."""
+"""Several worlds in one process that exchange the states of their bodies, with delay and loss."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> Wor
 
 
 class Peers:
-    """Worlds that step together and tell each other of their bodies ``late`` steps after, but for a share of ``loss``
-    of the messages."""
+    """Worlds that step together and exchange the states of their bodies after ``late`` steps; a fraction ``loss`` of
+    the messages is dropped."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Peers:
                 world.step()
 
     def tell(self) -> None:
-        """Has each world hear what the others told so many steps ago."""
+        """Deliver the delayed states to each world."""
         self._mail.append([(simulated_states(world), world.time) for world in self.worlds])
         if len(self._mail) <= self._late:
             return

@@ -1,7 +1,7 @@
-"""A prototype that keeps the physics out of the ROS process: maps cross over in shared memory.
+"""A prototype with physics in a second process: maps are passed in shared memory.
 
-The ROS process takes maps and writes them into one of two shared buffers; the physics process steps a world and copies
-the newest buffer into its map. Only what the executors are compared by is there: no markers, no services.
+The ROS process writes maps into one of two shared buffers; the physics process steps a world and copies the newest
+buffer into its map. Markers and services are left out, because the comparison of executors does not need them.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Apart(Node):
 
 
 def main() -> None:
-    """Runs the node until it is told to stop."""
+    """Run the node until SIGINT or SIGTERM."""
     rclpy.init()
     node = Apart()
     try:

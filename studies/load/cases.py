@@ -1,4 +1,4 @@
-"""What the load study runs."""
+"""The cases of the load study."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ RESOLUTION = 0.1
 SPACING, RADIUS = 0.45, 0.15
 # The wave under them: amplitude [m], wave number [rad/m] and angular frequency [rad/s].
 WAVE = (0.05, 1.0, 4.0)
-# How wide the rim of what moves is [m], and how steep: 1.4 m/s are not enough to get over it.
+# Width [m] and slope of the rim around the moving part. Bodies up to 1.4 m/s cannot cross it.
 RIM, RIM_SLOPE = 0.4, 0.5
-# The probe is a tracked body over flat ground that jumps between CODES heights, so that each map is told from the
-# one before in the markers: radius, height of its centre, rise from code to code [m].
+# The probe is a tracked body over flat ground that jumps between CODES heights, so that the markers identify the map:
+# radius, height of the probe's centre, rise from code to code [m].
 PROBE_RADIUS, PROBE_HEIGHT, CODES, RISE = 0.5, 0.375, 4, 0.25
-# Ground faster than this has jumped: above the wave's speed, below that of the jumps [m/s].
+# Speed above which ground counts as having jumped: above the wave's speed, below that of the jumps [m/s].
 MAX_VELOCITY = 1.0
 
 
@@ -85,8 +85,8 @@ class Case:
 
 
 def grid(*, quick: bool) -> list[Case]:
-    """The bodies x maps x rates that are run. Not the whole product: each axis is walked with the others in the middle,
-    and the corners that the targets name are there."""
+    """Return the cases of the grid bodies x maps x rates: each axis is varied with the others at their middle values,
+    and the corners of the targets are added."""
     middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
     many = replace(middle, bodies=1000, physics_rate=60.0)
     if quick:

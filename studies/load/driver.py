@@ -1,4 +1,4 @@
-"""The process beside the node: sends terrain, watches what comes out, and writes what it saw as JSON.
+"""The process beside the node: publishes terrain, observes the outputs, and writes the results as JSON.
 
 python -m studies.load.driver CASE.json RESULT.json
 """

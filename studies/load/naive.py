@@ -1,4 +1,4 @@
-"""The node as one would write it first: message objects throughout, each point of each marker an object of its own.
+"""A straightforward node: message objects throughout, each point of each marker an object of its own.
 
 Physics and patches are the package's own, so that only the ROS side differs from ``terrain_collider``.
 """
@@ -124,7 +124,7 @@ class Naive(Node):
 
 
 def main() -> None:
-    """Runs the node until it is told to stop."""
+    """Run the node until SIGINT or SIGTERM."""
     warm_up()
     rclpy.init()
     try:

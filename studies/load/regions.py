@@ -1,4 +1,4 @@
-"""What a region costs on maps of different size: taken in within one process, one map after the other in turns."""
+"""Cost of a region on maps of different size, within one process, with the maps in turns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``make soak``: the node for minutes or hours while everything around it changes; is it the same at the end?
+"""``make soak``: runs the node for minutes or hours under constant changes, and looks for drifts of its figures.
 
 Maps are resized, bodies spawned and removed, patch kinds changed, sources killed and started again, and bad messages
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.

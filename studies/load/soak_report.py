@@ -1,4 +1,4 @@
-"""What a soak says: is anything growing?"""
+"""Report of a soak: trends of the sampled figures."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ class Slope(NamedTuple):
 
     @property
     def flat(self) -> bool:
-        """Whether it may be zero: within two standard errors, or less than a hundredth of the median an hour."""
+        """Return True if the slope is within two standard errors of zero, or below a hundredth of the median an
+        hour."""
         return abs(self.per_hour) <= max(2.0 * self.error, 0.01 * abs(self.median))
 
 

@@ -1,4 +1,4 @@
-"""What a run of a case says, as a few figures."""
+"""Figures of a run of a case."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ UPDATE = ("search", "collect", "collider", "bodies")
 class Summary:
     """One run.
 
-    Stage times [ms] are medians over windows of a second of the window's median and 99th percentile, and the maximum of
-    all windows; NaN where a stage did not run. Those a step are sums over its runs, taken for as long as the window's
-    median, by the steps: not every stage runs in every step. ``latency`` [ms] is the median, 99th percentile and
-    maximum, None where nothing was seen.
+    Stage times [ms]: median over windows of a second of the window's median and 99th percentile, and the maximum over
+    all windows; NaN for a stage that did not run. Times a step: number of runs times the window's median, summed and
+    divided by the number of steps, because not every stage runs in every step. ``latency`` [ms]: median, 99th
+    percentile and maximum, None if no marker was received.
     """
 
     case: Case

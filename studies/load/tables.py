@@ -60,7 +60,7 @@ def memory(summaries: list[Summary]) -> str:
 
 
 def targets(groups: dict[str, list[Summary]]) -> str:
-    """What was to be reached, and whether it was."""
+    """Return the table of targets."""
     grid = groups["grid"]
 
     def find(bodies: int, rate: float, side: int = 1024, mode: str = "regions") -> Summary | None:

@@ -1,4 +1,4 @@
-"""A mapper to test with: maps as robots make them - noise, holes, drift, corrections - and the truth beside them."""
+"""A simulated mapper for tests: maps with noise, holes, drift and corrections, and the true ground."""
 
 from studies.mapper.drift import NO_DRIFT, DriftConfig
 from studies.mapper.elevation_mapper import MapperConfig

@@ -1,4 +1,4 @@
-"""How the rover's estimate of its own pose goes wrong, and is put right."""
+"""Drift of the rover's pose estimate, and its correction by loop closures."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class Estimator:
         self.error = self.error + deviations * math.sqrt(seconds) * self._rng.normal(size=4)
 
     def estimate(self, true: Pose) -> Pose:
-        """Where the rover takes itself to be."""
+        """Return the estimated pose."""
         x, y, z, yaw = self.error.tolist()
         return true._replace(x=true.x + x, y=true.y + y, z=true.z + z, yaw=true.yaw + yaw)
 
     def close_loop(self) -> None:
-        """Takes away what a closed loop shows to be wrong."""
+        """Reduce the error as after a loop closure."""
         self.error = self.error * self.config.residual

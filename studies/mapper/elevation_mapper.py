@@ -51,14 +51,14 @@ class ElevationMapper:
         return GridGeometry(rows=cells, columns=cells, resolution=resolution, origin=origin)
 
     def follow(self, estimate: Pose) -> None:
-        """Scrolls by whole cells until the rover is in the middle one; what comes in is not known yet."""
+        """Scroll by whole cells until the rover is in the middle cell. New cells are unknown (NaN)."""
         first = self._around(estimate)
         moved = (first[0] - self.first[0], first[1] - self.first[1])
         self.heights, self.variances = _scrolled(self.heights, moved), _scrolled(self.variances, moved)
         self.first = first
 
     def wait(self, seconds: float) -> None:
-        """Has every height be known less well."""
+        """Increase the variance of every height by the growth in this time."""
         self.variances += self.config.growth * seconds
 
     def add(self, scan: Scan, estimate: Pose) -> None:

@@ -1,4 +1,4 @@
-"""A rover that drives its loop, looks at the ground and makes maps of it: frames in the order of time."""
+"""Maps of a rover that drives a loop and scans the ground: frames in order of time."""
 
 from __future__ import annotations
 

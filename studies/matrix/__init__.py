@@ -1,1 +1,1 @@
-"""The stability matrix: where colliders of moving ground fail, and which of them do."""
+"""The stability matrix: tests in which colliders of moving ground may fail, for each method."""

@@ -30,7 +30,7 @@ def square(size: int, resolution: float) -> GridGeometry:
 class Arena:
     """Bodies on one height map that follows a ground function. Use it as a context manager.
 
-    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: how often the map is told; 0 = once.
+    ``ground``: name and settings as in `make_ground`. ``map_rate`` [Hz]: rate of maps; 0 = one map.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Arena:
         self.shapes[name] = shape
 
     def form(self, height: Callable[[FloatArray, FloatArray], Any]) -> None:
-        """Gives rigid ground the surface height(x, y) [m], a function of positions (1, C) and (R, 1) [m], for good."""
+        """Set the surface of rigid ground to height(x, y) [m], a function of positions (1, C) and (R, 1) [m]."""
         truth = self.truth
         assert isinstance(truth, Rigid)
         truth.surface[...] = height(np.asarray(truth.x, np.float64)[None], np.asarray(truth.y, np.float64))
@@ -81,7 +81,7 @@ class Arena:
             self.spawn(f"body_{index}", shape, (x, y, z + drop), **state)
 
     def run(self, seconds: float) -> Iterator[float]:
-        """Steps through so many seconds; yields the time after every step [s]."""
+        """Step for a time [s]; yield the time after every step [s]."""
         for _ in range(round(seconds * self.world.config.physics.rate)):
             number = math.floor(self.world.time * self._map_rate + 1e-6)
             if number != self._map:

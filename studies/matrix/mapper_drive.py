@@ -35,9 +35,8 @@ OTHERS = tuple(name for name in METHODS if name != "defaults")
 
 
 class Drove(NamedTuple):
-    """What a rover's contacts were like: their highest place over the true ground [mm], the root mean square of their
-    error of height and of the map's at the same places [mm], how fast the rover went up or down at most [m/s], and how
-    many wheels were lost."""
+    """Contacts of a rover: maximum height above the true ground [mm], root mean square of their error of height and of
+    the map's at the same places [mm], maximum vertical speed of the rover [m/s], and number of lost wheels."""
 
     above: float
     error: float

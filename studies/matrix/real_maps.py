@@ -36,8 +36,8 @@ OTHERS = tuple(name for name in METHODS if name != "defaults")
 
 
 class Thrown(NamedTuple):
-    """What a correction did to a body: how high above its new rest it went [mm], how fast [m/s], how far it turned from
-    where the ground did [deg] and slid [mm]."""
+    """Motion of a body after a correction: maximum height above its new rest [mm], maximum speed [m/s], rotation
+    relative to the ground [deg] and sliding [mm]."""
 
     above: float
     speed: float
@@ -46,8 +46,8 @@ class Thrown(NamedTuple):
 
 
 class Site:
-    """One body at rest on ground of a slope [rad] along x. ``motion``: what is made of its maps, by default that it is
-    corrected. Use it as a context manager."""
+    """One body at rest on ground of a slope [rad] along x. ``motion``: how maps are processed, by default as
+    corrections. Use it as a context manager."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class Site:
             yield self.state
 
     def tell(self, heights: FloatArray) -> None:
-        """A map comes."""
+        """Apply a map."""
         self.heightmap.replace(heights, time=self.world.time)
 
 
@@ -144,8 +144,8 @@ def worst_correction(measure: str, kind: str, slope: float, turn: float, method:
 
 
 def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig) -> float:
-    """A body on level ground told with white noise at 20 Hz, for 10 s after the first: its fastest motion [m/s], its
-    largest error of height in standard deviations, or how far it drifts [mm]."""
+    """Return a figure of a body on level ground whose maps have white noise, at 20 Hz, for 10 s after the first map:
+    its maximum speed [m/s], largest error of height in standard deviations, or drift [mm]."""
     rng = np.random.default_rng(2)
     with Site(method, kind, noise=sigma) as site:
         rest = site.state.position[2]

@@ -1,4 +1,4 @@
-"""What maps of a mapper do to a box: taken as corrections, as motion, and by plain PyBullet; as a picture."""
+"""Picture of a box on a mapper's maps: processed as corrections, as motion, and by plain PyBullet."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from studies.matrix.real_maps import CELLS, STEP, Site
 
 
 class Way(NamedTuple):
-    """A way to take maps: what it makes of them, and its physics and colliders."""
+    """A way to process maps, and its physics and colliders."""
 
     name: str
     colour: str
@@ -49,7 +49,7 @@ def corrected(way: Way, by: float, kind: str = "box") -> FloatArray:
 
 
 def noisy(way: Way, noise: float, seconds: float, rate: float = 20.0, kind: str = "box") -> FloatArray:
-    """Height of a body over its true rest [m] on ground that is told with white noise [m]."""
+    """Return the height of a body over its true rest [m] on ground whose maps have white noise [m]."""
     rng = np.random.default_rng(2)
     heights: list[float] = []
     with Site(way.patch, kind, motion=way.motion, physics=way.physics) as site:

@@ -52,5 +52,5 @@ class Outcome:
 
     @property
     def passed(self) -> bool | None:
-        """Whether the figure is within the limit; None where there is none."""
+        """Return True if the figure is within the limit; None if there is no figure."""
         return None if self.figure is None else bool(self.figure <= self.limit)

@@ -1,4 +1,4 @@
-"""Rows of what must never change: replays, edits, memory, rest."""
+"""Rows on invariants: replays, edits, memory, rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows about what a body can touch beside the ground right below it: seams, creases, walls, edges."""
+"""Rows on contacts beside the ground right below a body: seams, creases, walls, edges."""
 
 from __future__ import annotations
 

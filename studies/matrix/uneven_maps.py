@@ -1,4 +1,4 @@
-"""Rows on ground that moves under maps as sensors make them: noise in the heights, and uneven stamps."""
+"""Rows on moving ground with maps of sensors: noisy heights and uneven stamps."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SETTLE, DURATION = 1.0, 5.0
 
 
 class Ride(NamedTuple):
-    """What bodies on waves do: how deep they are in the ground, 99 % [mm], and how far the middle of any rises from
-    where the waves are lowest, as a share of what the waves do from trough to crest [%]."""
+    """Motion of bodies on waves: penetration, 99 % [mm], and the maximum height of any centre above the troughs, as a
+    share of the waves' height from trough to crest [%]."""
 
     depth: float
     rise: float
@@ -33,7 +33,7 @@ class Ride(NamedTuple):
 
 @cache
 def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: PatchConfig) -> Ride:
-    """Sixteen bodies on waves that are told at so many ``stamps`` [s] with white ``noise`` [m]."""
+    """Return the motion of sixteen bodies on waves, with maps at ``stamps`` [s] and white ``noise`` [m]."""
     rng, due, depths, highest = np.random.default_rng(seed), list(stamps), [], 0.0
     shape, waves = BODIES[kind], WAVES[frequency]
     with Arena(method, waves) as arena:
