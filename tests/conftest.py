@@ -1,12 +1,14 @@
 """What holds for all tests."""
 
 import os
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from tests.examples import FACTORS
 
+ROOT = Path(__file__).resolve().parents[1]
 # Tests say nothing of time: a machine may be as slow as it is.
 settings.register_profile("steady", deadline=None, derandomize=True)  # the same examples in every run
 # HYPOTHESIS_PROFILE=random looks for new ones, many times as many; what fails is kept as an @example.

@@ -52,7 +52,8 @@ class PatchConfig:
     the ground that the body can touch. ``tolerance`` [m]: largest distance of a patch from the main mesh. ``rate``
     [Hz]: refreshes of the patches per second; 0 = in every step. New maps add refreshes, up to twice this rate, unless
     the world runs behind real time. ``edge_filter``: suppress ghost collisions at the inner edges of patches; for
-    balls only where the ground is at rest. ``carry_velocity``: colliders move with the ground's velocity, so that contacts see it.
+    balls only where the ground is at rest. ``carry_velocity``: colliders move with the ground's velocity, so that
+    contacts see it.
     """
 
     search: SearchMethod = "grid_traversal"

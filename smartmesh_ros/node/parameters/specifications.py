@@ -355,6 +355,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     v = declaring.checked(values, SPECS)
     v = {name: tuple(value) if isinstance(value, list) else value for name, value in v.items()}
     v["terrain.changes"] = _changes(v["terrain.changes"], v["terrain.input"])
+    own: dict[str, Any] = {field: v[name] for field, name in _SETTINGS.items()}
+    own |= body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")})
     return Settings(
         world=WorldConfig(
             physics=_config(PhysicsConfig, "physics", v),
@@ -365,9 +367,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         publish=_config(PublishRates, "publish", v),
         raster=_config(RasterConfig, "raster", v),
         robot=_config(RobotConfig, "robot", v),
-        **body_sources({name: v[f"bodies.{name}"] for name in ("poses", "odometry", "frames")}),
         peers=peer_names(v["bodies.peers"]),
-        **{field: v[name] for field, name in _SETTINGS.items()},
+        **own,
     )
 
 
