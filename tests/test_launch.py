@@ -130,7 +130,7 @@ def test_rviz_shows_topics_of_the_node() -> None:
 
 def test_the_aggregator_expects_the_statuses_that_there_are() -> None:
     aggregator = yaml.safe_load((ROOT / "config" / "diagnostic_aggregator.yaml").read_text())
-    source = (ROOT / "smartmesh_ros" / "node" / "diagnostics.py").read_text()
+    source = (ROOT / "smartmesh_ros" / "node" / "outputs" / "diagnostics.py").read_text()
     tasks = re.findall(r'_status\(node_name, "(\w+)"', source)
     expected = aggregator["/**"]["ros__parameters"]["terrain_collider"]["expected"]
     assert expected == [f"terrain_collider: {task}" for task in tasks]
