@@ -121,13 +121,14 @@ def clamped_path(window: Window, solid: Solid, path: Point, least: float, arriva
 
 
 @compiled
-def without_closing(path: Point, normals: FloatArray, cos: float, sin: float) -> Point:
-    """Remove from a path the components that close on contacts with unit ``normals`` (n, 3), because the solver removes
-    them; ``cos``, ``sin``: rotation of the path's frame about z."""
-    for n in range(len(normals)):
-        x, y = normals[n, 0], normals[n, 1]
-        normal = Point(x * cos + y * sin, y * cos - x * sin, normals[n, 2])
-        closing = -dot(normal, path)
+def without_closing(path: Point, contacts: FloatArray, cos: float, sin: float) -> Point:
+    """Remove from a path the components that close on ``contacts`` (n, 4), because the solver removes them. A contact
+    has its unit normal, and the displacement along it that the body's rotation causes there [m]. ``cos``, ``sin``:
+    rotation of the path's frame about z."""
+    for n in range(len(contacts)):
+        x, y = contacts[n, 0], contacts[n, 1]
+        normal = Point(x * cos + y * sin, y * cos - x * sin, contacts[n, 2])
+        closing = -dot(normal, path) - contacts[n, 3]
         if closing > 0.0:
             path = along(path, closing, normal)
     return path
@@ -176,13 +177,13 @@ def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
 
 @compiled
 def clamp_before_impact(
-    grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+    grid, shape, body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
 ):  # fmt: skip
     """Write the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of penetrating it. Returns True if the change is not zero.
 
-    ``fall`` (3,) [m/s]: velocity that gravity adds in the step. ``normals`` (n, 3): unit normals, towards the body, of
-    its contacts with its collider. The solver stops the body at these contacts, so only the rest of its path is
+    ``fall`` (3,) [m/s]: velocity that gravity adds in the step. ``contacts`` (n, 4): contacts of the body with its
+    collider, as in `without_closing`. The solver stops the body at these contacts, so only the rest of its path is
     clamped.
     """
     local = np.empty(13)
@@ -194,13 +195,15 @@ def clamp_before_impact(
     place, window = window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)
     _, rise = surface_at(window, own.centre.x, own.centre.y)
-    relative = without_closing(Point(path.x, path.y, path.z - rise), normals, grid.cos, grid.sin)
-    start = own if len(normals) == 0 else out_of_ground(window, own)
+    whole = Point(path.x, path.y, path.z - rise)
+    relative = without_closing(whole, contacts, grid.cos, grid.sin)
+    held = relative != whole
+    start = out_of_ground(window, own) if held else own
     clamped = clamped_path(window, start, relative, least, arrival)
     cut = minus(clamped, relative)
     if cut.x == 0.0 and cut.y == 0.0 and cut.z == 0.0:
         return False
-    if len(normals) == 0:
+    if not held:
         window.heights[:] += window.rises
         for axis in range(3):
             local[axis] += (path.x, path.y, path.z)[axis]

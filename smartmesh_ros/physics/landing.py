@@ -57,7 +57,7 @@ class LandingConfig:
 LANDING = LandingConfig()
 # Largest number of doublings of the arrival depth.
 MOST_TRIES = 6
-NO_NORMALS = np.empty((0, 3))
+NO_CONTACTS = np.empty((0, 4))
 
 
 class Escape(NamedTuple):
@@ -88,7 +88,8 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
-        self.tries: dict[Follower, int] = {}  # number of successive steps in which each was clamped
+        # Number of successive steps in which each follower was clamped and touched nothing.
+        self.tries: dict[Follower, int] = {}
 
     def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
         """Clamp bodies that would penetrate the ground in the coming step; ``free`` (N,): followers that may be
@@ -108,7 +109,6 @@ class Landing:
         near = np.flatnonzero(codes == APPROACHING).tolist()
         followers, changes = self._changes(near, tries, time, dt, fall, shallow)
         clamped = [ground.followers[index] for index in followers]
-        self.tries = {follower: tries.get(follower, 0) + 1 for follower in clamped}
         uids = [follower.body for follower in clamped]
         self._calls.add_velocities(uids, changes.tolist())
         return Clamped(followers, uids, -changes, escapes)
@@ -140,25 +140,31 @@ class Landing:
             deeper = arrival * 2 ** min(tries.get(follower, 0), MOST_TRIES)
             given = (mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, deeper)
             memory = (rules, *self._memory[:2], change)
-            clamps = clamp_one(*given, NO_NORMALS, *memory)
-            if clamps and len(touching := self._touching(follower)):
-                clamps = clamp_one(*given, touching, *memory)
-            if clamps:
-                found.append(index)
-                changes.append(change.copy())
+            if not clamp_one(*given, NO_CONTACTS, *memory):
+                continue
+            touching = self._touching(follower, body, dt)
+            if len(touching) == 0:
+                self.tries[follower] = tries.get(follower, 0) + 1
+            elif not clamp_one(*given, touching, *memory):
+                continue
+            found.append(index)
+            changes.append(change.copy())
         return found, np.array(changes).reshape(-1, 3)
 
-    def _touching(self, follower: Follower) -> FloatArray:
-        """Return the unit normals (n, 3), towards a follower, of its current contacts with its collider.
+    def _touching(self, follower: Follower, body: FloatArray, dt: float) -> FloatArray:
+        """Return the current contacts of a follower, a ``body`` (13,), with its collider, as `without_closing` takes
+        them (n, 4).
 
         The contacts are queried from PyBullet, because a body at rest lies on its collider, which may differ from the
         ground by the tolerance.
         """
-        points = chain.from_iterable(
+        found = [
             self._client.getClosestPoints(follower.body, collider, TOUCH)
             for collider in self._ground.colliders_of(follower)
-        )
-        return np.array([point[7] for point in points]).reshape(-1, 3)
+        ]
+        points, normals = (np.array([p[i] for p in chain(*found)]).reshape(-1, 3) for i in (5, 7))
+        turning = np.cross(body[10:], points - body[:3]) * dt
+        return np.column_stack([normals, (normals * turning).sum(axis=1)])
 
     def _escape(self, index: int) -> Escape:
         support, uid = self._ground.supports[index], self._ground.followers[index].body
@@ -215,9 +221,9 @@ def approaching(positions, moved, states, supports, shapes, free, age, dt, fall,
 
 @compiled
 def clamp_one(
-    grid, shape, body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+    grid, shape, body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
 ):  # fmt: skip
     """Call `clamp_before_impact` with the record of an array of one."""
     return clamp_before_impact(
-        grid, shape[0], body, time, dt, fall, least, arrival, normals, rules, memory_h, memory_r, change
+        grid, shape[0], body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
     )  # fmt: skip

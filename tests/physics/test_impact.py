@@ -86,14 +86,19 @@ def test_who_moves_away_or_along_meets_nothing() -> None:
 
 
 def test_the_solver_takes_away_what_closes_on_contacts() -> None:
-    normals = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
-    found = without_closing(Point(1.0, 2.0, -3.0), normals[:1], 1.0, 0.0)
-    assert found == Point(1.0, 2.0, 0.0)
-    assert without_closing(Point(0.0, 0.0, 1.0), normals, 1.0, 0.0) == Point(0.0, 0.0, 1.0)
-    # In a frame turned by a quarter the second normal is (0, -0.6, 0.8).
-    assert without_closing(Point(0.0, -1.0, 0.0), normals[1:], 0.0, 1.0) == Point(0.0, -1.0, 0.0)
-    turned = without_closing(Point(0.0, 1.0, -1.0), normals[1:], 0.0, 1.0)
+    flat, steep = np.array([[0.0, 0.0, 1.0, 0.0]]), np.array([[0.6, 0.0, 0.8, 0.0]])
+    assert without_closing(Point(1.0, 2.0, -3.0), flat, 1.0, 0.0) == Point(1.0, 2.0, 0.0)
+    assert without_closing(Point(0.0, 0.0, 1.0), flat, 1.0, 0.0) == Point(0.0, 0.0, 1.0)
+    # In a frame turned by a quarter the normal is (0, -0.6, 0.8).
+    assert without_closing(Point(0.0, -1.0, 0.0), steep, 0.0, 1.0) == Point(0.0, -1.0, 0.0)
+    turned = without_closing(Point(0.0, 1.0, -1.0), steep, 0.0, 1.0)
     assert -0.6 * turned.y + 0.8 * turned.z == pytest.approx(0.0, abs=1e-12)
+
+
+def test_where_a_body_turns_about_a_contact_the_solver_takes_nothing_away() -> None:
+    """A plank that stands on one end and falls: its centre comes down, the point that it stands on does not."""
+    contact = np.array([[0.0, 0.0, 1.0, 0.5]])
+    assert without_closing(Point(0.0, 0.0, -0.5), contact, 1.0, 0.0) == Point(0.0, 0.0, -0.5)
 
 
 def test_over_a_hole_there_is_nothing_to_meet() -> None:
@@ -196,7 +201,7 @@ def test_clamping_leaves_what_goes_along_the_ground_and_counts_its_motion(yaw: f
         np.zeros(3),
         5e-4,
         ARRIVAL,
-        np.empty((0, 3)),
+        np.empty((0, 4)),
         RULES,
         *memory,
         change,
