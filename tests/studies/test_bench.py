@@ -63,7 +63,7 @@ def test_tables_anew_from_an_earlier_run(folder: Path, tmp_path: Path) -> None:
 def test_a_document_without_marks_is_refused(tmp_path: Path) -> None:
     words = tmp_path / "other.md"
     words.write_text("# Other\n")
-    with pytest.raises(InputError, match="no lines"):
+    with pytest.raises(InputError, match="no block"):
         document.update(words, "tables")
     assert words.read_text() == "# Other\n"
 
