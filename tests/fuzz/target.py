@@ -197,7 +197,7 @@ class Target:
         node._terrain.forget_stamps()
         node._bodies.forget_stamps()
         if node.session.paused and self._given % 100 == 0:
-            node.session.paused = False
+            node.session.pacer.pause(False)
         for name in list(world.bodies)[:-MOST_BODIES] if len(world.bodies) > MOST_BODIES else []:
             node.session.tracking.forget(name)
             if name in world.bodies:
