@@ -62,7 +62,8 @@ def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]
         heights[rng.random(heights.shape) < 0.05] = np.nan
     terrain = Terrain(HeightMap(heights, resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4, velocities=heights * 0.1))
     inner = terrain.tiles[""].geometry.to_world(rng.uniform(10, 50, count), rng.uniform(10, 70, count))
-    heights = np.nan_to_num(terrain.at(inner, 0.0).heights)
+    # Above the ground, because a buried body has no known deviation, and NaN equals nothing.
+    heights = np.nan_to_num(terrain.at(inner, 0.0).heights) + 0.05
     return batches_of(terrain, PatchConfig(), np.column_stack([inner, heights]), np.resize(radii, count))
 
 
