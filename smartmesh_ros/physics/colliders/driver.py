@@ -297,7 +297,7 @@ class Colliders:
             return
         places = self._active[changed]
         turned, client = self._plain["turned"][places].tolist(), self._client_id
-        still = at_rest(supports[changed])
+        still = at_rest(supports.view(np.ndarray)[changed])
         poses, velocities = self._poses[changed].tolist(), self._velocities[changed].tolist()
         set_pose, set_velocity = pb.resetBasePositionAndOrientation, pb.resetBaseVelocity
         for row, (index, change, place) in enumerate(

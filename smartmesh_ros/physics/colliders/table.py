@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 
@@ -70,11 +71,14 @@ class Limits(NamedTuple):
     hole: float
 
 
-def at_rest(supports: Any) -> list[bool]:
-    """Return True for each of the supports whose ground has no velocity."""
-    moving = [supports[name] != 0.0 for name in ("rise", "slide_x", "slide_y", "turn_x", "turn_y", "turn_z")]
-    still: list[bool] = (~np.logical_or.reduce(moving)).tolist()
-    return still
+def at_rest(supports: NDArray[np.void]) -> list[bool]:
+    """Return True for each of the supports (n,) whose ground has no velocity. Pass a plain structured array: fields of
+    record arrays are read slowly."""
+    still = supports["rise"] == 0.0
+    for name in ("slide_x", "slide_y", "turn_x", "turn_y", "turn_z"):
+        still &= supports[name] == 0.0
+    found: list[bool] = still.tolist()
+    return found
 
 
 @compiled
