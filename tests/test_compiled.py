@@ -23,10 +23,10 @@ with warnings.catch_warnings(record=True) as caught:
     shape["turn"] = (0.0, 0.0, 0.0, 1.0)
     heights = 0.1 * np.sin(np.arange(400.0)).reshape(20, 20)
     selector = Selector(Terrain(HeightMap(heights, resolution=0.1)), PatchConfig())
-    selector.adopt(shape, np.ones(2, bool), np.full(2, -1))
+    selector.reserve(2)
     bodies = np.zeros((2, 13))
     bodies[:, :3], bodies[:, 6] = [(1.0, 1.0, 0.2), (1.0, 1.0, 3.0)], 1.0
-    selector.update(bodies, 0.0, 0.02)
+    selector.update(np.arange(2), shape, bodies, 0.0, 0.02, 9.81)
 print(selector.supports["state"].tolist())
 for warning in caught:
     if issubclass(warning.category, RuntimeWarning):

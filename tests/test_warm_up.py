@@ -54,7 +54,7 @@ def run(terrain, patch, change, steps=100):
                 change(world, step)
             world.step()
             if step % 10 == 0:
-                world.ground.batches, world.contacts(), world.wrenches(), world.below_ground()
+                world.shown_batches(), world.contacts(), world.wrenches(), world.below_ground()
 
 
 def whole(world, step):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,17 +15,17 @@ from smartmesh_ros.patches.batch import (
     rectangle_samples,
     samples_across,
 )
-from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import SELECTION, PatchConfig, SelectionConfig
 from smartmesh_ros.patches.report.fixed import FixedPatches
 from smartmesh_ros.patches.report.mesh import MeshPatches
 from smartmesh_ros.patches.selection import Place, Rules, select, select_across, window_memory, window_of
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
+from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support, no_supports
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 NO_SAMPLES = np.empty(0)
 
@@ -38,12 +38,19 @@ def rules_for(config: PatchConfig, more: SelectionConfig, gravity: float, *, acr
     )  # fmt: skip
 
 
-class Selector:
-    """Chooses a support for each body. Bodies are addressed by index.
+class _Tile(NamedTuple):
+    """A tile of the terrain, with its number in the supports."""
 
-    ``supports`` (N,): records of ``SUPPORT`` as of the last update. ``samples``: heights [m] of the fields that cannot
-    be read from a single map; a support's ``first`` is the index of its first height. Bodies that are not ``solid`` get
-    patches of fixed extent, computed on demand.
+    name: str
+    number: int
+    mesh: MainMesh
+
+
+class Selector:
+    """Chooses a support for each body. Bodies are addressed by slot.
+
+    ``supports`` (S,): records of ``SUPPORT`` as of the last update, NONE for unused slots. ``samples``: heights [m] of
+    the fields that cannot be read from a single map; a support's ``first`` is the index of its first height.
     """
 
     def __init__(self, terrain: Terrain, config: PatchConfig, stopwatch: Stopwatch | None = None) -> None:
@@ -51,85 +58,89 @@ class Selector:
         self.config = config
         self.stopwatch = stopwatch or Stopwatch()
         self.supports = no_supports(0)
-        self._plain = self.supports.view(np.ndarray)  # the same table, whose columns are read faster
         self.samples = NO_SAMPLES
         self.mesh_patches: dict[int, MeshPatch] = {}
-        self.gravity = 9.81  # [m/s^2]
         self._shapes = np.zeros(0, SHAPE).view(np.recarray)
-        self._solid = np.empty(0, bool)
-        self._solid_bodies = np.empty(0, np.int64)  # solid bodies
-        self._only_grid: HeightMap | None = None  # the one tile, if it is a height map
         self._bodies, self._time, self._duration = np.empty((0, BODY_COLUMNS)), 0.0, 1.0
+        self._gravity = 9.81  # [m/s^2]
         self._layout = -1
-        self._names: list[str] = []
+        self._tiles: list[_Tile] = []
+        self._only_grid: HeightMap | None = None  # the one tile, if it is a height map
         self._fixed = FixedPatches(terrain, self.stopwatch)
         self._meshes: dict[str, MeshPatches] = {}
         self._memory = window_memory(SELECTION.most_samples + 3)
         self._batches: list[PatchBatch] | None = None
         self._parts: list[FloatArray] = []  # of `samples`, one for each field
         self._count = 0  # heights in `_parts`
-        self._tracked_due = False  # patches of bodies that are not solid are still to be computed
 
-    def adopt(self, shapes: Any, solid: BoolArray, kept: IntArray) -> None:
-        """Replace the list of bodies: their ``shapes`` (N,), whether each is ``solid`` (N,), and its previous index
-        ``kept`` (N,), -1 = new."""
-        self._shapes, self._solid = shapes, solid
-        self._solid_bodies = np.flatnonzero(solid)
-        self.supports = carried_over(self.supports, kept, no_supports(len(kept)))
-        self._plain = self.supports.view(np.ndarray)
-        places = {int(old): new for new, old in enumerate(kept.tolist()) if old >= 0}
-        self.mesh_patches = {places[old]: patch for old, patch in self.mesh_patches.items() if old in places}
-        self._bodies = carried_over(self._bodies, kept, np.full((len(kept), BODY_COLUMNS), np.nan))
-        self._fixed.adopt(kept)
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self.supports = with_rows(self.supports, slots, no_supports(1)[0])
+        self._fixed.reserve(slots)
         for mesh in self._meshes.values():
-            mesh.adopt(kept)
-        self._batches = None
+            mesh.reserve(slots)
 
     def configure(self, config: PatchConfig) -> None:
         """Replace the settings; the next update chooses every support anew."""
         self.config = config
         self.forget(slice(None))
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the tiles; a support's ``tile`` is an index into this list."""
-        return self._names
-
     def forget(self, bodies: IntArray | slice) -> None:
         """Discard the supports of ``bodies``; the next update treats these bodies as new."""
         self.supports["state"][bodies] = Support.NONE
         self._fixed.forget(bodies)
 
-    def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        """Choose the supports of ``bodies`` (N, 13) for the ``duration`` [s] from ``time`` [s] on."""
+    def remove(self, slot: int) -> None:
+        """Discard all data of a slot, whose body was removed."""
+        self.supports[slot] = no_supports(1)[0]
+        self.mesh_patches.pop(slot, None)
+        self._fixed.forget(np.array([slot]))
+        for mesh in self._meshes.values():
+            mesh.forget(np.array([slot]))
+        self._batches = None
+
+    def update(
+        self, chosen: IntArray, shapes: Any, bodies: FloatArray, time: float, duration: float, gravity: float
+    ) -> None:
+        """Choose the supports of the bodies in the slots ``chosen`` (n,) for the ``duration`` [s] from ``time`` [s] on.
+
+        ``shapes`` (S,): records of ``SHAPE``; ``bodies`` (S, 13), of all slots. ``gravity`` [m/s^2]: predicts falling.
+        The supports of other bodies stay as they are.
+        """
+        before = self.batches() if self.config.search == "ray_cast" else []
         if self._layout != self.terrain.layout_revision:
             self._update_tiles()
-        before = self.batches() if self.config.search == "ray_cast" else []
-        self._bodies, self._time, self._duration, self._batches = bodies, time, duration, None
-        self._tracked_due = len(self._solid_bodies) < len(bodies)
+        self._shapes, self._bodies, self._time, self._duration, self._gravity = shapes, bodies, time, duration, gravity
+        self._batches = None
         self._parts, self._count = [], 0
         if self._only_grid is not None and self.config.chooses:  # beyond the map's edge no ground is in reach
-            self._choose_on_grid(self._only_grid, 0, self._solid_bodies)
+            self._choose_on_grid(self._only_grid, self._tiles[0].number, chosen)
         else:
-            self._choose(self._solid_bodies, before)
+            self._choose(chosen, before)
         self.samples = np.concatenate(self._parts) if self._parts else NO_SAMPLES
+
+    def choose_tracked(self, chosen: IntArray) -> None:
+        """Select patches of fixed extent for bodies in the slots ``chosen`` (n,), which have no colliders, at the time
+        of the last update."""
+        if self._layout != self.terrain.layout_revision:
+            self._update_tiles()
+        self._choose_fixed(chosen, [])
+        self._batches = None
 
     def batches(self) -> list[PatchBatch]:
         """Return the patches of all bodies as of the last update."""
         if self._batches is None:
             if self._layout != self.terrain.layout_revision:
                 self._update_tiles()
-            if self._tracked_due:
-                self._tracked_due = False
-                self._choose_fixed(np.flatnonzero(~self._solid), [])
             self._batches = list(self._all_batches())
         return self._batches
 
     def _all_batches(self) -> Iterator[PatchBatch]:
-        for index, name in enumerate(self._names):
+        supports = self.supports.view(np.ndarray)  # fields of record arrays are read slowly
+        for name, number, _ in self._tiles:
             if name not in self.terrain.tiles:
                 continue
-            chosen = np.flatnonzero((self._plain["tile"] == index) & (self._plain["state"] != Support.NONE))
+            chosen = np.flatnonzero((supports["tile"] == number) & (supports["state"] != Support.NONE))
             if not chosen.size:
                 continue
             if name in self._meshes:
@@ -143,17 +154,16 @@ class Selector:
         if not self.config.chooses:
             self._choose_fixed(chosen, before)
             return
-        for name, bodies in self._on_tiles(chosen):
-            mesh = self.terrain.tiles[name]
+        for (name, number, mesh), bodies in self._on_tiles(chosen):
             if isinstance(mesh, HeightMap):
-                self._choose_on_grid(mesh, self._names.index(name), bodies)
+                self._choose_on_grid(mesh, number, bodies)
             else:
                 self._choose_on_mesh(name, bodies, fixed=False)
 
     def _choose_on_grid(self, heightmap: HeightMap, tile: int, bodies: IntArray) -> None:
         """Choose the ground that bodies can touch on a height map."""
-        across = len(self._names) > 1
-        rules = rules_for(self.config, SELECTION, self.gravity, across=across)
+        across = len(self._tiles) > 1
+        rules = rules_for(self.config, SELECTION, self._gravity, across=across)
         grid = heightmap.moved_to(self._time)
         with self.stopwatch.stage("search"):
             select(
@@ -161,7 +171,7 @@ class Selector:
                 *self._memory,
             )  # fmt: skip
             if across:
-                for body in bodies[self._plain["state"][bodies] == Support.ACROSS].tolist():
+                for body in bodies[self.supports["state"][bodies] == Support.ACROSS].tolist():
                     self._choose_across(heightmap, grid, body, rules)
 
     def _choose_across(self, heightmap: HeightMap, grid: Any, body: int, rules: Rules) -> None:
@@ -188,14 +198,13 @@ class Selector:
 
     def _add_samples(self, body: int, heights: FloatArray) -> None:
         """Store the heights (K,) [m] of a field that cannot be read from a single map."""
-        self._plain["first"][body] = self._count
+        self.supports["first"][body] = self._count
         self._count += len(heights)
         self._parts.append(heights)
 
     def _choose_fixed(self, chosen: IntArray, before: list[PatchBatch]) -> None:
         """Select patches of fixed extent for bodies."""
-        for name, bodies in self._on_tiles(chosen):
-            mesh = self.terrain.tiles[name]
+        for (name, _, mesh), bodies in self._on_tiles(chosen):
             if isinstance(mesh, HeightMap):
                 heights = self._fixed.select(
                     mesh, bodies, self._shapes, self._bodies, self._reach(bodies), self._time, self._duration,
@@ -210,7 +219,7 @@ class Selector:
         """Select patches of a general mesh for bodies; ``fixed``: include bodies that cannot touch the mesh."""
         self.mesh_patches |= self._meshes[name].select(
             chosen, self._shapes, self._bodies, self._reach(chosen), self._time, self._duration, self.config,
-            self.supports, self.mesh_patches, self.gravity, fixed=fixed,
+            self.supports, self.mesh_patches, self._gravity, fixed=fixed,
         )  # fmt: skip
 
     def _reach(self, chosen: IntArray) -> FloatArray:
@@ -219,49 +228,46 @@ class Selector:
         return np.asarray(self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration)
 
     def _update_tiles(self) -> None:
-        """Handle tiles that were added, removed or replaced; their bodies are assigned to tiles anew."""
-        names = list(self.terrain.tiles)
-        known = dict.fromkeys(names)
-        places = np.array([names.index(name) if name in known else -1 for name in self._names] + [-1])
-        self.supports["tile"] = places[self.supports["tile"]]
+        """Handle tiles that were added, removed or replaced."""
         meshes = {}
         for name, mesh in self.terrain.tiles.items():
             if not isinstance(mesh, HeightMap):
                 old = self._meshes.get(name)
                 meshes[name] = old if old is not None and old.mesh is mesh else MeshPatches(mesh, self.stopwatch)
-                if meshes[name] is not old:
-                    meshes[name].adopt(np.full(len(self._shapes), -1))
-        self._meshes, self._names = meshes, names
-        tiles = list(self.terrain.tiles.values())
-        self._only_grid = tiles[0] if len(tiles) == 1 and isinstance(tiles[0], HeightMap) else None
+                meshes[name].reserve(len(self.supports))
+        self._meshes = meshes
+        numbers = self.terrain.numbers
+        self._tiles = [_Tile(name, numbers[name], mesh) for name, mesh in self.terrain.tiles.items()]
+        first = self._tiles[0].mesh if len(self._tiles) == 1 else None
+        self._only_grid = first if isinstance(first, HeightMap) else None
         self._fixed.forget(slice(None))
         self._layout = self.terrain.layout_revision
 
-    def _on_tiles(self, chosen: IntArray) -> list[tuple[str, IntArray]]:
+    def _on_tiles(self, chosen: IntArray) -> list[tuple[_Tile, IntArray]]:
         """Group bodies by tile. A body stays on its tile while it is above it; otherwise it moves to the first tile
         below it, or to the nearest one within its reach."""
-        tiles, supports = self._plain["tile"], self._plain
+        supports = self.supports.view(np.ndarray)
         there = np.isfinite(self._bodies[chosen]).all(axis=1)
         supports["state"][chosen[~there]] = Support.NONE
         chosen = chosen[there]
         supports["first"][chosen] = -1
-        if not (self._names and chosen.size):
+        if not (self._tiles and chosen.size):
             supports["state"][chosen] = Support.NONE
             return []
-        positions = self._bodies[chosen]
-        beyond = np.array([self.terrain.tiles[name].beyond(positions) for name in self._names])
-        stray = tiles[chosen] < 0
-        columns = np.arange(len(chosen))
-        stray |= beyond[np.maximum(tiles[chosen], 0), columns] > 0.0
+        positions, columns = self._bodies[chosen], np.arange(len(chosen))
+        numbers = np.array([tile.number for tile in self._tiles] + [-1])
+        beyond = np.array([tile.mesh.beyond(positions) for tile in self._tiles])
+        now = (supports["tile"][chosen] == numbers[:-1, None]).argmax(axis=0)  # places in `_tiles`
+        stray = (numbers[now] != supports["tile"][chosen]) | (beyond[now, columns] > 0.0)
         # A body further from a tile than its radius cannot touch it, but a gap of one cell between tiles is ground.
-        least = np.maximum(self._shapes["radius"][chosen], self.terrain.widest_cell if len(self._names) > 1 else 0.0)
+        least = np.maximum(self._shapes["radius"][chosen], self.terrain.widest_cell if len(self._tiles) > 1 else 0.0)
         over = np.where(beyond <= 0.0, 0.0, beyond)
         nearest = over.argmin(axis=0)
         nearest[over[nearest, columns] > least] = -1
-        found = np.where(stray, nearest, tiles[chosen])
-        moved = chosen[found != tiles[chosen]]
+        found = np.where(stray, nearest, now)
+        moved = chosen[numbers[found] != supports["tile"][chosen]]
         if moved.size:
             self._fixed.forget(moved)
-        tiles[chosen] = found
+        supports["tile"][chosen] = numbers[found]
         supports["state"][chosen[found < 0]] = Support.NONE
-        return [(self._names[index], chosen[found == index]) for index in np.unique(found[found >= 0]).tolist()]
+        return [(self._tiles[place], chosen[found == place]) for place in np.unique(found[found >= 0]).tolist()]

@@ -24,23 +24,16 @@ class GroundContact:
     normal_force: float
 
 
-def ground_contacts(client: Any, ground: Ground, names: list[str]) -> list[GroundContact]:
+def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
-    update.
-
-    ``names``: of the ground's followers, in their order.
-    """
+    update."""
     followers = ground.followers
-    colliders = {
-        follower.collider: name
-        for follower, name in zip(followers, names, strict=True)
-        if follower.collider is not None
-    }
+    colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
     contacts = contacts_of_step(client, colliders)
-    tracked = [index for index, follower in enumerate(followers) if not follower.solid]
+    tracked = followers.tracked.tolist()
     if tracked:
-        ground.batches  # noqa: B018  # computes the supports of tracked bodies
-        found = (_contact_of_sphere(names[index], ground, index) for index in tracked)
+        ground.choose_tracked()
+        found = (_contact_of_sphere(followers[slot].name, ground, slot) for slot in tracked)
         contacts += [contact for contact in found if contact is not None]
     return contacts
 
@@ -59,15 +52,15 @@ def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundConta
     return contacts
 
 
-def _contact_of_sphere(name: str, ground: Ground, index: int) -> GroundContact | None:
+def _contact_of_sphere(name: str, ground: Ground, slot: int) -> GroundContact | None:
     """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
     contact is that of a sphere pushed through the ground."""
-    support, radius = ground.supports[index], float(ground.shapes["radius"][index])
+    support, radius = ground.supports[slot], ground.followers[slot].radius
     if support.state == Support.NONE:
         return None
     foot = np.array([support.foot_x, support.foot_y, support.foot_z])
     facet = np.array([support.facet_x, support.facet_y, support.facet_z])
-    away = ground.states[index, :3] - foot
+    away = ground.followers.states[slot, :3] - foot
     distance = float(np.linalg.norm(away))
     below = bool(away @ facet < 0.0)
     depth = radius + distance if below else radius - distance

@@ -18,8 +18,7 @@ from smartmesh_ros.patches.contact_candidates import extents, fitted_slopes
 from smartmesh_ros.patches.selection import local_body
 from smartmesh_ros.patches.shapes import product, solid_of
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
 
 # Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
@@ -41,23 +40,18 @@ class CorrectionTransport:
     def __init__(self, client: Any) -> None:
         self._client = client
 
-    def move_bodies(
-        self,
-        moves: list[tuple[int, MovingGrid, MovingGrid]],
-        followers: list[Follower],
-        shapes: Any,
-        states: FloatArray,
-        supports: Any,
-    ) -> None:
-        """Move the bodies on corrected tiles; ``moves``: each tile's index, and its grid before and after the
+    def move_bodies(self, moves: list[tuple[int, MovingGrid, MovingGrid]], followers: Followers, supports: Any) -> None:
+        """Move the bodies on corrected tiles; ``moves``: each tile's number, and its grid before and after the
         correction."""
-        uids = list(dict.fromkeys(follower.body for follower in followers if follower.solid))
+        solid = followers.solid
+        bodies = [followers[slot].body for slot in solid.tolist()]
+        uids = list(dict.fromkeys(bodies))
         places = {uid: place for place, uid in enumerate(uids)}
-        owners = np.array([places[f.body] if f.solid else -1 for f in followers], np.int64)
+        owners = np.array([places[body] for body in bodies], np.int64)
         poses = np.array([self._pose(uid) for uid in uids]).reshape(-1, 7)
         sums = np.zeros((len(uids), SUMS))
         for tile, before, after in moves:
-            gather(before, after, tile, owners, shapes, states, supports, poses, sums)
+            gather(before, after, tile, solid, owners, followers.shapes, followers.states, supports, poses, sums)
         moved = np.empty(7)
         for place, uid in enumerate(uids):
             if sums[place, 0] > 0.0 and corrected_pose(sums[place], poses[place], moved):
@@ -87,16 +81,16 @@ def height_on(grid, row, column):
 
 
 @compiled
-def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
-    """Add the points under the attached bodies on a tile to the ``sums`` (B, SUMS) of their PyBullet bodies.
+def gather(before, after, tile, chosen, owners, shapes, states, supports, poses, sums):
+    """Add the points under the followers in the slots ``chosen`` (n,) on a tile to the ``sums`` (B, SUMS) of their
+    PyBullet bodies.
 
-    ``owners`` (N,): row of each attached body's PyBullet body in ``sums``, -1 = is not moved. ``poses`` (B, 7): of the
-    PyBullet bodies, which are the origins of the points.
+    ``owners`` (n,): row of each follower's PyBullet body in ``sums``. ``poses`` (B, 7): of the PyBullet bodies, which
+    are the origins of the points.
     """
     local = np.empty(13)
-    for i in range(len(owners)):
-        if owners[i] < 0:
-            continue
+    for k in range(len(chosen)):
+        i = chosen[k]
         stands = supports[i].state != Support.NONE
         if stands and supports[i].tile != tile:
             continue
@@ -117,7 +111,7 @@ def gather(before, after, tile, owners, shapes, states, supports, poses, sums):
             else:
                 ax, ay, bx, by = u.x * half.x, u.y * half.x, v.x * half.y, v.y * half.y
         weight = 1.0 if stands else AIRBORNE_WEIGHT
-        total, pose = sums[owners[i]], poses[owners[i]]
+        total, pose = sums[owners[k]], poses[owners[k]]
         for m in range(POINTS):
             for n in range(POINTS):
                 s, t = 2.0 * m / (POINTS - 1) - 1.0, 2.0 * n / (POINTS - 1) - 1.0

@@ -17,7 +17,7 @@ from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.impact import height_at_rest
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 if TYPE_CHECKING:
@@ -36,21 +36,23 @@ class Guard:
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
 
-    def rescue(self, client: Any, own: BoolArray, time: float) -> int:
-        """Put bodies that are below the ground back onto it and return their number. ``own`` (N,): followers whose
-        bodies may be moved; other bodies get their pose from elsewhere."""
-        ground = self._ground
-        index = np.flatnonzero(own & possibly_buried(ground.states, ground.supports, ground.shapes, SUSPECT_HEIGHT))
-        if not index.size:
+    def rescue(self, client: Any, time: float) -> int:
+        """Put bodies that are below the ground back onto it and return their number."""
+        ground, followers = self._ground, self._ground.followers
+        found = possibly_buried(
+            followers.solid, followers.states, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
+        )
+        slots = followers.solid[found]
+        if not slots.size:
             return 0
-        heights, velocities = ground.terrain.at(ground.states[index, :2], time)
-        below = ground.states[index, 2] < heights
+        heights, velocities = ground.terrain.at(followers.states[slots, :2], time)
+        below = followers.states[slots, 2] < heights
         lifts: dict[int, tuple[float, float]] = {}
-        for follower, height, rate in zip(
-            *(values[below].tolist() for values in (index, heights, velocities)), strict=True
+        for slot, height, rate in zip(
+            *(values[below].tolist() for values in (slots, heights, velocities)), strict=True
         ):
-            body = ground.followers[follower].body
-            lift = self._lift(follower, height, time)
+            body = followers[slot].body
+            lift = self._lift(slot, height, time)
             if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
                 lifts[body] = (lift, rate)
         for body, (lift, rate) in lifts.items():
@@ -58,17 +60,15 @@ class Guard:
             ground.placed(body)
         return len(lifts)
 
-    def _lift(self, follower: int, height: float, time: float) -> float:
+    def _lift(self, slot: int, height: float, time: float) -> float:
         """Return the lift that puts a follower's lowest point onto the ground [m]."""
         ground = self._ground
-        body = ground.states[follower]
-        lift = height - body[2] + ground.shapes["radius"][follower]
+        body, shapes = ground.followers.states[slot], ground.followers.shapes
+        lift = height - body[2] + shapes["radius"][slot]
         for mesh in ground.terrain.tiles.values():
             if isinstance(mesh, HeightMap) and mesh.beyond(body[None])[0] <= 0.0:
                 rules = rules_for(ground.config, SELECTION, 0.0, across=False)
-                exact = lift_of(
-                    mesh.moved_to(time), ground.shapes[follower : follower + 1], body, time, rules, *self._memory[:2]
-                )
+                exact = lift_of(mesh.moved_to(time), shapes[slot : slot + 1], body, time, rules, *self._memory[:2])
                 return float(lift if math.isnan(exact) else exact)
         return float(lift)
 
@@ -80,18 +80,24 @@ def lift_of(grid, shape, body, time, rules, memory_h, memory_r):
 
 
 @compiled
-def possibly_buried(states: FloatArray, supports: Any, shapes: Any, near: float) -> BoolArray:
-    """Return the bodies that may be under the ground (N,): those without support, and those whose middle is not well
-    above the plane under them."""
-    found = np.zeros(len(states), np.bool_)
-    for i in range(len(states)):
+def possibly_buried(
+    chosen: IntArray, states: FloatArray, supports: Any, shapes: Any, table: Any, near: float
+) -> BoolArray:
+    """Return which of the followers in the slots ``chosen`` (n,) may be under the ground (n,): those without support,
+    and those whose middle is not well above the plane under them. ``table``: records of ``FOLLOWER``; only bodies that
+    may be lifted count."""
+    found = np.zeros(len(chosen), np.bool_)
+    for k in range(len(chosen)):
+        i = chosen[k]
+        if not table[i].own:
+            continue
         support = supports[i]
         above = (
             (states[i, 0] - support.foot_x) * support.facet_x
             + (states[i, 1] - support.foot_y) * support.facet_y
             + (states[i, 2] - support.foot_z) * support.facet_z
         )
-        found[i] = support.state == Support.NONE or above < near * shapes[i].radius
+        found[k] = support.state == Support.NONE or above < near * shapes[i].radius
     return found
 
 

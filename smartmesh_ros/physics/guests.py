@@ -12,19 +12,19 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.physics.guest_config import GuestConfig
+from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.state_table import StateTable, blended, extrapolated, may_touch, near_any, require_valid
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
-
-if TYPE_CHECKING:
-    from smartmesh_ros.physics.world import World
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.
 _OTHER, _FORCE = 2, 9
@@ -57,9 +57,10 @@ class _Owner:
     """Another world, which simulates remote bodies.
 
     ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
-    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``names``: of
-    its bodies. ``shared``: names that are also used by other worlds. ``barred``: bodies of ``now`` with a shared name,
-    which cannot be guests. ``phase``: lag of its steps behind this world's [steps], None before the first states.
+    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``listed``,
+    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds. ``barred``:
+    bodies of ``now`` with a shared name, which cannot be guests. ``phase``: lag of its steps behind this world's
+    [steps], None before the first states.
     """
 
     pending: deque[_Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
@@ -67,6 +68,7 @@ class _Owner:
     new: bool = False
     delay: float = 0.0
     guests: dict[str, Guest] = field(default_factory=dict)
+    listed: list[str] = field(default_factory=list)
     names: frozenset[str] = frozenset()
     shared: frozenset[str] = frozenset()
     barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
@@ -83,11 +85,30 @@ class _Owner:
         return whole
 
 
-class Guests:
-    """The guests (remote bodies) of one `World`, which calls `advance` before each step and `note_contacts` after
-    it."""
+class HostWorld(Protocol):
+    """What guests need of the world they are in: see `World`."""
 
-    def __init__(self, world: World, config: GuestConfig) -> None:
+    time: float
+    client: Any
+    bodies: dict[str, Body]
+
+    @property
+    def dt(self) -> float: ...
+
+    @property
+    def followers(self) -> Followers: ...
+
+    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int: ...
+
+    def remove_guest(self, name: str) -> None: ...
+
+    def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None: ...
+
+
+class Guests:
+    """The guests (remote bodies) of one world, which calls `advance` before each step and `note_contacts` after it."""
+
+    def __init__(self, world: HostWorld, config: GuestConfig) -> None:
         self.config = config
         self._world = world
         self._calls = BulletCalls(world.client)
@@ -110,24 +131,22 @@ class Guests:
         """
         require_valid(states)
         known = self._owners.setdefault(owner, _Owner())
-        dt = self._world.config.physics.dt
+        dt = self._world.dt
         time = self._world.time + known.to_own_steps((time - self._world.time) / dt, self.config) * dt
         delay = max(self._world.time - time, 0.0)
         known.delay = max(delay, known.delay + self.config.forget * (delay - known.delay))
-        same = bool(known.pending) and states.names is known.pending[-1].states.names
+        same = states.names == known.listed
         known.pending.append(_Received(states, time))
         if same and not known.shared:
             return []
-        known.names = frozenset(states.names)
+        known.listed, known.names = states.names, frozenset(states.names)
         return self._share(owner, known)
 
     def forget(self, owner: str) -> None:
         """Remove the guests of an owner and its states."""
         known = self._owners.pop(owner, None)
-        if known is not None and known.guests:
-            with self._world.together():
-                for name in known.guests:
-                    self._world.remove_guest(name)
+        for name in known.guests if known is not None else ():
+            self._world.remove_guest(name)
 
     def clear(self) -> None:
         """Forget all owners."""
@@ -141,7 +160,7 @@ class Guests:
 
     def advance(self) -> None:
         """Add, remove and move guests before a step."""
-        latest = self._world.time - self.config.steps_apart * self._world.config.physics.dt
+        latest = self._world.time - self.config.steps_apart * self._world.dt
         for owner, known in self._owners.items():
             newest = None
             while known.pending and known.pending[0].time <= latest + INSTANT:
@@ -157,18 +176,23 @@ class Guests:
         guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
         if not guests:
             return
-        world, ground = self._world, self._world.ground
-        index, positions = world.followers, ground.positions_w
+        world, followers = self._world, self._world.followers
+        remote, solid = followers.table["remote"], followers.table["solid"]
         near = may_touch(
-            positions, ground.moved_w, ground.radii, index.guest, index.own | index.guest, self.config.touching
+            followers.positions_w, followers.moved_w, followers.shapes["radius"], remote, solid, self.config.touching
         )
         client = world.client._client
-        for follower in np.flatnonzero(near).tolist():
-            uid = ground.followers[follower].body
+        for slot in np.flatnonzero(near).tolist():
+            uid = followers[slot].body
             points = pb.getContactPoints(uid, physicsClientId=client)
-            if any(point[_FORCE] > 0.0 and point[_OTHER] in index.moving for point in points):
+            if any(point[_FORCE] > 0.0 and self._moves(point[_OTHER]) for point in points):
                 first, _ = guests[uid].touched or (world.time, 0.0)
                 guests[uid].touched = first, world.time
+
+    def _moves(self, body: int) -> bool:
+        """Return True if a PyBullet body is attached and moves by physics."""
+        followers = self._world.followers
+        return any(followers[slot].solid for slot in followers.of(body))
 
     def _share(self, owner: str, known: _Owner) -> list[InputError]:
         """Find the bodies whose names are also used by other worlds or by this one; returns an error for each new
@@ -197,25 +221,24 @@ class Guests:
         known.now, known.new = newest, True
         if before is None or not states.same_bodies(before.states):
             rows = {name: row for row, name in enumerate(states.names)}
-            with self._world.together():
-                for name, guest in list(known.guests.items()):
-                    row = rows.get(name)
-                    assert before is not None
-                    if row is None or not states.same_body(row, before.states, guest.row):
-                        del known.guests[name]
-                        self._world.remove_guest(name)
-                    else:
-                        guest.row = row
+            for name, guest in list(known.guests.items()):
+                row = rows.get(name)
+                assert before is not None
+                if row is None or not states.same_body(row, before.states, guest.row):
+                    del known.guests[name]
+                    self._world.remove_guest(name)
+                else:
+                    guest.row = row
         known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
     def _add_and_remove(self, owner: str, known: _Owner, now: _Received) -> None:
         """Add guests for bodies that come near, and remove guests that are far away."""
-        world, states, ground = self._world, now.states, self._world.ground
+        world, states, followers = self._world, now.states, self._world.followers
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
         near = near_any(
-            states.numbers, self._age(now), states.radii, ground.positions_w, ground.moved_w / world.config.physics.dt,
-            ground.radii, world.followers.own, margins, self.config.horizon,
+            states.numbers, self._age(now), states.radii, followers.positions_w, followers.moved_w / world.dt,
+            followers.shapes["radius"], followers.table["own"], margins, self.config.horizon,
         )  # fmt: skip
         if known.barred.size:
             near &= ~known.barred
@@ -230,19 +253,18 @@ class Guests:
         ]
         if not going and not coming:
             return
-        with world.together():
-            for name in going:
-                del known.guests[name]
-                world.remove_guest(name)
-            for row, name in coming:
-                uid = world.add_guest(name, owner, states.shape(row), float(states.masses[row]))
-                known.guests[name] = Guest(row, uid)
+        for name in going:
+            del known.guests[name]
+            world.remove_guest(name)
+        for row, name in coming:
+            uid = world.add_guest(name, owner, states.shape(row), float(states.masses[row]))
+            known.guests[name] = Guest(row, uid)
         known.new = True
 
     def _follow(self, known: _Owner, now: _Received) -> None:
         """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise
         do nothing."""
-        dt = self._world.config.physics.dt
+        dt = self._world.dt
         hold = known.delay + self.config.steps_apart * dt
         setting, drawing = [], []
         for guest in known.guests.values():

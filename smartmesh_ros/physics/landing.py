@@ -22,12 +22,13 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.config import SELECTION
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
+from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.followers import Follower
 from smartmesh_ros.physics.impact import TOUCH, clamp_before_impact
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
 if TYPE_CHECKING:
@@ -71,10 +72,10 @@ class Escape(NamedTuple):
 
 
 class Clamped(NamedTuple):
-    """Changes of one step that are undone after it: indices of clamped followers, their bodies, the velocities
+    """Changes of one step that are undone after it: slots of clamped followers, their bodies, the velocities
     subtracted from them (n, 3) [m/s]; and bodies deep in the ground."""
 
-    followers: list[int]
+    slots: list[int]
     uids: list[int]
     taken: FloatArray
     escapes: list[Escape]
@@ -88,66 +89,76 @@ class Landing:
         self._calls = BulletCalls(client)
         self._ground = ground
         self._memory = window_memory(SELECTION.most_samples + 3)
-        # Number of successive steps in which each follower was clamped and touched nothing.
-        self.tries: dict[Follower, int] = {}
+        # Number of successive steps in which each follower was clamped and touched nothing, by slot.
+        self.tries: IntArray = np.empty(0, np.int64)
 
-    def clamp(self, free: BoolArray, time: float, physics: PhysicsConfig) -> Clamped | None:
-        """Clamp bodies that would penetrate the ground in the coming step; ``free`` (N,): followers that may be
-        clamped. Returns the changes to undo, None if there are none."""
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self.tries = with_rows(self.tries, slots, 0)
+
+    def forget(self, slot: int) -> None:
+        """Discard the data of a slot, whose body was removed."""
+        self.tries[slot] = 0
+
+    def clamp(self, time: float, physics: PhysicsConfig) -> Clamped | None:
+        """Clamp bodies that would penetrate the ground in the coming step. Returns the changes to undo, None if there
+        are none."""
         ground, dt = self._ground, physics.dt
+        followers = ground.followers
         fall = np.array(physics.gravity) * dt
         shallow = max(LANDING.shallow, LANDING.falling * math.hypot(*physics.gravity) * dt * dt)
-        codes = np.zeros(len(ground.followers), np.int64)
+        codes = np.zeros(followers.capacity, np.int64)
         found = approaching(
-            ground.positions_w, ground.moved_w, ground.states, ground.supports, ground.shapes, free, time - ground.time,
-            dt, fall, shallow, LANDING.near, LANDING.deep, codes,
+            followers.solid, followers.positions_w, followers.moved_w, followers.states, ground.supports,
+            followers.shapes, followers.table, time - ground.time, dt, fall, shallow, LANDING.near, LANDING.deep, codes,
         )  # fmt: skip
-        tries, self.tries = self.tries, {}
         if not found:
+            self.tries[:] = 0
             return None
-        escapes = [self._escape(index) for index in np.flatnonzero(codes == DEEP).tolist()]
+        tries = self.tries.copy()
+        self.tries[:] = 0
+        escapes = [self._escape(slot) for slot in np.flatnonzero(codes == DEEP).tolist()]
         near = np.flatnonzero(codes == APPROACHING).tolist()
-        followers, changes = self._changes(near, tries, time, dt, fall, shallow)
-        clamped = [ground.followers[index] for index in followers]
-        uids = [follower.body for follower in clamped]
+        slots, changes = self._changes(near, tries, time, dt, fall, shallow)
+        uids = [followers[slot].body for slot in slots]
         self._calls.add_velocities(uids, changes.tolist())
-        return Clamped(followers, uids, -changes, escapes)
+        return Clamped(slots, uids, -changes, escapes)
 
     def restore(self, clamped: Clamped, physics: PhysicsConfig) -> None:
         """Restore the velocities of clamped bodies after the step, and cap the speed of bodies that leave the ground
         from deep in it."""
-        followers, uids, taken, escapes = clamped
+        slots, uids, taken, escapes = clamped
         if uids:
             given_back = np.array(self._calls.add_velocities(uids, taken.tolist()))
-            self._ground.will_move(followers, given_back * physics.dt)
+            self._ground.will_move(slots, given_back * physics.dt)
         for escape in escapes:
             self._hold_back(escape)
 
     def _changes(
-        self, near: list[int], tries: dict[Follower, int], time: float, dt: float, fall: FloatArray, shallow: float
+        self, near: list[int], tries: IntArray, time: float, dt: float, fall: FloatArray, shallow: float
     ) -> tuple[list[int], FloatArray]:
-        """Return the followers to clamp, and the changes of their velocities (n, 3) [m/s]."""
+        """Return the slots of the followers to clamp, and the changes of their velocities (n, 3) [m/s]."""
         ground = self._ground
         rules = rules_for(ground.config, SELECTION, 0.0, across=False)
         found, changes, change = [], [], np.empty(3)
-        tiles = list(ground.terrain.tiles.values())
         arrival = LANDING.arrival * ground.config.tolerance
-        for index in near:
-            mesh, follower = tiles[int(ground.supports["tile"][index])], ground.followers[index]
+        for slot in near:
+            mesh, follower = ground.terrain.numbered(int(ground.supports["tile"][slot])), ground.followers[slot]
             if not isinstance(mesh, HeightMap):
                 continue
             body = self._calls.states([follower.body])[0]
-            deeper = arrival * 2 ** min(tries.get(follower, 0), MOST_TRIES)
-            given = (mesh.moved_to(time), ground.shapes[index : index + 1], body, time, dt, fall, shallow, deeper)
+            deeper = arrival * 2 ** min(int(tries[slot]), MOST_TRIES)
+            shape = ground.followers.shapes[slot : slot + 1]
+            given = (mesh.moved_to(time), shape, body, time, dt, fall, shallow, deeper)
             memory = (rules, *self._memory[:2], change)
             if not clamp_one(*given, NO_CONTACTS, *memory):
                 continue
             touching = self._touching(follower, body, dt)
             if len(touching) == 0:
-                self.tries[follower] = tries.get(follower, 0) + 1
+                self.tries[slot] = tries[slot] + 1
             elif not clamp_one(*given, touching, *memory):
                 continue
-            found.append(index)
+            found.append(slot)
             changes.append(change.copy())
         return found, np.array(changes).reshape(-1, 3)
 
@@ -166,8 +177,8 @@ class Landing:
         turning = np.cross(body[10:], points - body[:3]) * dt
         return np.column_stack([normals, (normals * turning).sum(axis=1)])
 
-    def _escape(self, index: int) -> Escape:
-        support, uid = self._ground.supports[index], self._ground.followers[index].body
+    def _escape(self, slot: int) -> Escape:
+        support, uid = self._ground.supports[slot], self._ground.followers[slot].body
         normal = np.array([support.facet_x, support.facet_y, support.facet_z])
         velocity = np.array([support.slide_x, support.slide_y, support.rise])
         return Escape(uid, normal, velocity, np.array(self._client.getBaseVelocity(uid)[0]))
@@ -187,16 +198,18 @@ APPROACHING, DEEP = 1, 2
 
 
 @compiled
-def approaching(positions, moved, states, supports, shapes, free, age, dt, fall, shallow, near, deep, codes):
-    """Write to ``codes`` which bodies may meet the ground in the coming step, or are deep in it; returns their number.
+def approaching(chosen, positions, moved, states, supports, shapes, table, age, dt, fall, shallow, near, deep, codes):
+    """Write to ``codes`` (S,) which bodies in the slots ``chosen`` (n,) may meet the ground in the coming step, or are
+    deep in it; returns their number.
 
     The test uses the plane of the ground nearest to each body at the last update, ``age`` [s] ago. ``positions``,
-    ``moved`` (N, 3) [m], ``states`` (N, 13).
+    ``moved`` (S, 3) [m], ``states`` (S, 13); ``table`` (S,): records of ``FOLLOWER``.
     """
     count = 0
-    for i in range(len(positions)):
+    for k in range(len(chosen)):
+        i = chosen[k]
         support = supports[i]
-        if not free[i] or support.state == Support.NONE or support.state == Support.MESH:
+        if not table[i].free or support.state == Support.NONE or support.state == Support.MESH:
             continue
         nx, ny, nz = support.normal_x, support.normal_y, support.normal_z
         went = (

@@ -6,13 +6,15 @@ from smartmesh_ros.compiled import compiled
 
 
 @compiled
-def leaves_support(positions, moved, states, supports, shapes, slack, fastest):
-    """Return True if any body moves farther, by the end of the next step, than its support was made for.
+def leaves_support(chosen, positions, moved, states, supports, shapes, slack, fastest):
+    """Return True if any body in the slots ``chosen`` (n,) moves farther, by the end of the next step, than its support
+    was made for.
 
-    ``states`` (N, 13): at the last update; ``positions`` (N, 3) [m]: now; ``moved`` (N, 3) [m]: motion in one step.
+    ``states`` (S, 13): at the last update; ``positions`` (S, 3) [m]: now; ``moved`` (S, 3) [m]: motion in one step.
     Bodies that move more than ``fastest`` [m] in a step are ignored.
     """
-    for i in range(len(positions)):
+    for k in range(len(chosen)):
+        i = chosen[k]
         went = step = 0.0
         for axis in range(3):
             went += (positions[i, axis] + moved[i, axis] - states[i, axis]) ** 2

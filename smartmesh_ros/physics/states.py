@@ -18,17 +18,16 @@ class SimulatedStates:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._followers = world.followers
         self._describe()
 
     def read(self) -> StateTable:
         """Return the current states."""
-        if self._world.followers is not self._followers:
+        if (self._world.client, self._world.followers.epoch) != self._described:
             self._describe()
         return self._bodies._replace(numbers=BulletCalls(self._world.client).states(self._uids))
 
     def _describe(self) -> None:
-        self._followers = self._world.followers
+        self._described = self._world.client, self._world.followers.epoch
         bodies = [body for body in self._world.bodies.values() if body.simulated]
         self._uids = [body.uid for body in bodies]
         self._bodies = _table(bodies)

@@ -8,32 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.guard import Guard
 from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.update_schedule import UpdateSchedule
-from smartmesh_ros.terrain.grid import BoolArray
 
 if TYPE_CHECKING:
     from smartmesh_ros.physics.ground import Ground
 
 # Largest relative difference between two step lengths that counts as rounding.
 ROUNDING = 1e-9
-
-
-class Roles(Protocol):
-    """What may be done to attached bodies, by index."""
-
-    @property
-    def free(self) -> BoolArray:
-        """Followers (N,) that may be clamped before impact: rigid bodies, not links."""
-
-    @property
-    def own(self) -> BoolArray:
-        """Followers (N,) that the guard may put back onto the ground: all that move by this world's physics."""
 
 
 @dataclass(eq=False)
@@ -47,23 +34,15 @@ class StepCounts:
 class Stepper:
     """Steps a PyBullet world whose bodies stand on one `Ground`.
 
-    ``roles`` returns the current roles of the attached bodies. ``drop_lost`` is called after each refresh; it removes
-    bodies whose position is not finite or too far away, and returns True if it removed any.
+    ``drop_lost`` is called after each refresh; it removes bodies whose position is not finite or too far away, and
+    returns True if it removed any.
     """
 
-    def __init__(
-        self,
-        client: Any,
-        ground: Ground,
-        roles: Callable[[], Roles],
-        counts: StepCounts | None = None,
-        drop_lost: Callable[[], bool] = lambda: False,
-    ) -> None:
-        self.counts = counts or StepCounts()
+    def __init__(self, client: Any, ground: Ground) -> None:
+        self.counts = StepCounts()
+        self.drop_lost: Callable[[], bool] = lambda: False
         self._client = client
         self._ground = ground
-        self._roles = roles
-        self._drop_lost = drop_lost
         self._schedule = UpdateSchedule()
         self.landing = Landing(client, ground)
         self._guard = Guard(ground)
@@ -75,9 +54,9 @@ class Stepper:
         ground, dt = self._ground, physics.dt
         steps = self._schedule.begin(ground.terrain, time, dt, ground.config.rate, behind_real_time=behind_real_time)
         ground.update(time, dt, steps)
-        if self._drop_lost():
+        if self.drop_lost():
             ground.update(time, dt, steps)
-        rescued = self._guard.rescue(self._client, self._roles().own, time) if physics.guard else 0
+        rescued = self._guard.rescue(self._client, time) if physics.guard else 0
         if rescued:
             self.counts.rescues += rescued
             ground.update(time, dt, steps)
@@ -96,7 +75,7 @@ class Stepper:
         stopwatch, clamped = self._ground.stopwatch, None
         if physics.landing:
             with stopwatch.stage("bodies"):
-                clamped = self.landing.clamp(self._roles().free, time, physics)
+                clamped = self.landing.clamp(time, physics)
         with stopwatch.stage("step"):
             simulate()
         if clamped is not None:

@@ -14,31 +14,35 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.patches.carry_over import carried_over
-from smartmesh_ros.physics.follower import Follower
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.physics.followers import Followers
+from smartmesh_ros.terrain.grid import BoolArray
 
 
 class Waking:
-    """Marks bodies whose ground has changed, by index, until the next update shows whether they sleep."""
+    """Marks bodies whose ground has changed, by slot, until the next update shows whether they sleep."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
-        self._changed = np.empty(0, bool)
+        self._changed: BoolArray = np.empty(0, bool)
 
-    def adopt(self, kept: IntArray) -> None:
-        """Replace the list of attached bodies; ``kept`` (N,): each one's previous index, -1 = new."""
-        self._changed = carried_over(self._changed, kept, np.zeros(len(kept), bool))
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self._changed = with_rows(self._changed, slots, False)
+
+    def forget(self, slot: int) -> None:
+        """Discard the mark of a slot, whose body was removed."""
+        self._changed[slot] = False
 
     def note(self, changed: BoolArray) -> None:
-        """Mark the bodies (N,) whose collider was changed, moved, added or removed."""
+        """Mark the bodies (S,) whose collider was changed, moved, added or removed."""
         self._changed |= changed
 
-    def wake(self, followers: list[Follower], states: FloatArray) -> None:
-        """Wake the marked bodies that have not moved since; ``states`` (N, 13). Call it after at least one step."""
+    def wake(self, followers: Followers) -> None:
+        """Wake the marked bodies that have not moved since. Call it after at least one step, with their new states."""
         noted = np.flatnonzero(self._changed)
         if not noted.size:
             return
         self._changed[noted] = False
-        for index in noted[~states[noted, 7:13].any(axis=1)].tolist():
-            self._client.changeDynamics(followers[index].body, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
+        for slot in noted[~followers.states[noted, 7:13].any(axis=1)].tolist():
+            self._client.changeDynamics(followers[slot].body, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)

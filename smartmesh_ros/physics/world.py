@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +18,7 @@ from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
-from smartmesh_ros.physics.follower_index import FollowerIndex, index_followers
+from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
@@ -29,7 +28,7 @@ from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.stepper import StepCounts, Stepper
+from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
@@ -75,12 +74,11 @@ class World:
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
-        self.stepper = Stepper(self.client, self.ground, lambda: self._index, self._counts, self._drop_lost)
+        self.stepper = self.ground.stepper
+        self.stepper.counts, self.stepper.drop_lost = self._counts, self._drop_lost
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
-        self._index = index_followers([], [])
         self.guests = Guests(self, self.config.guests)
-        self._indexes = True  # False within `together`, which rebuilds the index once at its end
 
     def __enter__(self) -> World:
         return self
@@ -97,21 +95,15 @@ class World:
         self.guests.config = config.guests
         self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return self.config.physics.dt
+
     def close(self) -> None:
         """Disconnect from PyBullet."""
         if self.client.isConnected():
             self.client.disconnect()
-
-    @contextmanager
-    def together(self) -> Iterator[None]:
-        """Add or remove many bodies cheaply: patches are attached and detached once, at the end of the block."""
-        self._indexes = False
-        try:
-            with self.ground.together():
-                yield
-        finally:
-            self._indexes = True
-            self._index_followers()
 
     def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
         """Add a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
@@ -175,10 +167,10 @@ class World:
 
     def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None:
         """Note that remote bodies were set to states (n, 13), so that a jump does not count as motion."""
-        ground = self.ground
-        chosen = [self._index.first[uid] for uid in uids]
-        moved = numbers[:, :3] - ground.positions_w[chosen]
-        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= ground.radii[chosen] ** 2)).tolist():
+        ground, followers = self.ground, self.ground.followers
+        chosen = [followers.of(uid)[0] for uid in uids]
+        moved = numbers[:, :3] - followers.positions_w[chosen]
+        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= followers.shapes["radius"][chosen] ** 2)).tolist():
             ground.placed(uids[row])
         ground.will_move(chosen, numbers[:, 7:10] * self.config.physics.dt)
 
@@ -319,40 +311,41 @@ class World:
                 self.command(body.name, joint, command)
 
     @property
-    def followers(self) -> FollowerIndex:
-        """The attached bodies and links, by the indices of the batches."""
-        return self._index
+    def followers(self) -> Followers:
+        """The attached bodies and links, by the slots of the batches."""
+        return self.ground.followers
 
     def follower_names(self) -> list[str]:
-        """Names of the attached bodies and links, in the order of the batches' indices; links are ``robot/link``."""
-        return self._index.names
+        """Names of the attached bodies and links by slot, empty for unused slots; links are ``robot/link``."""
+        return self.followers.names
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
-        batches, guest = self.ground.batches, self._index.guest
-        if not guest.any():
+        self.ground.choose_tracked()
+        batches, remote = self.ground.batches, self.followers.table["remote"]
+        if not remote.any():
             return batches
-        kept = (batch.of(np.flatnonzero(~guest[batch.bodies])) for batch in batches)
+        kept = (batch.of(np.flatnonzero(~remote[batch.bodies])) for batch in batches)
         return [batch for batch in kept if batch.bodies.size]
 
     def contacts(self) -> list[GroundContact]:
         """Return the contacts with the ground in the last step; for tracked bodies, contacts with their current
         patches."""
-        found = ground_contacts(self.client, self.ground, self._index.names)
-        return found if not self._index.guest.any() else [c for c in found if not self._is_guest(c.body)]
+        return [contact for contact in ground_contacts(self.client, self.ground) if not self._is_guest(contact.body)]
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
-        found = wrenches_of_step(self.client, self.ground.followers, self._index.names)
-        return found if not self._index.guest.any() else [w for w in found if not self._is_guest(w.body)]
+        found = wrenches_of_step(self.client, self.followers)
+        return [wrench for wrench in found if not self._is_guest(wrench.body)]
 
     def below_ground(self) -> list[str]:
         """Return simulated bodies and links whose centre was under the ground at the last update, because a collider
         failed."""
-        positions = self.ground.positions_w
+        followers = self.followers
+        own = np.flatnonzero(followers.table["own"])
+        positions = followers.positions_w[own]
         heights = self.terrain.at(positions[:, :2], self.time).heights
-        below = np.flatnonzero(positions[:, 2] < heights)
-        return [self._index.names[index] for index in below if self._index.own[index]]
+        return [followers[slot].name for slot in own[positions[:, 2] < heights].tolist()]
 
     def _simulate(self) -> None:
         """Step PyBullet with the motors' efforts."""
@@ -362,11 +355,12 @@ class World:
     def _drop_lost(self) -> bool:
         """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`; returns True if there were
         any."""
-        positions = self.ground.positions_w
+        followers, awake = self.followers, self.followers.awake
+        positions = followers.positions_w[awake]
         if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
             return False
         there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
-        for name in self._index.bodies_of(np.flatnonzero(~there)):
+        for name in sorted({followers[slot].name.partition("/")[0] for slot in awake[~there].tolist()}):
             if self._is_guest(name):
                 self.guests.dropped(name)
             else:
@@ -396,7 +390,6 @@ class World:
         self.client.removeBody(body.uid)
         self._motors.forget(body.uid)
         del self.bodies[name]
-        self._index_followers()
 
     def _require_free(self, name: str) -> None:
         if not name or "/" in name:
@@ -411,13 +404,16 @@ class World:
     def _add(self, body: Body) -> None:
         self.bodies[body.name] = body
         if body.is_robot:
-            for link in body.links:
-                self.ground.attach(body.uid, link)
+            for link, part in body.links.items():
+                self._attach(body, self.ground.attach(body.uid, link), f"{body.name}/{part}")
         else:
             shape = Sphere(body.radius) if body.shape is None else body.shape
-            self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
-        self._index_followers()
+            follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
+            self._attach(body, follower, body.name)
 
-    def _index_followers(self) -> None:
-        if self._indexes:
-            self._index = index_followers(self.bodies.values(), self.ground.followers)
+    def _attach(self, body: Body, follower: Follower, name: str) -> None:
+        """Record what this world knows of a new follower."""
+        follower.name = name
+        record = self.followers.table[follower.slot : follower.slot + 1]
+        record["free"] = not body.tracked and body.shape is not None
+        record["own"], record["remote"] = body.simulated, bool(body.owner)

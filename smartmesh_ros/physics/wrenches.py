@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -22,15 +22,16 @@ class GroundWrench:
     torque: FloatArray
 
 
-def wrenches_of_step(client: Any, followers: list[Follower], names: list[str]) -> list[GroundWrench]:
-    """Return the wrenches of the last step on the simulated bodies among ``followers`` with ``names``.
+def wrenches_of_step(client: Any, followers: Followers) -> list[GroundWrench]:
+    """Return the wrenches of the last step on the simulated bodies among ``followers``.
 
     Rolling and spinning friction, which URDFs may ask for, are not included.
     """
     found: dict[str, GroundWrench] = {}
     of_colliders: dict[int, GroundWrench] = {}
-    for follower, name in zip(followers, names, strict=True):
+    for follower in followers:
         if follower.solid:
+            name = follower.name
             centre = np.array(_centre(client, follower))
             found[name] = GroundWrench(name, centre, np.zeros(3), np.zeros(3))
             if follower.collider is not None:

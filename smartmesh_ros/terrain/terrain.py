@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,6 +22,8 @@ class Terrain:
 
     def __init__(self, single: MainMesh | None = None) -> None:
         self.tiles: dict[str, MainMesh] = {}
+        self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
+        self._numbers = count()
         self.layout_revision = next_revision()  # changes when a tile is added, removed or replaced
         if single is not None:
             self.put("", single)
@@ -41,12 +45,13 @@ class Terrain:
             else:
                 mesh.follow(old, mesh.time)
         self.tiles[name] = mesh
+        self.numbers.setdefault(name, next(self._numbers))
         self.layout_revision = next_revision()
 
     def remove(self, name: str) -> None:
         """Remove a tile; raises `InputError` if no tile has that name."""
         self.tile(name)
-        del self.tiles[name]
+        del self.tiles[name], self.numbers[name]
         self.layout_revision = next_revision()
 
     def tile(self, name: str) -> MainMesh:
@@ -56,6 +61,10 @@ class Terrain:
         except KeyError:
             known = ", ".join(repr(tile) for tile in self.tiles) or "none yet"
             raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
+
+    def numbered(self, number: int) -> MainMesh | None:
+        """Return the tile with a number, None if it was removed."""
+        return next((self.tiles[name] for name, known in self.numbers.items() if known == number), None)
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps, after the clock of the stamps was reset."""

@@ -92,6 +92,4 @@ class Replay:
     def _spawn(self) -> None:
         """Spawn the waiting bodies that have ground below them."""
         waiting, self._waiting = self._waiting, []
-        if waiting:
-            with self.world.together():
-                self._waiting = [start for start in waiting if not start(self.world)]
+        self._waiting = [start for start in waiting if not start(self.world)]

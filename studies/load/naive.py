@@ -84,7 +84,7 @@ class Naive(Node):
     def _publish_markers(self) -> None:
         with self._world.stopwatch.stage("publish"):
             message = MarkerArray()
-            for batch in self._world.ground.batches:
+            for batch in self._world.shown_batches():
                 for body, vertices in zip(batch.bodies.tolist(), batch.vertices_w, strict=True):
                     marker = Marker(ns="patches", id=body, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
                     marker.header.frame_id = "map"

@@ -169,7 +169,7 @@ class Target:
         world = self.node.session.world
         if any(getattr(mesh, "correcting", False) for mesh in world.terrain.tiles.values()):
             self.node.tick()  # the first one after a pause is at the time of the last before it
-        for batch in world.ground.batches:
+        for batch in world.shown_batches():
             if getattr(world.terrain.tiles[batch.tile], "correcting", False):
                 # Time stood still, or went on by less than corrections take.
                 assert self.node.session.paused or self.node.settings.motion.settle >= world.config.physics.dt

@@ -25,7 +25,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.physics.body_shapes import ball
 from smartmesh_ros.physics.config import PhysicsConfig
@@ -34,6 +33,7 @@ from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from tests.patches.selecting import Selecting
 
 HEADER = Header(frame_id="some_map")
 PHYSICS = PhysicsConfig(rate=120.0)
@@ -45,13 +45,12 @@ numbers = st.floats(-1e6, 1e6, width=32)
 
 def batches_of(terrain: Terrain, config: PatchConfig, positions: FloatArray, radii: FloatArray) -> list[PatchBatch]:
     """Patches of balls at rest at ``positions`` (N, 3)."""
-    selector = Selector(terrain, config)
     shapes = np.array([ball(radius) for radius in radii], SHAPE).view(np.recarray)
-    selector.adopt(shapes, np.ones(len(radii), bool), np.full(len(radii), -1))
+    selecting = Selecting(terrain, config, shapes)
     bodies = np.zeros((len(radii), BODY_COLUMNS))
     bodies[:, :3], bodies[:, 6] = positions, 1.0
-    selector.update(bodies, 0.01, 1.0 / 60.0)
-    return selector.batches()
+    selecting.update(bodies, 0.01, 1.0 / 60.0)
+    return selecting.batches()
 
 
 def batches_for(count: int, radii: list[float], holes: bool) -> list[PatchBatch]:
@@ -83,7 +82,7 @@ def assert_same(mine: bytes, reference: Any) -> None:
 def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None:
     batches = batches_for(count, [0.2, 0.4, 0.9], holes)
     names = [f"body_{index}" for index in range(count)]
-    mine = patch_outputs.PatchMarkers().write(HEADER, batches, names)
+    mine = patch_outputs.PatchMarkers().write(HEADER, batches, names, 1)
     received = deserialize_message(mine, MarkerArray)
     # Rebuilt from what was received, so that every field that is not geometry is checked against its meaning ...
     expected = MarkerArray()
@@ -118,7 +117,7 @@ def test_planes_and_patches_of_their_size_keep_their_own_vertices() -> None:
         made = batches_of(Terrain(heightmap), config, positions, np.full(9, 0.1))
         batches += [replace(batch, bodies=batch.bodies + 9 * (config.kind == "heightfield")) for batch in made]
     assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("plane", 8), ("heightfield", 8)}
-    written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)])
+    written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)], 1)
     shown = {m.id: [(p.x, p.y, p.z) for p in m.points] for m in deserialize_message(written, MarkerArray).markers}
     assert len(shown) == 18
     for batch in batches:
@@ -128,12 +127,12 @@ def test_planes_and_patches_of_their_size_keep_their_own_vertices() -> None:
 
 def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
     markers = patch_outputs.PatchMarkers()
-    three = markers.write(HEADER, batches_for(3, [0.2], False), ["a", "b", "c"])
+    three = markers.write(HEADER, batches_for(3, [0.2], False), ["a", "b", "c"], 1)
     assert sorted(m.id for m in deserialize_message(three, MarkerArray).markers) == [0, 1, 2]
     two = ["c", "b"]
-    after = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two), MarkerArray).markers
+    after = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two, 2), MarkerArray).markers
     assert sorted((m.id, m.action) for m in after) == [(0, Marker.DELETE), (1, Marker.ADD), (2, Marker.ADD)]
-    again = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two), MarkerArray).markers
+    again = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two, 2), MarkerArray).markers
     assert sorted((m.id, m.action) for m in again) == [(1, Marker.ADD), (2, Marker.ADD)]
 
 
@@ -142,8 +141,10 @@ def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> N
 def test_collider_patches_equal_those_of_message_objects(bodies: list[str], carry: bool) -> None:
     batches = batches_for(len(bodies), [0.2, 0.2, 0.9], False)
     writer = patch_outputs.ColliderPatches()
-    writer.write(HEADER, batches_for(4, [0.9], True), ["w", "x", "yy", "zzz"], True)  # buffers are reused, so use them
-    mine = writer.write(HEADER, batches, bodies, carry)
+    writer.write(
+        HEADER, batches_for(4, [0.9], True), ["w", "x", "yy", "zzz"], 1, True
+    )  # buffers are reused, so use them
+    mine = writer.write(HEADER, batches, bodies, 2, carry)
     expected = {}
     for batch in batches:
         triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in batch.triangles]
@@ -250,15 +251,15 @@ def test_changed_markers_alone_make_the_same_picture(holes: bool) -> None:
     sizes = []
     for turn in range(12):
         batches = changing_batches(turn, holes, rng)
-        message = deserialize_message(writer.write(HEADER, batches, names, only_changed=turn != 5), MarkerArray)
+        message = deserialize_message(writer.write(HEADER, batches, names, 1, only_changed=turn != 5), MarkerArray)
         sizes.append(len(message.markers))
         for marker in message.markers:
             seen.pop(marker.id, None)
             if marker.action == Marker.ADD:
                 seen[marker.id] = marker
-        full = deserialize_message(whole.write(HEADER, batches, names), MarkerArray).markers
+        full = deserialize_message(whole.write(HEADER, batches, names, 1), MarkerArray).markers
         assert seen == {marker.id: marker for marker in full if marker.action == Marker.ADD}
-    still = deserialize_message(writer.write(HEADER, batches, names, only_changed=True), MarkerArray).markers
+    still = deserialize_message(writer.write(HEADER, batches, names, 1, only_changed=True), MarkerArray).markers
     assert len(still) <= (20 if holes else 0), "nothing changed, so nothing is sent"
     assert min(sizes) < max(sizes)
 
@@ -278,7 +279,7 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
         if turn % 5 == 2:
             batches = [replace(batch, deviation=np.full(len(batch.bodies), rng.random())) for batch in batches]
         carry = turn < 12
-        mine = writer.write(HEADER, batches, names, carry, only_changed=turn not in (0, 5))
+        mine = writer.write(HEADER, batches, names, 1, carry, only_changed=turn not in (0, 5))
         message = deserialize_message(mine, ColliderPatchArray)
         assert len(mine) == len(serialize_message(message))
         assert message.incremental == (turn not in (0, 5))
@@ -289,9 +290,9 @@ def test_changed_collider_patches_alone_make_the_same_picture(holes: bool) -> No
         for name in message.removed:
             del seen[name]
         seen.update({patch.body_id: patch for patch in message.patches})
-        full = deserialize_message(whole.write(HEADER, batches, names, carry), ColliderPatchArray)
+        full = deserialize_message(whole.write(HEADER, batches, names, 1, carry), ColliderPatchArray)
         assert seen.keys() == {patch.body_id for patch in full.patches}
         assert {name: str(patch) for name, patch in seen.items()} == {p.body_id: str(p) for p in full.patches}
-    still = writer.write(HEADER, batches, names, carry, only_changed=True)
+    still = writer.write(HEADER, batches, names, 1, carry, only_changed=True)
     assert len(deserialize_message(still, ColliderPatchArray).patches) <= (20 if holes else 0), "nothing changed"
     assert min(sizes) < max(sizes)

@@ -11,28 +11,27 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.body_shapes import ball
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from tests.examples import examples
+from tests.patches.selecting import Selecting
 
 DT = 1.0 / 240.0
 SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
 
-def selector_for(heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: Any = True) -> Selector:
-    selector = Selector(Terrain(heightmap), config)
-    count = len(radii)
+def selector_for(
+    heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
+) -> Selecting:
     shapes = np.array([ball(radius) for radius in radii]).view(np.recarray)
-    selector.adopt(shapes, np.full(count, solid), np.full(count, -1))
-    return selector
+    return Selecting(Terrain(heightmap), config, shapes, solid)
 
 
-def update(selector: Selector, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
+def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
     """Patches of bodies at positions (N, 3) that move along x."""
     bodies = np.zeros((len(positions), BODY_COLUMNS))
     bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
@@ -204,8 +203,8 @@ def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() ->
     rng = np.random.default_rng(4)
     heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
     solid = np.arange(12) % 3 > 0
-    fixed, chosen = (selector_for(heightmap, [0.3] * 12, config) for config in (SOLID, PatchConfig()))
-    chosen.adopt(np.array([ball(0.3)] * 12).view(np.recarray), solid, np.full(12, -1))
+    fixed = selector_for(heightmap, [0.3] * 12, SOLID)
+    chosen = selector_for(heightmap, [0.3] * 12, PatchConfig(), solid)
     others = set(np.flatnonzero(~solid).tolist())
     positions = rng.uniform(1.0, 4.0, (12, 3))
     bodies = np.zeros((12, BODY_COLUMNS))

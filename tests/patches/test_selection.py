@@ -24,7 +24,7 @@ from smartmesh_ros.patches.selection import (
     window_memory,
     window_place,
 )
-from smartmesh_ros.patches.selector import Selector, rules_for
+from smartmesh_ros.patches.selector import rules_for
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE, solid_of
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -32,6 +32,7 @@ from smartmesh_ros.terrain.moving_grid import read_window
 from smartmesh_ros.terrain.terrain import Terrain
 from tests.bodies import FORMS, Form, random_turn, rotation, turn_about
 from tests.examples import examples
+from tests.patches.selecting import Selecting
 
 SIZE = 32
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -201,11 +202,8 @@ def touched_by_the_selection(case: Case, index: int) -> set[tuple[int, int, int]
     return found
 
 
-def selector_of(case: Case, config: PatchConfig | None = None) -> Selector:
-    selector = Selector(Terrain(case.heightmap), config or PatchConfig())
-    count = len(case.forms)
-    selector.adopt(case.shapes, np.ones(count, bool), np.full(count, -1))
-    return selector
+def selector_of(case: Case, config: PatchConfig | None = None) -> Selecting:
+    return Selecting(Terrain(case.heightmap), config or PatchConfig(), case.shapes)
 
 
 def chosen_for(case: Case, config: PatchConfig | None = None) -> Any:

@@ -8,9 +8,9 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BODY_COLUMNS
 from smartmesh_ros.physics.body_shapes import ball
+from tests.patches.selecting import Selecting
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -32,14 +32,12 @@ def terrain_of(**tiles: HeightMap) -> Terrain:
     return terrain
 
 
-def selector_for(terrain: Terrain, radius: float, count: int) -> Selector:
-    selector = Selector(terrain, PatchConfig(kind="heightfield"))
+def selector_for(terrain: Terrain, radius: float, count: int) -> Selecting:
     shapes = np.array([ball(radius)] * count).view(np.recarray)
-    selector.adopt(shapes, np.ones(count, bool), np.full(count, -1))
-    return selector
+    return Selecting(terrain, PatchConfig(kind="heightfield"), shapes)
 
 
-def update(selector: Selector, positions: np.ndarray) -> list[PatchBatch]:
+def update(selector: Selecting, positions: np.ndarray) -> list[PatchBatch]:
     """Patches of bodies at rest at positions (N, 3)."""
     bodies = np.zeros((len(positions), BODY_COLUMNS))
     bodies[:, :3], bodies[:, 6] = positions, 1.0
@@ -117,20 +115,20 @@ def test_tiles_come_are_replaced_and_go() -> None:
             "east", Sphere(0.2), 1.0, BodyState((3.0, 0.0, float(surface(np.float64(3.0), np.float64(0.0))) + 0.2))
         )
         world.refresh()
-        assert [batch.tile for batch in world.ground.batches] == ["west"]
+        assert [batch.tile for batch in world.shown_batches()] == ["west"]
         terrain.put("east", tile(0, -5, 51, 51, 0.2))
         world.refresh()
-        assert {batch.tile: batch.bodies.tolist() for batch in world.ground.batches} == {"west": [0], "east": [1]}
+        assert {batch.tile: batch.bodies.tolist() for batch in world.shown_batches()} == {"west": [0], "east": [1]}
         terrain.put("east", tile(0, -5, 101, 101, 0.1))
         world.refresh()
-        east = next(batch for batch in world.ground.batches if batch.tile == "east")
+        east = next(batch for batch in world.shown_batches() if batch.tile == "east")
         steps = np.unique(east.vertices_w[..., 0])
         assert np.diff(steps).min() == pytest.approx(0.1 * east.stride[0])
         world.step(24)
         assert world.below_ground() == []
         terrain.remove("west")
         world.refresh()
-        assert [batch.tile for batch in world.ground.batches] == ["east"]
+        assert [batch.tile for batch in world.shown_batches()] == ["east"]
 
 
 def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:

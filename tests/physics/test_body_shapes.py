@@ -67,10 +67,10 @@ def test_a_body_without_a_shape_has_no_size(client: Any) -> None:
 
 @given(st.floats(1e-4, 1e3))
 def test_boxes_are_large_enough_and_of_few_sizes(need: float) -> None:
-    size = box_size(need, round_=False)
+    size = box_size(need)
     assert COLLIDERS.room * need <= size * (1.0 + 1e-6)
     assert size <= 1.5 * COLLIDERS.room * need
-    assert box_size(need * 1.0001, round_=False) in (size, pytest.approx(size * math.sqrt(2.0)))
+    assert box_size(need * 1.0001) in (size, pytest.approx(size * math.sqrt(2.0)))
 
 
 def limits(*, carry: bool = True) -> Limits:

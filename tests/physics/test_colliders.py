@@ -81,7 +81,7 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(terrain: Callable
     with World(terrain(), config("hull", rings=2, search="brute_force")) as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(world.ground.batches[0].vertices_w[0], (0.0, 0.0))
+        lid = lid_over(world.shown_batches()[0].vertices_w[0], (0.0, 0.0))
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
@@ -101,7 +101,7 @@ def test_every_method_gives_the_same_patches(search: SearchMethod, collect: str)
             seen = []
             for _ in range(30):
                 world.step(8)
-                seen += [batch.vertices_w for batch in world.ground.batches]
+                seen += [batch.vertices_w for batch in world.shown_batches()]
             return seen
 
     expected = track(config("heightfield"))
@@ -164,7 +164,7 @@ def test_a_general_mesh_moves_under_bodies_in_every_direction() -> None:
             mesh.move(vertices + (0.5 * (world.time - 1.0), 0.0, 0.2 * (world.time - 1.0)), time=world.time)
         x, _, z = world.state("box").position
         assert (x - start[0], z - start[2]) == (pytest.approx(0.5, abs=0.025), pytest.approx(0.2, abs=0.005))
-        [batch] = world.ground.batches
+        [batch] = world.shown_batches()
         np.testing.assert_allclose(batch.linear_w[0], [0.5, 0.0, 0.2], atol=1e-6)
 
 
@@ -187,7 +187,7 @@ def test_patches_of_a_moving_mesh_of_40000_vertices_are_right_after_every_update
                 world.track(f"probe_{index}", 0.15, BodyState((x, y, 2.0)))
             world.time = float(step)  # long after: no motion is left
             world.refresh()
-            for batch in world.ground.batches:
+            for batch in world.shown_batches():
                 body = bodies[int(batch.bodies[0])]
                 from_above = int(np.argmin(((moved[:, :2] - body) ** 2).sum(axis=1)))
                 in_space = int(np.argmin(((moved - (*body, 2.0)) ** 2).sum(axis=1)))
@@ -266,7 +266,7 @@ def test_no_patch_stays_where_a_body_was_when_others_come(kind: PatchKind) -> No
         world.move("ball", BodyState((-50.0, 0.0, 5.0)))
         world.spawn("beside", Sphere(0.2), 1.0, BodyState((-60.0, 0.0, 5.0)))
         world.step(2)
-        assert not world.ground.batches
+        assert not world.shown_batches()
         assert colliders_near(world, 5.01, 5.02) == 0
 
 

@@ -365,7 +365,10 @@ def test_another_body_is_not_clamped_deeper_because_one_before_it_is_gone() -> N
         for index, name in enumerate(("first", "second")):
             world.spawn(name, Sphere(0.05), 1.0, BodyState((index - 0.5, 0.0, 0.5), linear=(0.0, 0.0, -2.0)))
         world.step()
-        followers = [world.ground.followers[index] for index in range(2)]
-        world.stepper.landing.tries[followers[0]] = 5
+        first, second = (world.ground.followers[index].slot for index in range(2))
+        world.stepper.landing.tries[first] = 5
         world.remove("first")
-        assert world.stepper.landing.tries.get(world.ground.followers[0], 0) == 0
+        assert world.stepper.landing.tries[second] == 0
+        world.spawn("third", Sphere(0.05), 1.0)
+        assert world.ground.followers[first].name == "third"
+        assert world.stepper.landing.tries[first] == 0

@@ -10,7 +10,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import SELECTION, PatchKind
 from smartmesh_ros.patches.supports import no_supports
-from smartmesh_ros.physics.colliders.table import at_rest
+from smartmesh_ros.physics.colliders.table import moves_nowhere
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 
@@ -60,7 +60,7 @@ def test_without_the_edge_filter_the_ball_is_held_up() -> None:
 def test_the_fields_of_balls_are_filtered_where_the_ground_is_at_rest() -> None:
     supports = no_supports(3)
     supports["rise"][1], supports["turn_y"][2] = 0.1, -0.2
-    assert at_rest(supports) == [True, False, False]
+    assert moves_nowhere(supports) == [True, False, False]
 
 
 def test_without_the_edge_filter_the_box_is_held_up() -> None:

@@ -176,7 +176,7 @@ class Ledger:
         member = self.members[node]
         if member.returned and not member.states_before_silence:
             member.states_before_silence = member.last
-        if member.states is None or states.names is not member.states.names:
+        if member.states is None or states.names != member.states.names:
             member.rows = {name: row for row, name in enumerate(states.names)}
         member.states = states
 

@@ -87,14 +87,14 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     kinds: Counter[str] = Counter()
     for batch in batches:
         kinds[batch.kind] += len(batch.bodies)
-    patches = kinds.total()
+    patches, remote = kinds.total(), int(world.followers.table["remote"].sum())
     known = [batch.deviation[~np.isnan(batch.deviation)] for batch in batches]
     deviation = max((float(of_batch.max()) for of_batch in known if of_batch.size), default=0.0)
     values = {
         "simulated": sum(body.simulated for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
         "patches": patches,
-        "without ground": int((~world.followers.guest).sum()) - patches,
+        "without ground": len(world.followers) - remote - patches,
         "below ground": len(below),
         "put back onto the ground": world.rescues,
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
@@ -103,7 +103,7 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         "colliders leaked": world.ground.leaked,
     }
     if health.peers:
-        values["guests"] = int(world.followers.guest.sum())
+        values["guests"] = remote
         values |= {f"peer {name}": words for name, words in health.peers.items()}
     if below:
         return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values

@@ -37,20 +37,20 @@ class PatchMarkers:
         self._namespace = namespace
         self._message = ArrayMessage()
         self._ids: dict[str, int] = {}
-        self._id_of = np.empty(0, np.int64)  # marker ids by body index
+        self._id_of = np.empty(0, np.int64)  # marker ids by slot
         self._next_id = 0
-        self._names: list[str] = []
+        self._epoch = -1  # of the bodies known here
         self._shown = np.empty(0, np.int64)  # ids, ascending
         self._sent = SentPatches()
 
     def write(
-        self, header: Header, batches: list[PatchBatch], names: list[str], *, only_changed: bool = False
+        self, header: Header, batches: list[PatchBatch], names: list[str], epoch: int, *, only_changed: bool = False
     ) -> bytes:
         """Return the MarkerArray of all patches (or of the changed ones), with DELETE for removed patches.
 
-        ``names``: names of all bodies that may have a patch, by index; a new list object means that the bodies changed.
+        ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         """
-        self._assign_ids(names)
+        self._assign_ids(names, epoch)
         message = self._message
         message.start("markers", MarkerArray)
         stamp = stamp_fields(header)
@@ -79,10 +79,10 @@ class PatchMarkers:
             self._sent.forget()
         return message.finish()
 
-    def _assign_ids(self, names: list[str]) -> None:
+    def _assign_ids(self, names: list[str], epoch: int) -> None:
         """Assigns marker ids to new bodies."""
-        if names is not self._names:
-            self._names = names
+        if epoch != self._epoch:
+            self._epoch = epoch
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
             self._id_of = np.array([self._ids[name] for name in names], np.int64)
             self._next_id += len(names)
@@ -100,6 +100,7 @@ class ColliderPatches:
     def __init__(self) -> None:
         self._message = ArrayMessage()
         self._names: list[str] = []
+        self._epoch = -1  # of the bodies known here
         self._shown: set[str] = set()
         self._sent = SentPatches()
 
@@ -108,16 +109,17 @@ class ColliderPatches:
         header: Header,
         batches: list[PatchBatch],
         names: list[str],
+        epoch: int,
         carry_velocity: bool,
         *,
         only_changed: bool = False,
     ) -> bytes:
         """Return the ColliderPatchArray of all patches, or of the changed patches and the removed bodies.
 
-        ``names``: names of all bodies that may have a patch, by index; a new list object means that the bodies changed.
+        ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         """
-        if names is not self._names:
-            self._names = names
+        if epoch != self._epoch:
+            self._epoch, self._names = epoch, names
             self._sent = SentPatches(len(names))
         groups = list(by_triangles(batches))
         shown = {names[index] for group in groups for index in group.bodies.tolist()}

@@ -193,15 +193,17 @@ class Publishing:
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
-            self._header(), world.shown_batches(), world.follower_names(), only_changed=only_changed
-        )
+            self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
+            only_changed=only_changed,
+        )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("collider_patches")
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
-            self._header(), world.shown_batches(), world.follower_names(), carried, only_changed=only_changed
-        )
+            self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
+            only_changed=only_changed,
+        )  # fmt: skip
 
     def _make_body_states(self) -> bytes:
         physics = self._world.config.physics

@@ -64,10 +64,9 @@ class BodyServices:
             self._spawn(body)
             added.append(body.id)
 
-        with world.together():
-            failures = _failures_of((body.id, body, add) for body in request.bodies)
-            for name in added if failures else ():
-                world.remove(name)
+        failures = _failures_of((body.id, body, add) for body in request.bodies)
+        for name in added if failures else ():
+            world.remove(name)
         self._finish("spawn_bodies", response, failures, len(request.bodies))
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
@@ -81,9 +80,8 @@ class BodyServices:
 
         failures = _failures_of((name, name, check) for name in counts)
         if not failures:
-            with world.together():
-                for name in request.ids:
-                    self.remove(name)
+            for name in request.ids:
+                self.remove(name)
         self._finish("remove_bodies", response, failures, len(request.ids))
 
     def _finish(self, service: str, response: Any, failures: list[BodyFailure], count: int) -> None:

@@ -15,12 +15,11 @@ class InitialBodies:
         self._session = session
         self._entries: dict[str, Entry] = {}
         self._waiting: list[str] = []
-        with session.world.together():
-            for text in session.settings.spawn:
-                entry = entry_from_text(text)
-                if entry.name in self._entries:
-                    raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
-                self.add(entry)
+        for text in session.settings.spawn:
+            entry = entry_from_text(text)
+            if entry.name in self._entries:
+                raise InputError("spawn", f"bodies.spawn names {entry.name!r} twice; names must be distinct")
+            self.add(entry)
 
     @property
     def names(self) -> set[str]:
@@ -42,15 +41,12 @@ class InitialBodies:
     def on_terrain(self) -> None:
         """Spawn the bodies that waited for terrain."""
         waiting, self._waiting = self._waiting, []
-        if not waiting:
-            return
-        with self._session.world.together():
-            for name in waiting:
-                try:
-                    if not spawn(self._session.world, self._entries[name]):
-                        self._waiting.append(name)
-                except InputError as error:
-                    self._session.refusals.add("bodies.spawn", error)
+        for name in waiting:
+            try:
+                if not spawn(self._session.world, self._entries[name]):
+                    self._waiting.append(name)
+            except InputError as error:
+                self._session.refusals.add("bodies.spawn", error)
 
     def restore(self) -> None:
         """Spawn again the initial bodies that were removed."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
-from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.contact_candidates import Travel, Window, candidate_facets, nearest_planes
 from smartmesh_ros.patches.report.collect import BFS
@@ -19,6 +18,7 @@ from smartmesh_ros.patches.report.grid_search import GridSearch
 from smartmesh_ros.patches.report.template import patch_template
 from smartmesh_ros.patches.selection import Place, describe, in_window, local_body
 from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
@@ -27,11 +27,12 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.terrain import Terrain
 
+UNKNOWN_EXTENT = (0.0, 0.0, 0.0, -1.0)
 UNBOUNDED = 1e9  # reach that makes every facet of a patch a candidate [m]
 
 
 class FixedPatches:
-    """Searches and collects patches of fixed extent. Bodies are addressed by index."""
+    """Searches and collects patches of fixed extent. Bodies are addressed by slot."""
 
     def __init__(self, terrain: Terrain, stopwatch: Stopwatch) -> None:
         self._terrain = terrain
@@ -40,10 +41,10 @@ class FixedPatches:
         # Rings and stride of each body's patch, and the range of reaches [m] for which the patch keeps this size.
         self._extents = np.zeros((0, 4))
 
-    def adopt(self, kept: IntArray) -> None:
-        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
-        self._extents = carried_over(self._extents, kept, np.tile([0.0, 0.0, 0.0, -1.0], (len(kept), 1)))
-        self._search.set_bodies(kept)
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self._extents = with_rows(self._extents, slots, UNKNOWN_EXTENT)
+        self._search.reserve(slots)
 
     def forget(self, bodies: IntArray | slice) -> None:
         """Discard the patch sizes and last vertices of ``bodies``, because the bodies changed their map or the settings

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.carry_over import carried_over
+from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.search.best_first import best_first_cells
 from smartmesh_ros.search.brute_force import brute_force_cells
 from smartmesh_ros.search.grid import Cells, nearest_vertices
@@ -17,16 +17,15 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 
 
 class GridSearch:
-    """Searches nearest vertices, excluding the map's rim. Bodies are addressed by index."""
+    """Searches nearest vertices, excluding the map's rim. Bodies are addressed by slot."""
 
     def __init__(self) -> None:
         self._row = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
         self._column = np.empty(0, np.int64)
 
-    def set_bodies(self, kept: IntArray) -> None:
-        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
-        self._row = carried_over(self._row, kept, np.full(len(kept), -1))
-        self._column = carried_over(self._column, kept, np.full(len(kept), -1))
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self._row, self._column = with_rows(self._row, slots, -1), with_rows(self._column, slots, -1)
 
     def forget(self, bodies: IntArray | slice) -> None:
         """Discard the last vertices of ``bodies``."""

@@ -9,11 +9,11 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import MeshPatch
-from smartmesh_ros.patches.carry_over import carried_over
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.facets import Facet, Gap, Point, facet_normal, gap_to
 from smartmesh_ros.patches.report.collect import BFS, PatchTopology, TopologyCache, topology_around
 from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.search.best_first import best_first_vertices
 from smartmesh_ros.search.brute_force import BruteForce
@@ -39,9 +39,13 @@ class MeshPatches:
         self._table: IntArray | None = None
         self._vertex = np.empty(0, np.int64)  # nearest vertex at the last update, -1 = none
 
-    def adopt(self, kept: IntArray) -> None:
-        """Replace the list of bodies; ``kept`` (N,): each body's previous index, -1 = new."""
-        self._vertex = carried_over(self._vertex, kept, np.full(len(kept), -1))
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self._vertex = with_rows(self._vertex, slots, -1)
+
+    def forget(self, bodies: IntArray | slice) -> None:
+        """Discard the last vertices of ``bodies``."""
+        self._vertex[bodies] = -1
 
     def select(
         self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,

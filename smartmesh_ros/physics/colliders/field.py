@@ -9,17 +9,24 @@ import pybullet as pb
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, POSE, SAMPLES, VELOCITY, advance, push
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import sample_at, to_world
 
 
-def make_field(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:
-    """Create PyBullet's collision shape of a patch of ``rows`` x ``columns`` samples, ``spacing`` [m] apart, whose
-    bounds reach ``bound`` [m] above and below its base.
+def field_key(support: Any, shape: Any, resolution: float, *, round_: bool) -> tuple[float, ...]:
+    """Return rows, columns and spacing [m] of the field of a support; PyBullet cannot change these."""
+    return int(support.rows), int(support.columns), resolution * int(support.stride)
+
+
+def make_field(client: Any, key: tuple[float, ...]) -> int:
+    """Create PyBullet's collision shape of a field.
 
     The shape is rotated by 90 degrees from its grid, because PyBullet splits cells along the other diagonal than the
     main mesh, and the rotation makes the two agree (row r, column c of the patch is PyBullet's row columns - 1 - c,
     column r). PyBullet's first index runs along its x axis, although the argument is called columns.
     """
+    rows, columns, spacing = int(key[0]), int(key[1]), key[2]
+    bound = field_bound(rows, columns, spacing)
     heights = [0.0] * (rows * columns)
     heights[0], heights[-1] = -bound, bound
     return int(
@@ -31,6 +38,11 @@ def make_field(client: Any, rows: int, columns: int, spacing: float, bound: floa
             numHeightfieldColumns=columns,
         )
     )
+
+
+def describe_field(record: Any, key: tuple[float, ...]) -> None:
+    """Write the constants of a field to its record of ``COLLIDER``."""
+    record.rows, record.columns, record.spacing = key
 
 
 def replace_field(client: int, shape: int, rows: int, columns: int, heights: list[float], *, filtered: bool) -> None:
@@ -56,6 +68,15 @@ def field_bound(rows: int, columns: int, spacing: float) -> float:
     higher or lower. Bounds of 200 m with a slight tilt would overlap those of many neighbouring bodies.
     """
     return min(0.5 * COLLIDERS.slope * (max(rows, columns) - 1) * spacing, COLLIDERS.hole)
+
+
+class FieldMemory(NamedTuple):
+    """``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]. ``at_contact`` (F,): the same
+    when contacts were last dropped. ``above``: scratch memory for the new heights of one field."""
+
+    heights: FloatArray
+    at_contact: FloatArray
+    above: FloatArray
 
 
 class Drift(NamedTuple):
@@ -109,13 +130,13 @@ def field_drift(grid, collider, support, above, heights, at_contact) -> Drift:
 
 
 @compiled
-def plan_field(grid, collider, support, samples, time, limits, heights, at_contact, above, pose, velocity):
+def plan_field(grid, collider, support, samples, time, limits, memory, pose, velocity):
     """Return the changes that put a field onto the ground of a support, as bits; ``pose`` and ``velocity`` as in
     `plan_plane`.
 
-    ``heights`` (F,): of all fields in PyBullet's order, relative to their bases [m]; ``at_contact`` (F,): the same when
-    contacts were last dropped. ``samples``: as in `field_heights`. ``above``: scratch memory for the new heights.
+    ``memory``: of all fields. ``samples``: as in `field_heights`.
     """
+    heights, at_contact, above = memory.heights, memory.at_contact, memory.above
     rows, columns, stride = support.rows, support.columns, support.stride
     spacing = grid.resolution * stride
     if collider.rows != rows or collider.columns != columns or abs(collider.spacing - spacing) > 1e-9 * spacing:

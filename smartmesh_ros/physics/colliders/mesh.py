@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.physics.colliders.pairs import Pairs
-from smartmesh_ros.physics.follower import Follower
+from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.terrain.grid import FloatArray
 
 MeshKind = Literal["trimesh", "hull", "prisms"]
@@ -46,13 +46,13 @@ class MeshColliders:
         self._client = client
         self._pairs = pairs
         self._colliders: dict[Follower, _MeshCollider] = {}
-        self.changed: list[int] = []  # followers whose collider was rebuilt, moved or removed
+        self.changed: list[int] = []  # slots of followers whose collider was rebuilt, moved or removed
 
     def apply_batch(
-        self, batch: PatchBatch, rows: list[int], supports: Any, followers: list[Follower], config: PatchConfig
+        self, batch: PatchBatch, rows: list[int], supports: Any, followers: Followers, config: PatchConfig
     ) -> None:
         """Update the colliders of the bodies in ``rows`` of a batch, including the ground's velocity; a patch of holes
-        gets no collider. ``followers``: by the batch's body indices."""
+        gets no collider."""
         assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
         for row in rows:
             index = int(batch.bodies[row])

@@ -17,19 +17,29 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, POSE, VELOCITY, advance, push
 
 
-def box_size(need: float, *, round_: bool) -> float:
-    """Return the half edge of a box for a body that needs ``need`` around its foot [m]; infinite = a half space, for
-    ``round_`` bodies. There are only a few sizes, so that boxes can be reused."""
-    if round_:
-        return math.inf
+def box_size(need: float) -> float:
+    """Return the half edge of a box for a body that needs ``need`` around its foot [m]. There are only a few sizes, so
+    that boxes can be reused."""
     return float(2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9)))
 
 
-def make_box(client: Any, size: float) -> int:
-    """Create PyBullet's collision shape of a box, or of a half space if its ``size`` [m] is infinite."""
+def plane_key(support: Any, shape: Any, resolution: float, *, round_: bool) -> tuple[float, ...]:
+    """Return the half edge of the box for a support [m]; infinite = a half space, for ``round_`` bodies."""
+    return (math.inf if round_ else box_size(float(plane_need(support, shape))),)
+
+
+def make_box(client: Any, key: tuple[float, ...]) -> int:
+    """Create PyBullet's collision shape of a box, or of a half space if its half edge [m] is infinite."""
+    (size,) = key
     if size == math.inf:
         return int(client.createCollisionShape(pb.GEOM_PLANE))
     return int(client.createCollisionShape(pb.GEOM_BOX, halfExtents=[size] * 3))
+
+
+def describe_box(record: Any, key: tuple[float, ...]) -> None:
+    """Write the constants of a box to its record of ``COLLIDER``."""
+    (size,) = key
+    record.extent, record.depth, record.nz = size, 0.0 if size == math.inf else size, 1.0
 
 
 @compiled

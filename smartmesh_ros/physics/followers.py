@@ -1,0 +1,173 @@
+"""Attached bodies and links. Each has a slot for life, and a patch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
+from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.physics.body_shapes import is_ball, is_round
+from smartmesh_ros.terrain.grid import IntArray
+from smartmesh_ros.terrain.revisions import next_revision
+
+# ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: has a
+# collider when ground is in reach; otherwise only the patch is computed. ``free``: may be clamped before impact.
+# ``own``: may be lifted out of the ground, because this world moves it. ``remote``: another node simulates it.
+FOLLOWER = np.dtype([(name, np.bool_) for name in ("alive", "awake", "solid", "free", "own", "remote")])
+
+
+@dataclass(eq=False)
+class Follower:
+    """An attached body or link, with a patch under it.
+
+    ``shape``: a record of ``SHAPE``. ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``.
+    ``slot``: its row in the tables of `Followers`. ``collider``: PyBullet body of its current collider, None = no
+    collider. ``ball``: the shape is a ball. ``round``: the shape is a cylinder or capsule that moves freely; wheels are
+    excluded, because their joints hold them.
+    """
+
+    body: int
+    link: int
+    shape: Any
+    solid: bool
+    name: str = ""
+    slot: int = -1
+    collider: int | None = None
+
+    def __post_init__(self) -> None:
+        self.ball = is_ball(self.shape)
+        self.round = self.link < 0 and is_round(self.shape)
+
+    @property
+    def radius(self) -> float:
+        """Bounding radius about the centre of mass [m]."""
+        return float(self.shape["radius"])
+
+
+class Followers:
+    """The attached bodies and links by slot; iteration is over those in use, by slot.
+
+    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``, records of ``SHAPE``; ``states``
+    (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one
+    step [m]. ``epoch`` changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
+    """
+
+    def __init__(self) -> None:
+        self.epoch = self.wakes = next_revision()
+        self.table = np.zeros(0, FOLLOWER)
+        self.shapes: Any = np.zeros(0, SHAPE).view(np.recarray)
+        self.states = np.empty((0, BODY_COLUMNS))
+        self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
+        self._items: list[Follower | None] = []
+        self._unused: list[int] = []
+        self._slots: dict[int, list[int]] = {}  # by PyBullet body
+        self._chosen: dict[str, tuple[int, IntArray]] = {}
+
+    def __len__(self) -> int:
+        return len(self._items) - len(self._unused)
+
+    def __iter__(self) -> Iterator[Follower]:
+        return (follower for follower in self._items if follower is not None)
+
+    def __getitem__(self, slot: int) -> Follower:
+        follower = self._items[slot]
+        if follower is None:
+            raise IndexError(f"slot {slot} is not in use")
+        return follower
+
+    @property
+    def capacity(self) -> int:
+        """Number of rows of the tables."""
+        return len(self.table)
+
+    @property
+    def names(self) -> list[str]:
+        """Names by slot, empty for unused slots."""
+        return ["" if follower is None else follower.name for follower in self._items]
+
+    def add(self, follower: Follower, *, free: bool, own: bool, remote: bool = False) -> None:
+        """Give a follower a slot. Raises `InputError` if its body or link has one already."""
+        slots = self._slots.setdefault(follower.body, [])
+        if any(self[slot].link == follower.link for slot in slots):
+            raise InputError(
+                "duplicate_id", f"body {follower.body}, link {follower.link} is attached already; detach it first"
+            )
+        if self._unused:
+            slot = self._unused.pop()
+        else:
+            slot = len(self._items)
+            self._items.append(None)
+            self._reserve(slot + 1)
+        follower.slot = slot
+        slots.append(slot)
+        self._items[slot] = follower
+        self.table[slot] = (True, True, follower.solid, free, own, remote)
+        self.shapes[slot] = follower.shape
+        self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
+        self._changed()
+
+    def remove(self, slot: int) -> None:
+        """Free a slot."""
+        follower = self[slot]
+        slots = self._slots[follower.body]
+        slots.remove(slot)
+        if not slots:
+            del self._slots[follower.body]
+        self._items[slot] = None
+        self.table[slot] = False
+        self.states[slot] = self.positions_w[slot] = np.nan
+        self._unused.append(slot)
+        self._changed()
+
+    def of(self, body: int) -> list[int]:
+        """Slots of a PyBullet body and its links, empty if it is not attached."""
+        return self._slots.get(body, [])
+
+    def set_awake(self, slots: IntArray, *, awake: bool) -> None:
+        """Note that bodies woke, or fell asleep and do not move."""
+        if len(slots):
+            self.table["awake"][slots] = awake
+            self.moved_w[slots] = 0.0
+            self.wakes = next_revision()
+
+    @property
+    def awake(self) -> IntArray:
+        """Slots of the followers that are not asleep."""
+        return self._slots_where("awake", lambda table: table["awake"])
+
+    @property
+    def asleep(self) -> IntArray:
+        """Slots of the sleeping followers."""
+        return self._slots_where("asleep", lambda table: table["alive"] & ~table["awake"])
+
+    @property
+    def solid(self) -> IntArray:
+        """Slots of the followers that are awake and have a collider when ground is in reach."""
+        return self._slots_where("solid", lambda table: table["awake"] & table["solid"])
+
+    @property
+    def tracked(self) -> IntArray:
+        """Slots of the followers without colliders."""
+        return self._slots_where("tracked", lambda table: table["alive"] & ~table["solid"])
+
+    def _slots_where(self, name: str, condition: Callable[[Any], Any]) -> IntArray:
+        """Return the slots whose records meet a condition, computed once between changes."""
+        known = self._chosen.get(name)
+        if known is None or known[0] != self.wakes:
+            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table)))
+        return known[1]
+
+    def _changed(self) -> None:
+        self.epoch = self.wakes = next_revision()
+
+    def _reserve(self, slots: int) -> None:
+        self.table = with_rows(self.table, slots, False)
+        self.shapes = with_rows(self.shapes, slots, 0)
+        self.states = with_rows(self.states, slots, np.nan)
+        self.positions_w = with_rows(self.positions_w, slots, np.nan)
+        self.moved_w = with_rows(self.moved_w, slots, 0.0)
