@@ -1,5 +1,6 @@
 """Contacts between bodies and the ground."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +30,9 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     update."""
     followers = ground.followers
     colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
-    contacts = contacts_of_step(client, colliders)
+    contacts = contacts_from(client.getContactPoints(), colliders)
+    for slot, (collider, points) in ground.contacts_asleep.items():
+        contacts += contacts_from(points, {collider: followers[slot].name})
     tracked = followers.tracked.tolist()
     if tracked:
         ground.choose_tracked()
@@ -38,11 +41,11 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     return contacts
 
 
-def contacts_of_step(client: Any, colliders: dict[int, str]) -> list[GroundContact]:
-    """Return the contacts of the last step with the ``colliders``, which map PyBullet bodies to the names of their
-    followers."""
+def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[GroundContact]:
+    """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
+    PyBullet's contact ``points``."""
     contacts = []
-    for point in client.getContactPoints():
+    for point in points:
         first, second = colliders.get(point[1]), colliders.get(point[2])
         if second is not None:  # PyBullet's normal points from the second body to the first
             contacts.append(GroundContact(second, point[6], point[7], -point[8], point[9]))

@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.body_shapes import is_ball, is_round
-from smartmesh_ros.terrain.grid import IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.revisions import next_revision
 
 # ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: has a
@@ -59,10 +59,11 @@ class Followers:
 
     def __init__(self) -> None:
         self.epoch = self.wakes = next_revision()
-        self.table = np.zeros(0, FOLLOWER)
+        self.table: Any = np.zeros(0, FOLLOWER).view(np.recarray)
         self.shapes: Any = np.zeros(0, SHAPE).view(np.recarray)
         self.states = np.empty((0, BODY_COLUMNS))
         self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
+        self._radii: FloatArray = np.empty(0)
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
         self._slots: dict[int, list[int]] = {}  # by PyBullet body
@@ -84,6 +85,11 @@ class Followers:
     def capacity(self) -> int:
         """Number of rows of the tables."""
         return len(self.table)
+
+    @property
+    def radii(self) -> FloatArray:
+        """Bounding radii about the centres of mass by slot (S,) [m]."""
+        return self._radii
 
     @property
     def names(self) -> list[str]:
@@ -159,7 +165,7 @@ class Followers:
         """Return the slots whose records meet a condition, computed once between changes."""
         known = self._chosen.get(name)
         if known is None or known[0] != self.wakes:
-            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table)))
+            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table.view(np.ndarray))))
         return known[1]
 
     def _changed(self) -> None:
@@ -168,6 +174,7 @@ class Followers:
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
         self.shapes = with_rows(self.shapes, slots, 0)
+        self._radii = self.shapes.view(np.ndarray)["radius"]  # fields of record arrays are read slowly
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)
         self.moved_w = with_rows(self.moved_w, slots, 0.0)

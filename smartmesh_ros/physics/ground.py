@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
@@ -16,14 +19,25 @@ from smartmesh_ros.physics.follower_reader import FollowerReader
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.leaving import leaves_support
 from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.physics.sleep_config import SleepConfig
+from smartmesh_ros.physics.sleeping import Sleeping
 from smartmesh_ros.physics.stepper import Stepper, physics_of
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.physics.waking import Waking
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+
+class SleepContacts(NamedTuple):
+    """Contact points of a body with its ``collider``, a PyBullet body, as PyBullet reported them before the body fell
+    asleep."""
+
+    collider: int
+    points: list[Any]
 
 
 class Ground:
@@ -61,6 +75,7 @@ class Ground:
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # lifetime of the last update [steps]
         self._expected_moves: list[tuple[list[int], FloatArray]] = []
+        self._sleeping: Sleeping | None = None
         self._tracked_chosen = False  # patches of followers that are not solid are those of the last update
 
     @property
@@ -93,6 +108,7 @@ class Ground:
     def placed(self, body: int | None = None) -> None:
         """Note that a body (None = every body) was teleported, so that this jump does not count as its motion."""
         slots = [follower.slot for follower in self.followers] if body is None else self.followers.of(body)
+        self.wake(body)
         self.colliders.pool.renew(slots)
         self.stale = True
 
@@ -105,6 +121,41 @@ class Ground:
     def leaked(self) -> int:
         """Number of colliders that were rebuilt so far; PyBullet leaks a few KiB for each."""
         return self.colliders.meshes.built
+
+    def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
+        """Put bodies at rest to sleep from now on, without colliders, if ``may_sleep`` returns True for the PyBullet
+        body; None = wake all, and let none sleep. Whoever pushes a body by other means than PyBullet's contacts must
+        `wake` it before."""
+        if self._sleeping is not None:
+            self._sleeping.wake_all()
+            self._sleeping, self.stale = None, True
+        if may_sleep is not None:
+            self._sleeping = Sleeping(
+                self._client, self.followers, self.terrain, config or SleepConfig(), may_sleep=may_sleep,
+                release=self._release_for_sleep,
+            )  # fmt: skip
+            self._sleeping.reserve(self.followers.capacity)
+            for follower in self.followers:
+                self._sleeping.add(follower.slot)
+
+    def wake(self, body: int | None = None) -> None:
+        """Wake a body, or all (None), with what it may touch."""
+        if self._sleeping is not None:
+            if body is None:
+                self._sleeping.wake_all()
+            else:
+                self._sleeping.wake(np.array(self.followers.of(body), np.int64))
+            self.stale = True
+
+    def keep_awake(self, slots: IntArray) -> None:
+        """Wake followers, and let them sleep only after a while without another call."""
+        if self._sleeping is not None:
+            self._sleeping.wake(slots)
+
+    @property
+    def contacts_asleep(self) -> dict[int, SleepContacts]:
+        """By slot: the contacts of sleeping bodies with their colliders, in the last step before they fell asleep."""
+        return {} if self._sleeping is None else self._sleeping.contacts
 
     def attach(
         self,
@@ -127,12 +178,17 @@ class Ground:
         slots = self.followers.capacity
         for table in (self.colliders, self._selector, self._waking, self.stepper.landing):
             table.reserve(slots)
+        if self._sleeping is not None:
+            self._sleeping.reserve(slots)
+            self._sleeping.add(follower.slot)
         self.stale = True
         return follower
 
     def detach(self, body: int) -> None:
         """Remove the patches of ``body`` and its links. Call it before the body is removed from PyBullet."""
         for slot in list(self.followers.of(body)):
+            if self._sleeping is not None:
+                self._sleeping.remove(slot)
             self.colliders.release(self.followers[slot], self.time)
             self._selector.remove(slot)
             self._waking.forget(slot)
@@ -146,6 +202,7 @@ class Ground:
         settings."""
         for mesh in self.terrain.tiles.values():
             require_usable(config, mesh)
+        self.wake()
         if config.edge_filter != self.config.edge_filter:
             self.colliders.replace_all()
         self.stale = True
@@ -172,17 +229,28 @@ class Ground:
 
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Refresh every patch at ``time`` [s], for the next ``steps`` steps of ``dt`` [s]."""
-        followers = self.followers
+        followers, sleeping = self.followers, self._sleeping
         with self.stopwatch.stage("bodies"):
-            corrected = self._correct(time)
+            corrections = self._show_corrections(time)
+            if sleeping is not None:
+                sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
+            self._move_with_corrections(corrections)
             self._read_states(dt)
             if time != self.time:
                 self._waking.wake(followers)
+            if sleeping is not None and followers.awake.size:
+                sleeping.note_motion(time)
+                if sleeping.wake_reached(time, 0.0):
+                    sleeping.note_motion(time)
+                sleeping.put_to_sleep(time, dt * steps, self.config.tolerance)
         self.stale, self._steps, self.time = False, steps, time
+        if not followers.awake.size:
+            self.colliders.pool.trim(followers, time)
+            return
         self._selector.update(followers.solid, followers.shapes, followers.states, time, dt * steps, self.gravity)
         self._tracked_chosen = False
         with self.stopwatch.stage("collider"):
-            self._apply(time, exact=corrected)
+            self._apply(time, exact=bool(corrections))
 
     def go_on(self, time: float, dt: float) -> bool:
         """Let the patches of the last `update` move on for a further step of ``dt`` [s]. If a body leaves the ground
@@ -191,18 +259,24 @@ class Ground:
         if self.stale:
             self.update(time, dt, self._steps)
             return True
+        if not self.followers.awake.size:
+            return False
         with self.stopwatch.stage("bodies"):
             self._read_positions()
             left = leaves_support(
                 self.followers.awake, self.followers.positions_w, self.followers.moved_w, self.followers.states,
                 self.supports, self.followers.shapes, SELECTION.slack, SELECTION.fastest * dt,
             )  # fmt: skip
+            if self._sleeping is not None:
+                left |= self._sleeping.wake_reached(time, time - self.time)
         if left:
             self.update(time, dt, self._steps)
         return bool(left)
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
+        if duration < 0.0 and self._sleeping is not None:  # the clock was set back
+            self._sleeping.wake_all()
         self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True
@@ -218,9 +292,21 @@ class Ground:
         """The stepper of `step`; a `World` calls it with its own settings."""
         return Stepper(self._client, self)
 
-    def _correct(self, time: float) -> bool:
-        """Apply corrections of the ground up to ``time`` [s], and move the bodies on or near the corrected ground with
-        them. Returns True if there were any."""
+    def _release_for_sleep(self, slot: int) -> SleepContacts:
+        """Take its collider from a follower that falls asleep, and return its contacts. Mesh colliders stay, because
+        PyBullet leaks for each that is rebuilt."""
+        follower = self.followers[slot]
+        if self.colliders.pool.active[slot] < 0:
+            return SleepContacts(-1, [])
+        uid = follower.collider
+        assert uid is not None
+        points = self._client.getContactPoints(follower.body, uid)
+        self.colliders.pool.release(follower, self.time)
+        return SleepContacts(uid, points or [])
+
+    def _show_corrections(self, time: float) -> list[tuple[int, MovingGrid, MovingGrid]]:
+        """Blend corrections of the ground in up to ``time`` [s]; returns the number of each corrected tile, and its
+        grid before and after."""
         moves = []
         for name, mesh in self.terrain.tiles.items():
             if isinstance(mesh, HeightMap) and mesh.motion.corrects:
@@ -228,10 +314,13 @@ class Ground:
                 mesh.show(time)
                 if correcting:
                     moves.append((self.terrain.numbers[name], before, mesh.moved_to(time)))
+        return moves
+
+    def _move_with_corrections(self, moves: list[tuple[int, MovingGrid, MovingGrid]]) -> None:
+        """Move the bodies on or near the corrected ground with it."""
         if moves and len(self.followers):
             self._read_states(0.0)
             self._transport.move_bodies(moves, self.followers, self.supports)
-        return bool(moves)
 
     def _apply(self, time: float, *, exact: bool) -> None:
         """Set the colliders to the current supports; ``exact``: without tolerance."""

@@ -39,6 +39,8 @@ class Guard:
     def rescue(self, client: Any, time: float) -> int:
         """Put bodies that are below the ground back onto it and return their number."""
         ground, followers = self._ground, self._ground.followers
+        if not followers.solid.size:
+            return 0
         found = possibly_buried(
             followers.solid, followers.states, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
         )

@@ -32,6 +32,8 @@ _OTHER, _FORCE = 2, 9
 MOST_PENDING = 64
 # Largest difference of equal times, due to rounding [s].
 INSTANT = 1e-9
+# Largest difference of a sleeping guest's coordinates from its owner's that is left [m, quaternion].
+SAME_PLACE = 1e-6
 NOBODY = np.zeros(0, bool)
 
 
@@ -178,9 +180,7 @@ class Guests:
             return
         world, followers = self._world, self._world.followers
         remote, solid = followers.table["remote"], followers.table["solid"]
-        near = may_touch(
-            followers.positions_w, followers.moved_w, followers.shapes["radius"], remote, solid, self.config.touching
-        )
+        near = may_touch(followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching)
         client = world.client._client
         for slot in np.flatnonzero(near).tolist():
             uid = followers[slot].body
@@ -238,7 +238,7 @@ class Guests:
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
         near = near_any(
             states.numbers, self._age(now), states.radii, followers.positions_w, followers.moved_w / world.dt,
-            followers.shapes["radius"], followers.table["own"], margins, self.config.horizon,
+            followers.radii, followers.table["own"], margins, self.config.horizon,
         )  # fmt: skip
         if known.barred.size:
             near &= ~known.barred
@@ -269,7 +269,7 @@ class Guests:
         setting, drawing = [], []
         for guest in known.guests.values():
             if guest.touched is None:
-                if known.new:
+                if known.new and not self._rests(guest, now):
                     setting.append(guest)
                 continue
             first, last = guest.touched
@@ -285,6 +285,14 @@ class Guests:
             share = 1.0 - math.exp(-dt / max(self.config.settle, known.delay))
             states = self._calls.states([guest.uid for guest in drawing])
             self._put(drawing, blended(states, self._extrapolated(now, drawing), share))
+
+    def _rests(self, guest: Guest, now: _Received) -> bool:
+        """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
+        followers = self._world.followers
+        slot, row = followers.of(guest.uid)[0], now.states.numbers[guest.row]
+        if followers.table["awake"][slot] or row[7:13].any():
+            return False
+        return bool(np.abs(row[:7] - followers.states[slot, :7]).max() <= SAME_PLACE)
 
     def _age(self, received: _Received) -> float:
         return min(self._world.time - received.time, self.config.max_extrapolation)

@@ -105,6 +105,8 @@ class Landing:
         are none."""
         ground, dt = self._ground, physics.dt
         followers = ground.followers
+        if not followers.solid.size:
+            return None
         fall = np.array(physics.gravity) * dt
         shallow = max(LANDING.shallow, LANDING.falling * math.hypot(*physics.gravity) * dt * dt)
         codes = np.zeros(followers.capacity, np.int64)

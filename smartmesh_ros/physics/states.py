@@ -14,7 +14,8 @@ NOWHERE = np.empty((0, 13))
 
 class SimulatedStates:
     """Reads the states of a world's simulated bodies, in the order of spawning. Names, shapes and masses are read only
-    when a body is added or removed, because reading them takes as long as reading the states."""
+    when a body is added or removed, because reading them takes as long as reading the states. Sleeping bodies are not
+    read at all."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -22,14 +23,24 @@ class SimulatedStates:
 
     def read(self) -> StateTable:
         """Return the current states."""
-        if (self._world.client, self._world.followers.epoch) != self._described:
+        followers = self._world.followers
+        if (self._world.client, followers.epoch) != self._described:
             self._describe()
-        return self._bodies._replace(numbers=BulletCalls(self._world.client).states(self._uids))
+        calls = BulletCalls(self._world.client)
+        if not followers.asleep.size:
+            return self._bodies._replace(numbers=calls.states(self._uids))
+        numbers = followers.states[self._slots]
+        moves = np.flatnonzero(followers.table["awake"][self._slots] | self._robot)
+        numbers[moves] = calls.states([self._uids[place] for place in moves.tolist()])
+        return self._bodies._replace(numbers=numbers)
 
     def _describe(self) -> None:
-        self._described = self._world.client, self._world.followers.epoch
+        followers = self._world.followers
+        self._described = self._world.client, followers.epoch
         bodies = [body for body in self._world.bodies.values() if body.simulated]
         self._uids = [body.uid for body in bodies]
+        self._slots = np.array([followers.of(uid)[0] for uid in self._uids], np.int64)
+        self._robot = np.array([body.is_robot for body in bodies], bool)
         self._bodies = _table(bodies)
 
 

@@ -25,6 +25,7 @@ from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.limits import FARTHEST_BODY, require_possible
 from smartmesh_ros.physics.shapes import Shape, Sphere
+from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
 from smartmesh_ros.physics.state import BodyState
@@ -62,6 +63,7 @@ class World:
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
+        self.sleep_config = SleepConfig()
         self._counts = StepCounts()
         self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
@@ -79,6 +81,7 @@ class World:
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self.guests = Guests(self, self.config.guests)
+        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.sleep_config)
 
     def __enter__(self) -> World:
         return self
@@ -89,6 +92,8 @@ class World:
     def configure(self, config: WorldConfig) -> None:
         """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
         only."""
+        if config.physics.sleep != self.config.physics.sleep:
+            self.ground.let_sleep(self._may_sleep if config.physics.sleep else None, self.sleep_config)
         self.config = config
         set_up(self.client, config.physics)
         self._factory.config = config.physics
@@ -166,11 +171,13 @@ class World:
             self._remove(name)
 
     def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None:
-        """Note that remote bodies were set to states (n, 13), so that a jump does not count as motion."""
+        """Note that remote bodies were set to states (n, 13), so that a jump does not count as motion. A remote body
+        sleeps only while its owner says that it is at rest."""
         ground, followers = self.ground, self.ground.followers
         chosen = [followers.of(uid)[0] for uid in uids]
+        ground.keep_awake(np.array(chosen)[numbers[:, 7:13].any(axis=1)])
         moved = numbers[:, :3] - followers.positions_w[chosen]
-        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= followers.shapes["radius"][chosen] ** 2)).tolist():
+        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= followers.radii[chosen] ** 2)).tolist():
             ground.placed(uids[row])
         ground.will_move(chosen, numbers[:, 7:10] * self.config.physics.dt)
 
@@ -183,6 +190,8 @@ class World:
         """Drive a robot's joint by a command from now on."""
         self.require_joint(name, joint)
         body = self.bodies[name]
+        if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
+            self.ground.wake(body.uid)
         body.commands[joint] = command
         self._motors.command(body.uid, body.joints[joint], command)
 
@@ -257,6 +266,11 @@ class World:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
         self.ground.placed(body.uid)
+
+    def wake(self, name: str | None = None) -> None:
+        """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
+        PyBullet's forces and velocities do not wake a sleeping body."""
+        self.ground.wake(None if name is None else self._body(name).uid)
 
     def state(self, name: str) -> BodyState:
         """Return the state of a body's centre of mass."""
@@ -335,7 +349,7 @@ class World:
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
-        found = wrenches_of_step(self.client, self.followers)
+        found = wrenches_of_step(self.client, self.ground)
         return [wrench for wrench in found if not self._is_guest(wrench.body)]
 
     def below_ground(self) -> list[str]:
@@ -367,6 +381,17 @@ class World:
                 self.lost.append(name)
             self._remove(name)
         return True
+
+    def _may_sleep(self, uid: int) -> bool:
+        """Return True if no joint of a PyBullet body moves or is driven to move."""
+        slot = self.followers.of(uid)[0]
+        body = self.bodies[self.followers[slot].name.partition("/")[0]]
+        if not body.joints:
+            return True
+        if any(command.velocity for command in body.commands.values()):
+            return False
+        speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
+        return max(map(abs, speeds)) <= self.sleep_config.joint
 
     def _body(self, name: str) -> Body:
         try:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.physics.followers import Follower, Followers
+from smartmesh_ros.physics.followers import Follower
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.terrain.grid import FloatArray
 
 
@@ -22,21 +24,32 @@ class GroundWrench:
     torque: FloatArray
 
 
-def wrenches_of_step(client: Any, followers: Followers) -> list[GroundWrench]:
-    """Return the wrenches of the last step on the simulated bodies among ``followers``.
+def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
+    """Return the wrenches of the last step on the simulated bodies of a ``ground``; for sleeping bodies, of the step
+    before they fell asleep.
 
     Rolling and spinning friction, which URDFs may ask for, are not included.
     """
-    found: dict[str, GroundWrench] = {}
+    found: list[GroundWrench] = []
     of_colliders: dict[int, GroundWrench] = {}
-    for follower in followers:
+    asleep = ground.contacts_asleep
+    for follower in ground.followers:
         if follower.solid:
-            name = follower.name
             centre = np.array(_centre(client, follower))
-            found[name] = GroundWrench(name, centre, np.zeros(3), np.zeros(3))
+            wrench = GroundWrench(follower.name, centre, np.zeros(3), np.zeros(3))
+            found.append(wrench)
             if follower.collider is not None:
-                of_colliders[follower.collider] = found[name]
-    for point in client.getContactPoints():
+                of_colliders[follower.collider] = wrench
+            elif follower.slot in asleep:
+                collider, points = asleep[follower.slot]
+                _add(points, {collider: wrench})
+    _add(client.getContactPoints(), of_colliders)
+    return found
+
+
+def _add(points: Iterable[Any], of_colliders: dict[int, GroundWrench]) -> None:
+    """Add the forces of PyBullet's contact ``points`` with colliders to the wrenches on their followers."""
+    for point in points:
         # PyBullet reports the forces on the first of the two bodies.
         if (wrench := of_colliders.get(point[2])) is not None:
             sign, position = 1.0, point[5]
@@ -47,7 +60,6 @@ def wrenches_of_step(client: Any, followers: Followers) -> list[GroundWrench]:
         force = sign * (np.array([point[9], point[10], point[12]]) @ np.array([point[7], point[11], point[13]]))
         wrench.force[:] += force
         wrench.torque[:] += np.cross(np.array(position) - wrench.centre, force)
-    return list(found.values())
 
 
 def _centre(client: Any, follower: Follower) -> tuple[float, float, float]:

@@ -62,3 +62,4 @@ def take_corrected(
                     offsets[r, c] = offset
             clock.middle = time if shown == math.inf else shown
             clock.time, clock.known, clock.lifetime = time, 0, 0.0
+            clock.updates += 1

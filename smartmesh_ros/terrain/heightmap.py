@@ -14,7 +14,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
-from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, ground_at, read_window, samples_at
+from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import take_heights
 
@@ -289,6 +289,11 @@ class HeightMap:
         samples = self.at_edge(points, time)
         samples.heights[self.beyond(points) > 0.0] = np.nan
         return samples
+
+    def fill(self, xy_w: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
+        """Write the ground under points (N, 2) [m] at ``time`` [s] to ``heights`` and ``velocities`` (N,), where the
+        height is still NaN; points outside the map stay as they are."""
+        fill_ground(self.moved_to(time), np.ascontiguousarray(xy_w), time, EDGE, heights, velocities)
 
     def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
         """Return the ground as `at` does, with points outside the map clamped to its edge."""

@@ -49,6 +49,7 @@ INTERVALS_KEPT = 10
 # newest velocity. ``lifetime`` [s]: longest expected time until the next update, 0 = at rest. ``middle``, ``middle_1``,
 # ``middle_2`` [s]: instants at which the velocities hold, newest first. ``known``: number of known velocities.
 # ``newest``: index of the newest velocity in the ring buffer. ``intervals`` [s]: between the last ``count`` updates.
+# ``updates``: number of updates so far.
 CLOCK = np.dtype(
     [
         ("time", np.float64),
@@ -61,6 +62,7 @@ CLOCK = np.dtype(
         ("newest", np.int64),
         ("intervals", np.float64, (INTERVALS_KEPT,)),
         ("count", np.int64),
+        ("updates", np.int64),
     ]
 )
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # fields that are instants

@@ -189,6 +189,22 @@ def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray
 
 
 @compiled
+def fill_ground(
+    grid: MovingGrid, xy: FloatArray, time: float, edge: float, heights: FloatArray, velocities: FloatArray
+) -> None:
+    """Write ``heights`` (N,) [m] and vertical ``velocities`` (N,) [m/s] of the ground as `ground_at`, where the height
+    is still NaN and the point is on the map. Points up to ``edge`` samples beyond the map count as on it."""
+    rows, columns = grid.heights.shape
+    for i in range(len(xy)):
+        if not math.isnan(heights[i]):
+            continue
+        row, column = to_grid(grid, xy[i, 0], xy[i, 1])
+        if -edge <= row <= rows - 1.0 + edge and -edge <= column <= columns - 1.0 + edge:
+            row, column = min(max(row, 0.0), rows - 1.0), min(max(column, 0.0), columns - 1.0)
+            heights[i], velocities[i] = surface_at_sample(grid, row, column, time)
+
+
+@compiled
 def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):
     """Write ``heights`` [m] and mean ``velocities`` [m/s] over the time ``ahead`` [s] of samples, all (n,).
 

@@ -91,12 +91,13 @@ class Terrain:
         heights = np.full(len(points), np.nan)
         velocities = np.zeros(len(points))
         for mesh in self.tiles.values():
+            if isinstance(mesh, HeightMap):
+                mesh.fill(points, time, heights, velocities)
+                continue
             missing = np.isnan(heights)
-            if not missing.any():
-                break
-            found = mesh.at(points[missing], time)
-            heights[missing] = found.heights
-            velocities[missing] = found.velocities
+            if missing.any():
+                found = mesh.at(points[missing], time)
+                heights[missing], velocities[missing] = found
         return Samples(heights, velocities)
 
     def around(self, xy_w: FloatArray, time: float) -> Samples:

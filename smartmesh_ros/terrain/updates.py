@@ -60,6 +60,7 @@ def note_update(clock, time, given, whole, min_interval, max_interval):
 
     ``given``: the update contains velocities. ``whole``: it covers the whole block.
     """
+    clock.updates += 1
     since = time - clock.time
     again = since == 0.0 or (0.0 < since < min_interval and not whole)
     recent = not again and 0.0 < since <= max_interval

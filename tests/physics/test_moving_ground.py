@@ -303,7 +303,7 @@ def farthest_off(world: World) -> float:
     """How far colliders are from the ground near their bodies' feet [m]."""
     client, ground, off = world.client, world.ground, 0.0
     for index in np.flatnonzero(ground.supports["state"]).tolist():
-        follower, position = ground.followers[index], ground.positions_w[index]
+        follower, position = ground.followers[index], ground.followers.positions_w[index]
         foot = np.array([ground.supports["foot_x"][index], ground.supports["foot_y"][index]])
         feet = foot + np.array([[0.0, 0.0], [0.02, 0.01], [-0.01, 0.02], [-0.02, -0.015]])
         client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise

@@ -1,0 +1,195 @@
+"""The ground under sleeping bodies: detects changes since they fell asleep."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import REST_AFTER, Mode
+from smartmesh_ros.terrain.moving_grid import MovingGrid, to_grid, to_world
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+# Points on each side of the lattice under a body on a general mesh.
+LATTICE = 5
+
+
+@compiled
+def cells_of(grid: MovingGrid, box: FloatArray) -> tuple[int, int, int, int]:
+    """Return the first row and column, and the last row and column, of the samples around a box (6,) on a map, clamped
+    to the map; last < first if the box is beside the map."""
+    rows, columns = grid.heights.shape
+    low_r = low_c = math.inf
+    high_r = high_c = -math.inf
+    for k in range(4):
+        r, c = to_grid(grid, box[0] if k % 2 == 0 else box[3], box[1] if k < 2 else box[4])
+        low_r, high_r, low_c, high_c = min(low_r, r), max(high_r, r), min(low_c, c), max(high_c, c)
+    if low_r > rows - 1 or low_c > columns - 1 or high_r < 0 or high_c < 0:
+        return 0, 0, -1, -1
+    return (
+        int(max(math.floor(low_r), 0.0)), int(max(math.floor(low_c), 0.0)), int(min(math.ceil(high_r), rows - 1.0)),
+        int(min(math.ceil(high_c), columns - 1.0)),
+    )  # fmt: skip
+
+
+@compiled
+def count_updates(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, time: float, counts: IntArray) -> None:
+    """Add to ``counts`` (n,) the updates so far of the blocks under the boxes of the slots ``chosen`` (n,); -1 where
+    the ground moves at ``time`` [s]."""
+    slides = grid.slide_x != 0.0 or grid.slide_y != 0.0 or grid.spin != 0.0
+    for k in range(len(chosen)):
+        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
+        if bottom < top or counts[k] < 0:
+            continue
+        for r in range(top >> BLOCK_SHIFT, (bottom >> BLOCK_SHIFT) + 1):
+            for c in range(left >> BLOCK_SHIFT, (right >> BLOCK_SHIFT) + 1):
+                clock = grid.clocks[r, c]
+                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * clock.lifetime)
+                if grid.mode == Mode.CORRECT:
+                    moves = remaining(clock, grid.shown, grid.settle) > 0.0
+                counts[k] = -1 if moves or counts[k] < 0 else counts[k] + clock.updates
+
+
+@compiled
+def count_samples(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, counts: IntArray) -> None:
+    """Write the number of samples under the box of each slot of ``chosen`` (n,) to ``counts`` (n,)."""
+    for k in range(len(chosen)):
+        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
+        counts[k] = max(bottom - top + 1, 0) * max(right - left + 1, 0)
+
+
+@compiled
+def write_samples(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, points: FloatArray) -> None:
+    """Write the positions of the samples under the boxes of the slots ``chosen`` (n,) to ``points`` (K, 2) [m], box by
+    box."""
+    total = 0
+    for k in range(len(chosen)):
+        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                points[total, 0], points[total, 1] = to_world(grid, float(r), float(c))
+                total += 1
+
+
+class RestingGround:
+    """Heights of the ground under sleeping bodies, as they were when the bodies fell asleep. Bodies are addressed by
+    slot."""
+
+    def __init__(self, terrain: Terrain) -> None:
+        self._terrain = terrain
+        self._points: FloatArray = np.empty((0, 2))  # positions of samples under all bodies [m]
+        self._heights: FloatArray = np.empty(0)  # at the points [m]
+        # By slot: first and last + 1 of the points under a body, and number of updates of the blocks under it.
+        self._first: IntArray = np.empty(0, np.int64)
+        self._end: IntArray = np.empty(0, np.int64)
+        self._seen: IntArray = np.empty(0, np.int64)
+        self._layout = -1
+        self._revision = -1
+
+    def reserve(self, slots: int) -> None:
+        """Make room for bodies in ``slots`` slots."""
+        self._first, self._end = with_rows(self._first, slots, 0), with_rows(self._end, slots, 0)
+        self._seen = with_rows(self._seen, slots, -1)
+
+    def forget(self, slots: IntArray) -> None:
+        """Discard the heights under bodies that woke or went."""
+        self._end[slots] = self._first[slots]
+        kept = np.flatnonzero(self._end > self._first)
+        if 2 * (self._end - self._first)[kept].sum() < len(self._heights):  # half of the memory is unused
+            places, firsts = self._places(kept)
+            self._points, self._heights = self._points[places], self._heights[places]
+            self._first[kept], self._end[kept] = firsts[:-1], firsts[1:]
+
+    def calm(self, chosen: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> BoolArray:
+        """Return which bodies (n,) have ground under them that moves by at most ``limit`` [m] in the ``duration`` [s]
+        from ``time`` [s] on, and note the heights under all. ``boxes`` (S, 6)."""
+        parts = [self._points_under(mesh, chosen, boxes, time) for mesh in self._terrain.tiles.values()]
+        owner = np.concatenate([np.repeat(np.arange(len(chosen)), counts) for _, counts in parts] or [chosen[:0]])
+        order = np.argsort(owner, kind="stable")
+        points = np.concatenate([points for points, _ in parts] or [np.empty((0, 2))])[order]
+        firsts = np.searchsorted(owner[order], np.arange(len(chosen) + 1))
+        found = self._terrain.at(points, time)
+        self._first[chosen] = len(self._heights) + firsts[:-1]
+        self._end[chosen] = len(self._heights) + firsts[1:]
+        self._points = np.concatenate([self._points, points])
+        self._heights = np.concatenate([self._heights, found.heights])
+        self._seen[chosen] = -1
+        moves = np.abs(found.velocities) * duration > limit
+        return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
+
+    def changed(self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> IntArray:
+        """Return the slots of those sleeping bodies (n,) whose ground differs by more than ``limit`` [m], or will
+        within the ``duration`` [s] from ``time`` [s] on."""
+        terrain = self._terrain
+        moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
+        if not asleep.size or not (moving or terrain.changed_since(self._revision)):
+            return asleep[:0]
+        counts = self._counts(asleep, boxes, time)
+        other_tiles = terrain.layout_revision != self._layout
+        self._revision, self._layout = terrain.revision, terrain.layout_revision
+        touched: IntArray = asleep[(counts < 0) | (counts != self._seen[asleep]) | other_tiles]
+        self._seen[asleep] = counts
+        if not touched.size:
+            return touched
+        places, firsts = self._places(touched)
+        found, known = terrain.at(self._points[places], time), self._heights[places]
+        same = np.abs(found.heights - known) + np.abs(found.velocities) * duration <= limit
+        same |= np.isnan(found.heights) & np.isnan(known)
+        differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]
+        return differ
+
+    def _places(self, slots: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the places of the points under bodies, one body after another, and where each body's begin (n + 1)."""
+        counts = self._end[slots] - self._first[slots]
+        firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        return np.repeat(self._first[slots] - firsts[:-1], counts) + np.arange(firsts[-1]), firsts
+
+    def _counts(self, chosen: IntArray, boxes: FloatArray, time: float) -> IntArray:
+        """Return the number of updates under each body (n,), -1 where the ground may move."""
+        counts = np.zeros(len(chosen), np.int64)
+        for mesh in self._terrain.tiles.values():
+            if isinstance(mesh, HeightMap):
+                count_updates(mesh.moved_to(time), chosen, boxes, time, counts)
+            else:
+                counts[:] = -1 if mesh.moving(time) else counts + mesh.revision
+        return counts
+
+    def _slides(self, chosen: IntArray, boxes: FloatArray, time: float) -> BoolArray:
+        """Return which bodies (n,) are above a map that moves horizontally."""
+        counts = np.zeros(len(chosen), np.int64)
+        for mesh in self._terrain.tiles.values():
+            if isinstance(mesh, HeightMap):
+                grid = mesh.moved_to(time)
+                if grid.slide_x != 0.0 or grid.slide_y != 0.0 or grid.spin != 0.0:
+                    count_updates(grid, chosen, boxes, time, counts)
+        return counts < 0
+
+    def _points_under(
+        self, mesh: MainMesh, chosen: IntArray, boxes: FloatArray, time: float
+    ) -> tuple[FloatArray, IntArray]:
+        """Return the positions of a tile's samples under bodies (k, 2) [m], and their number for each body (n,)."""
+        counts = np.zeros(len(chosen), np.int64)
+        if isinstance(mesh, HeightMap):
+            grid = mesh.moved_to(time)
+            count_samples(grid, chosen, boxes, counts)
+            points = np.empty((int(counts.sum()), 2))
+            write_samples(grid, chosen, boxes, points)
+            return points, counts
+        share = np.linspace(0.0, 1.0, LATTICE)
+        low, size = boxes[chosen, :2], boxes[chosen, 3:5] - boxes[chosen, :2]
+        across, along = np.meshgrid(share, share)
+        lattice = np.stack([across.ravel(), along.ravel()], axis=1)
+        counts[:] = LATTICE * LATTICE
+        return (low[:, None] + size[:, None] * lattice).reshape(-1, 2), counts
+
+
+def _any_of(marks: BoolArray, firsts: IntArray) -> BoolArray:
+    """Return for each group of ``marks`` (K,), which begin at ``firsts`` (n + 1,), whether any is True (n,)."""
+    total = np.concatenate([[0], np.cumsum(marks)])
+    found: BoolArray = total[firsts[1:]] > total[firsts[:-1]]
+    return found
