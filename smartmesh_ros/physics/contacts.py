@@ -29,7 +29,9 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
     update."""
     followers = ground.followers
-    colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
+    colliders: dict[int | None, str] = {
+        follower.collider: follower.name for follower in followers if follower.collider is not None
+    }
     contacts = contacts_from(client.getContactPoints(), colliders)
     for slot, (collider, points) in ground.contacts_asleep.items():
         contacts += contacts_from(points, {collider: followers[slot].name})
@@ -41,7 +43,7 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
     return contacts
 
 
-def contacts_from(points: Iterable[Any], colliders: dict[int, str]) -> list[GroundContact]:
+def contacts_from(points: Iterable[Any], colliders: dict[int | None, str]) -> list[GroundContact]:
     """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
     PyBullet's contact ``points``."""
     contacts = []

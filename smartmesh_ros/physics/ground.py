@@ -36,7 +36,7 @@ class SleepContacts(NamedTuple):
     """Contact points of a body with its ``collider``, a PyBullet body, as PyBullet reported them before the body fell
     asleep."""
 
-    collider: int
+    collider: int | None
     points: list[Any]
 
 
@@ -292,17 +292,21 @@ class Ground:
         """The stepper of `step`; a `World` calls it with its own settings."""
         return Stepper(self._client, self)
 
-    def _release_for_sleep(self, slot: int) -> SleepContacts:
-        """Take its collider from a follower that falls asleep, and return its contacts. Mesh colliders stay, because
-        PyBullet leaks for each that is rebuilt."""
-        follower = self.followers[slot]
-        if self.colliders.pool.active[slot] < 0:
-            return SleepContacts(-1, [])
-        uid = follower.collider
-        assert uid is not None
-        points = self._client.getContactPoints(follower.body, uid)
-        self.colliders.pool.release(follower, self.time)
-        return SleepContacts(uid, points or [])
+    def _release_for_sleep(self, slots: IntArray) -> dict[int, SleepContacts]:
+        """Take their colliders from followers that fall asleep, and return the contacts of these by slot. Mesh
+        colliders stay, because PyBullet leaks for each that is rebuilt."""
+        active = slots[self.colliders.pool.active[slots] >= 0].tolist()
+        released = {self.followers[slot].collider: slot for slot in active}
+        points: dict[int, list[Any]] = {slot: [] for slot in active}
+        # All points are read, because PyBullet swaps the bodies of a point to fit a filter, but not its friction.
+        for point in self._client.getContactPoints():
+            slot = released.get(point[1], released.get(point[2]))
+            if slot is not None:
+                points[slot].append(point)
+        contacts = {slot: SleepContacts(self.followers[slot].collider, points[slot]) for slot in active}
+        for slot in active:
+            self.colliders.pool.release(self.followers[slot], self.time)
+        return contacts
 
     def _show_corrections(self, time: float) -> list[tuple[int, MovingGrid, MovingGrid]]:
         """Blend corrections of the ground in up to ``time`` [s]; returns the number of each corrected tile, and its

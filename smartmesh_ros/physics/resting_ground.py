@@ -80,8 +80,9 @@ class RestingGround:
     """Heights of the ground under sleeping bodies, as they were when the bodies fell asleep. Bodies are addressed by
     slot."""
 
-    def __init__(self, terrain: Terrain) -> None:
+    def __init__(self, terrain: Terrain, noise: float) -> None:
         self._terrain = terrain
+        self._noise = noise  # see `SleepConfig`
         self._points: FloatArray = np.empty((0, 2))  # positions of samples under all bodies [m]
         self._heights: FloatArray = np.empty(0)  # at the points [m]
         # By slot: first and last + 1 of the points under a body, and number of updates of the blocks under it.
@@ -137,8 +138,10 @@ class RestingGround:
         if not touched.size:
             return touched
         places, firsts = self._places(touched)
-        found, known = terrain.at(self._points[places], time), self._heights[places]
-        same = np.abs(found.heights - known) + np.abs(found.velocities) * duration <= limit
+        points, known = self._points[places], self._heights[places]
+        found = terrain.at(points, time)
+        limits = np.maximum(limit, self._noise * terrain.deviations_at(points))
+        same = np.abs(found.heights - known) + np.abs(found.velocities) * duration <= limits
         same |= np.isnan(found.heights) & np.isnan(known)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]
         return differ

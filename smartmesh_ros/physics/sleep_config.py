@@ -10,7 +10,9 @@ class SleepConfig:
     ``after`` [s], ``distance`` [m]: a body is still if no point of it moved farther than ``distance`` for the time
     ``after``. This is a mean speed of 2 mm/s. Contacts at rest tremble faster at times, but go nowhere; a ball on a
     slope of 0.5 degrees moves by 8 mm in this time. ``ground``: a sleeping body wakes when the ground under it has
-    changed by more than this share of the patches' tolerance since it fell asleep. ``near`` [m], ``near_share``: bodies
+    changed by more than this share of the patches' tolerance since it fell asleep. ``noise``:
+    on maps whose noise is fused, a change may also be this many standard deviations of the fused heights. With 3,
+    noise of 5 mm wakes a body about once in five seconds. ``near`` [m], ``near_share``: bodies
     whose bounding boxes are closer than ``near`` plus this share of both radii may touch. PyBullet itself wakes what is
     closer than 0.02 radii to an awake body. ``most``: largest number of bodies that fall asleep in one update, because
     each takes 10 us there. ``joint`` [rad/s, m/s]: a robot sleeps only while none of its joints is faster, because
@@ -20,6 +22,7 @@ class SleepConfig:
     after: float = 0.5
     distance: float = 1e-3
     ground: float = 0.5
+    noise: float = 3.0
     near: float = 2e-3
     near_share: float = 0.03
     most: int = 100

@@ -97,8 +97,8 @@ def mark_reached(
 class Sleeping:
     """Which bodies of one world sleep. Followers are addressed by slot; the links of a robot sleep together.
 
-    ``may_sleep`` is asked once a PyBullet body could fall asleep. ``release`` takes the collider from a follower, and
-    returns what is to be remembered of its contacts; ``contacts`` holds these by slot.
+    ``may_sleep`` is asked once a PyBullet body could fall asleep. ``release`` takes the colliders from followers, and
+    returns what is to be remembered of their contacts; ``contacts`` holds these by slot.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class Sleeping:
         config: SleepConfig,
         *,
         may_sleep: Callable[[int], bool],
-        release: Callable[[int], Any],
+        release: Callable[[IntArray], dict[int, Any]],
     ) -> None:
         self.config = config
         self.contacts: dict[int, Any] = {}
@@ -117,7 +117,7 @@ class Sleeping:
         self._followers = followers
         self._may_sleep = may_sleep
         self._release = release
-        self._ground = RestingGround(terrain)
+        self._ground = RestingGround(terrain, config.noise)
         self._boxes: FloatArray = np.empty((0, BOX_COLUMNS))
         self._anchors: FloatArray = np.empty((0, SINCE + 1))
         self._owners: IntArray = np.empty(0, np.int64)  # PyBullet bodies
@@ -226,10 +226,11 @@ class Sleeping:
 
     def _put(self, slots: IntArray) -> None:
         """Put bodies to sleep."""
+        if not slots.size:
+            return
         for owner in set(self._owners[slots].tolist()):
             self._client.changeDynamics(owner, -1, activationState=_SLEEP)
-        for slot in slots.tolist():
-            self.contacts[slot] = self._release(slot)
+        self.contacts.update(self._release(slots))
         self._followers.states[slots, 7:13] = 0.0
         self._followers.set_awake(slots, awake=False)
 

@@ -94,6 +94,7 @@ class World:
         only."""
         if config.physics.sleep != self.config.physics.sleep:
             self.ground.let_sleep(self._may_sleep if config.physics.sleep else None, self.sleep_config)
+        self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         self.config = config
         set_up(self.client, config.physics)
         self._factory.config = config.physics

@@ -31,7 +31,7 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
     Rolling and spinning friction, which URDFs may ask for, are not included.
     """
     found: list[GroundWrench] = []
-    of_colliders: dict[int, GroundWrench] = {}
+    of_colliders: dict[int | None, GroundWrench] = {}
     asleep = ground.contacts_asleep
     for follower in ground.followers:
         if follower.solid:
@@ -41,13 +41,12 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
             if follower.collider is not None:
                 of_colliders[follower.collider] = wrench
             elif follower.slot in asleep:
-                collider, points = asleep[follower.slot]
-                _add(points, {collider: wrench})
+                _add(asleep[follower.slot].points, {asleep[follower.slot].collider: wrench})
     _add(client.getContactPoints(), of_colliders)
     return found
 
 
-def _add(points: Iterable[Any], of_colliders: dict[int, GroundWrench]) -> None:
+def _add(points: Iterable[Any], of_colliders: dict[int | None, GroundWrench]) -> None:
     """Add the forces of PyBullet's contact ``points`` with colliders to the wrenches on their followers."""
     for point in points:
         # PyBullet reports the forces on the first of the two bodies.

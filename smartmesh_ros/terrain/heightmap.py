@@ -295,6 +295,17 @@ class HeightMap:
         height is still NaN; points outside the map stay as they are."""
         fill_ground(self.moved_to(time), np.ascontiguousarray(xy_w), time, EDGE, heights, velocities)
 
+    def deviations_at(self, xy_w: FloatArray) -> FloatArray:
+        """Return the standard deviation of the fused heights of the samples nearest to points (N, 2) [m]; zero outside
+        the map, where nothing was measured, and without fusion (N,) [m]."""
+        deviations = np.zeros(len(xy_w))
+        if self.fused is not None:
+            cells = np.rint(self.geometry.to_grid(xy_w)).astype(np.int64)
+            inside = ((cells >= 0) & (cells <= self.geometry.last)).all(axis=1)
+            variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
+            deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
+        return deviations
+
     def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
         """Return the ground as `at` does, with points outside the map clamped to its edge."""
         heights, velocities = np.empty(len(xy_w)), np.empty(len(xy_w))

@@ -100,6 +100,15 @@ class Terrain:
                 heights[missing], velocities[missing] = found
         return Samples(heights, velocities)
 
+    def deviations_at(self, xy_w: FloatArray) -> FloatArray:
+        """Return the standard deviation of fused heights at points (N, 2) [m], zero where maps are not fused (N,)
+        [m]."""
+        deviations = np.zeros(len(xy_w))
+        for mesh in self.tiles.values():
+            if isinstance(mesh, HeightMap) and mesh.fused is not None:
+                deviations = np.maximum(deviations, mesh.deviations_at(xy_w))
+        return deviations
+
     def around(self, xy_w: FloatArray, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] for patches that cross from tile to tile. Shapes (N,).
 

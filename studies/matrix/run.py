@@ -13,6 +13,7 @@ from studies.matrix import (
     moving_ground,
     real_maps,
     rules,
+    sleeping,
     still_ground,
     touching,
     uneven_maps,
@@ -29,6 +30,7 @@ ROWS: tuple[Row, ...] = (
     *real_maps.ROWS,
     *uneven_maps.ROWS,
     *mapper_drive.ROWS,
+    *sleeping.ROWS,
 )
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 

@@ -7,6 +7,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.physics.config import PhysicsConfig
 
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
 RATE = 240
@@ -79,7 +80,8 @@ def test_a_cylinder_rides_on_a_plane_that_rises(slope: float) -> None:
     heightmap = HeightMap(plane, resolution=0.1, origin=(-2.0, -2.0), velocities=np.zeros((41, 41)))
     turn = (0.0, -math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle))
     axis = np.array([-math.sin(angle), 0.0, math.cos(angle)])
-    with World(heightmap) as world:
+    awake = WorldConfig(physics=PhysicsConfig(sleep=False))  # its contacts take some steps to form anew after sleep
+    with World(heightmap, awake) as world:
         world.spawn("can", Cylinder(0.15, 0.1), 1.0, BodyState(tuple((0.0501 * axis).tolist()), turn))
         heights = []
         for step in range(2 * RATE):
