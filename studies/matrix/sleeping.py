@@ -72,10 +72,10 @@ def play(scene: Scene, method: PatchConfig, *, sleep: bool) -> list[dict[str, Fl
 def astray(scene: Scene, method: PatchConfig) -> float:
     """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
     lost."""
-    asleep, awake = (play(scene, method, sleep=sleep)[-1] for sleep in (True, False))
+    asleep, awake = play(scene, method, sleep=True)[-1], play(scene, method, sleep=False)[-1]
     if asleep.keys() != awake.keys():
         return math.inf
-    return float(1e3 * max(math.dist(asleep[name], awake[name]) for name in awake))
+    return 1e3 * max(math.dist(asleep[name].tolist(), awake[name].tolist()) for name in awake)
 
 
 def deeper(scene: Scene, method: PatchConfig) -> float:

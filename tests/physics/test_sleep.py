@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PatchConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -274,10 +275,16 @@ class SleepingBesideAwake(RuleBasedStateMachine):
         for world in self.worlds:
             world.reset_time()
 
-    @rule(steps=st.sampled_from([1, 30, 200]))
+    @rule(steps=st.sampled_from([1, 30]))
     def step(self, steps: int) -> None:
         for world in self.worlds:
             world.step(steps)
+
+    @precondition(lambda self: self.names)
+    @rule()
+    def fall_asleep(self) -> None:
+        for world in self.worlds:
+            world.step(RATE)
 
     @invariant()
     def same_places(self) -> None:
@@ -305,9 +312,12 @@ class SleepingBesideAwake(RuleBasedStateMachine):
             )
             assert found.keys() == expected.keys()
             for name, support in found.items():
-                for field in ("state", "rows", "columns", "stride", "foot_z", "gap", "rise"):
+                assert support.state == expected[name].state
+                if support.state == Support.NONE:
+                    continue
+                for field in ("foot_x", "foot_y", "foot_z", "gap", "rise"):  # extents depend on the schedule
                     assert support[field] == pytest.approx(expected[name][field], abs=1e-9), f"{field} of {name}"
 
 
 def test_sleeping_and_waking_bodies_are_where_awake_ones_are() -> None:
-    run_state_machine_as_test(SleepingBesideAwake, settings=settings(examples(12), stateful_step_count=16))
+    run_state_machine_as_test(SleepingBesideAwake, settings=settings(examples(40), stateful_step_count=20))
