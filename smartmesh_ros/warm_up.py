@@ -8,9 +8,10 @@ import numpy as np
 
 from smartmesh_ros import machine_code
 from smartmesh_ros.physics.shapes import Box, Cylinder, Sphere
+from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.states import simulated_states
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -43,6 +44,7 @@ def run_through() -> None:
             world.ground.choose_tracked()
             world.reset_bodies()
         _with_remote_bodies(world)
+    _with_sleeping_bodies()
     _fuse_maps()
     _check_maps()
 
@@ -114,6 +116,19 @@ def _with_remote_bodies(world: World) -> None:
             world.guests.take("peer", simulated_states(other), world.time)
             world.step()
     world.guests.clear()
+
+
+def _with_sleeping_bodies() -> None:
+    """Put bodies to sleep at once, and wake one by its ground and the others by a body that comes near."""
+    ground = HeightMap(np.zeros((SIDE, SIDE), np.float32), resolution=SPACING, time=-1.0)
+    with World(ground, WorldConfig(sleep=SleepConfig(after=0.0, distance=1.0))) as world:
+        _spawn_bodies(world)
+        world.step(2)
+        ground.update_region(0, 0, np.full((2, 2), 0.01, np.float32), time=world.time)
+        world.step()
+        world.spawn("near", Sphere(0.1), 1.0, world.state("box"))
+        world.remove("cylinder")
+        world.step(2)
 
 
 def _fuse_maps() -> None:

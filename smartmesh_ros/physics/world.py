@@ -38,11 +38,13 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
-    """Settings of a world: its physics, its patches, and remote bodies (``guests``), which other nodes simulate."""
+    """Settings of a world: its physics, its patches, when bodies ``sleep``, and remote bodies (``guests``), which other
+    nodes simulate."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     patch: PatchConfig = field(default_factory=PatchConfig)
     guests: GuestConfig = field(default_factory=GuestConfig)
+    sleep: SleepConfig = field(default_factory=SleepConfig)
 
 
 class World:
@@ -63,7 +65,6 @@ class World:
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
-        self.sleep_config = SleepConfig()
         self._counts = StepCounts()
         self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
@@ -81,7 +82,7 @@ class World:
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self.guests = Guests(self, self.config.guests)
-        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.sleep_config)
+        self._let_sleep()
 
     def __enter__(self) -> World:
         return self
@@ -92,10 +93,10 @@ class World:
     def configure(self, config: WorldConfig) -> None:
         """Replace the settings while bodies rest on their patches; new friction and restitution apply to later bodies
         only."""
-        if config.physics.sleep != self.config.physics.sleep:
-            self.ground.let_sleep(self._may_sleep if config.physics.sleep else None, self.sleep_config)
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
-        self.config = config
+        before, self.config = self.config, config
+        if (config.physics.sleep, config.sleep) != (before.physics.sleep, before.sleep):
+            self._let_sleep()
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.guests.config = config.guests
@@ -273,6 +274,10 @@ class World:
         PyBullet's forces and velocities do not wake a sleeping body."""
         self.ground.wake(None if name is None else self._body(name).uid)
 
+    def is_asleep(self, name: str) -> bool:
+        """Return True if a body sleeps; raises `InputError` if there is none of that name."""
+        return not self.followers.table["awake"][self.followers.of(self._body(name).uid)].any()
+
     def state(self, name: str) -> BodyState:
         """Return the state of a body's centre of mass."""
         body = self._body(name)
@@ -383,6 +388,9 @@ class World:
             self._remove(name)
         return True
 
+    def _let_sleep(self) -> None:
+        self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
+
     def _may_sleep(self, uid: int) -> bool:
         """Return True if no joint of a PyBullet body moves or is driven to move."""
         slot = self.followers.of(uid)[0]
@@ -392,7 +400,7 @@ class World:
         if any(command.velocity for command in body.commands.values()):
             return False
         speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
-        return max(map(abs, speeds)) <= self.sleep_config.joint
+        return max(map(abs, speeds)) <= self.config.sleep.joint
 
     def _body(self, name: str) -> Body:
         try:

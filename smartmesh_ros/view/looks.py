@@ -24,6 +24,9 @@ BODY_COLOURS: dict[int, Colour] = {
     BodyDescription.CYLINDER: (30, 116, 96),
     BodyDescription.CAPSULE: (120, 94, 40),
 }
+# Grey of sleeping bodies, and its share in their colour.
+ASLEEP: Colour = (176, 176, 180)
+GREYNESS = 0.65
 # Faces around the circumference of a round body.
 SECTIONS = 24
 
@@ -70,6 +73,12 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     if kind == BodyDescription.CAPSULE:
         return make.capsule(dimensions[1], dimensions[0], count=(SECTIONS, SECTIONS))
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
+
+
+def greyed(colour: Colour) -> Colour:
+    """Return the colour of a sleeping body."""
+    r, g, b = (round((1.0 - GREYNESS) * own + GREYNESS * grey) for own, grey in zip(colour, ASLEEP, strict=True))
+    return r, g, b
 
 
 def with_edges(mesh: Any) -> Any:

@@ -26,6 +26,16 @@ def poses_of(states: Any) -> dict[str, Pose]:
     return {body.id: pose_of(body.pose) for body in states.bodies}
 
 
+def asleep_in(states: Any) -> frozenset[str]:
+    """Return the bodies of the node's TrackedBodyArray that sleep: only their velocities are exactly zero."""
+    names = []
+    for body in states.bodies:
+        v, w = body.twist.linear, body.twist.angular
+        if not (v.x or v.y or v.z or w.x or w.y or w.z):
+            names.append(body.id)
+    return frozenset(names)
+
+
 def appearances_of(descriptions: Any) -> dict[str, Appearance]:
     """Return the appearances of a BodyDescriptionArray by body."""
     return {
@@ -68,6 +78,8 @@ def take(sight: Sight, topic: str, data: bytes) -> None:
         sight.poses = {name: pose for name, pose in sight.poses.items() if name in sight.appearances}
     elif topic in ("body_states", "tracked_bodies"):
         sight.poses.update(poses_of(message))
+        if topic == "body_states":
+            sight.asleep = asleep_in(message)
     elif topic == "joint_states":
         sight.joints = joints_of(message)
     elif topic == "odometry":

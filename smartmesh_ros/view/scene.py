@@ -31,6 +31,7 @@ class Shape(NamedTuple):
     kind: int
     dimensions: tuple[float, ...]
     tracked: bool
+    asleep: bool = False
 
 
 class Scene:
@@ -114,7 +115,7 @@ class Scene:
         for name, appearance in sight.appearances.items():
             robot = self._robots.get(name)
             if name in sight.poses and (not appearance.urdf or (robot is not None and not robot.readable)):
-                groups[_shape_of(appearance)].append(name)
+                groups[_shape_of(appearance)._replace(asleep=name in sight.asleep)].append(name)
         for shape in set(self._bodies) - set(groups):
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():
@@ -131,9 +132,8 @@ class Scene:
         mesh = looks.with_edges(looks.shape_mesh(shape.kind, shape.dimensions))
         sizes = "_".join(f"{value:g}" for value in shape.dimensions)
         return self._scene.add_batched_meshes_simple(
-            f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}", mesh.vertices, mesh.faces, turns, positions,
-            batched_colors=looks.TRACKED if shape.tracked else looks.BODY_COLOURS.get(shape.kind, looks.TRACKED),
-            flat_shading=False, lod="off",
+            f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}{'_asleep' * shape.asleep}", mesh.vertices,
+            mesh.faces, turns, positions, batched_colors=_colour_of(shape), flat_shading=False, lod="off",
         )  # fmt: skip
 
     def _show_robots(self, sight: Sight) -> None:
@@ -185,6 +185,12 @@ def merged(patches: list[Patch]) -> tuple[NDArray[np.float32], NDArray[np.uint32
     vertices = np.concatenate([patch.vertices_w for patch in patches])
     vertices = np.nan_to_num(vertices + (0.0, 0.0, LIFT)).astype(np.float32)
     return vertices, np.concatenate(triangles).astype(np.uint32)
+
+
+def _colour_of(shape: Shape) -> looks.Colour:
+    """Return the colour of bodies; sleeping ones are greyed."""
+    colour = looks.TRACKED if shape.tracked else looks.BODY_COLOURS.get(shape.kind, looks.TRACKED)
+    return looks.greyed(colour) if shape.asleep else colour
 
 
 def _shape_of(appearance: Appearance) -> Shape:

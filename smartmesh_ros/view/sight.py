@@ -46,11 +46,13 @@ NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 @dataclass
 class Sight:
-    """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``bases``: pose of each
-    robot's base link; ``joints``: positions [rad, m] by name as in ~/joint_states."""
+    """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``asleep``: simulated
+    bodies without any velocity; ``bases``: pose of each robot's base link; ``joints``: positions [rad, m] by name as in
+    ~/joint_states."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
     appearances: dict[str, Appearance] = field(default_factory=dict)
+    asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
     patches: list[Patch] = field(default_factory=list)

@@ -109,12 +109,20 @@ STEEP = Case(
     name="steep_45", title="waves A 0.4 k 2 w 6, 48 balls, maps at 45 Hz (World)", ground=_waves(0.4, 2.0, 6.0),
     count=48, map_rate=45.0, driver="world", deepest=0.003, seconds=3.0,
 )  # fmt: skip
+ASLEEP = Case(
+    name="rest_100", title="elevation model at rest, 100 boxes for some seconds (World)", ground=_MODEL, count=100,
+    shape="box", size=(0.3, 0.25, 0.2), map_rate=0.0, driver="world", seconds=4.0, settle=3.0, to_reach=30.0,
+    quick=True,
+)  # fmt: skip
 CASES = (
     *_moving(),
     *_at_rest(),
     *_both_kinds(BOXES),
     SLOW_MAPS,
     replace(SLOW_MAPS, name="maps_20_world", title=f"{SLOW_MAPS.title} (World)", driver="world"),
+    ASLEEP,
+    replace(ASLEEP, name="rest_100_maps", title="the same, the same map at 60 Hz", map_rate=60.0, quick=False),
+    replace(ASLEEP, name="rest_1000", title="the same, 1000 boxes, no maps", count=1000, samples=201, quick=False),
     STEEP,
     replace(
         STEEP,

@@ -84,7 +84,7 @@ def deeper(scene: Scene, method: PatchConfig) -> float:
         min(positions[2] for places in play(scene, method, sleep=sleep) for positions in places.values())
         for sleep in (True, False)
     ]
-    return 1e3 * max(lowest[1] - lowest[0], 0.0)
+    return float(1e3 * max(lowest[1] - lowest[0], 0.0))
 
 
 def ball_and_box(world: World) -> None:

@@ -93,6 +93,7 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     values = {
         "simulated": sum(body.simulated for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
+        "asleep": sum(world.is_asleep(body.name) for body in world.bodies.values()),
         "patches": patches,
         "without ground": len(world.followers) - remote - patches,
         "below ground": len(below),

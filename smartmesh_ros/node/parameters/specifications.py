@@ -71,6 +71,10 @@ SPECS = (
         "Stop bodies at the surface if they would penetrate the ground within a step.",
     ),
     Spec(
+        "physics.sleep", _PHYSICS.sleep,
+        "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or the ground changes.",
+    ),
+    Spec(
         "physics.solver_residual", _PHYSICS.solver_residual,
         "The solver stops iterating once the squared change of every contact's velocity is below this [m^2/s^2]; "
         "higher is faster and less accurate.",

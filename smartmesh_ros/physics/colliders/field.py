@@ -13,7 +13,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import sample_at, to_world
 
 
-def field_key(support: Any, shape: Any, resolution: float, *, round_: bool) -> tuple[float, ...]:
+def field_key(support: Any, radius: float, resolution: float, *, round_: bool) -> tuple[float, ...]:
     """Return rows, columns and spacing [m] of the field of a support; PyBullet cannot change these."""
     return int(support.rows), int(support.columns), resolution * int(support.stride)
 

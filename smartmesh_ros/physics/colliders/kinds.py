@@ -21,9 +21,10 @@ class Kind(IntEnum):
 
 
 class KeyOf(Protocol):
-    """Returns the sizes of the collider that a support needs; colliders of equal key are interchangeable."""
+    """Returns the sizes of the collider that a support needs for a body with a bounding ``radius`` [m]. Colliders of
+    equal key are interchangeable."""
 
-    def __call__(self, support: Any, shape: Any, resolution: float, *, round_: bool) -> Key: ...
+    def __call__(self, support: Any, radius: float, resolution: float, *, round_: bool) -> Key: ...
 
 
 class KindFunctions(NamedTuple):

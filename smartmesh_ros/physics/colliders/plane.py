@@ -23,9 +23,9 @@ def box_size(need: float) -> float:
     return float(2.0 ** (0.5 * math.ceil(2.0 * math.log2(COLLIDERS.room * need) - 1e-9)))
 
 
-def plane_key(support: Any, shape: Any, resolution: float, *, round_: bool) -> tuple[float, ...]:
+def plane_key(support: Any, radius: float, resolution: float, *, round_: bool) -> tuple[float, ...]:
     """Return the half edge of the box for a support [m]; infinite = a half space, for ``round_`` bodies."""
-    return (math.inf if round_ else box_size(float(plane_need(support, shape))),)
+    return (math.inf if round_ else box_size(radius + float(support.margin)),)
 
 
 def make_box(client: Any, key: tuple[float, ...]) -> int:

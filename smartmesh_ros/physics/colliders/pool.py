@@ -81,7 +81,7 @@ class ColliderPool:
 
     def fit(self, follower: Follower, kind: Kind, support: Any, resolution: float, time: float) -> None:
         """Give a follower a collider of the size that its support needs."""
-        key = KINDS[kind].key_of(support, follower.shape, resolution, round_=follower.round)
+        key = KINDS[kind].key_of(support, follower.radius, resolution, round_=follower.round)
         self._give_back(follower, kind, time)
         free = self._free[kind, key]
         place = free.pop() if free else self._new(kind, key)
