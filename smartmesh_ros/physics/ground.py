@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
@@ -29,6 +30,8 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import MovingGrid
+from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
+from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -95,6 +98,21 @@ class Ground:
         if not self._tracked_chosen:
             self._tracked_chosen = True
             self._selector.choose_tracked(self.followers.tracked)
+
+    def at(self, points_w: ArrayLike, time: float) -> GroundSamples:
+        """Return the ground under points (N, 2) [m] at ``time`` [s], as bodies stand on it; see `ground_samples`. With
+        points (N, 3), ground above a point does not count. Raises `InputError`."""
+        return ground_samples(self.terrain, checked_points(points_w), time)
+
+    def cast_rays(self, origins_w: ArrayLike, directions_w: ArrayLike, reach: float, time: float) -> GroundHits:
+        """Return where rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet the ground at ``time``
+        [s], within ``reach`` [m]. Raises `InputError`."""
+        return self.rays.cast(checked_rays(origins_w, directions_w, reach), time)
+
+    @cached_property
+    def rays(self) -> RayCaster:
+        """Casts rays onto this ground."""
+        return RayCaster(self.terrain)
 
     def colliders_of(self, follower: Follower) -> list[int]:
         """Return the PyBullet bodies that are ground to a follower: its own collider, or those of the whole terrain."""

@@ -133,6 +133,11 @@ class HeightMap:
         """True while corrections are being blended in."""
         return self._shown < self._settled
 
+    @property
+    def shown(self) -> float:
+        """Instant up to which corrections are blended in [s]; infinity before the first."""
+        return self._shown
+
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self._shown = time if self._shown == math.inf else max(self._shown, time)

@@ -86,12 +86,12 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
     if clock.known == 0:
         return height, 0.0
     phase = block_phase(clock, time, grid.mode)
-    velocity, acceleration = _motion_at(grid, row, column, clock, phase)
+    velocity, acceleration = motion_at(grid, row, column, clock, phase)
     return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
 
 
 @compiled
-def _motion_at(grid, row, column, clock, phase):
+def motion_at(grid, row, column, clock, phase):
     """Return the velocity [m/s] and acceleration [m/s^2] of a sample."""
     if grid.noise > 0.0:
         return motion_in_noise(grid, row, column, clock, phase, noise_variances(clock, grid.noise))
@@ -133,7 +133,7 @@ def read_window(
                 phase = block_phase(clock, time, grid.mode)
             height, rise = grid.z + float(grid.heights[r, c]), 0.0
             if known:
-                velocity, acceleration = _motion_at(grid, r, c, clock, phase)
+                velocity, acceleration = motion_at(grid, r, c, clock, phase)
                 height += displacement(velocity, acceleration, phase)
                 rise = rise_of(velocity, acceleration, phase, ahead)
             elif left > 0.0:

@@ -1,0 +1,188 @@
+"""The ground at points: its height, normal, velocity and age, against all facets of the main mesh."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.terrain.surfaces import highest, triangles_of
+
+RESOLUTION, RATE, LAST = 0.25, 60.0, 6
+
+
+def wave(x: np.ndarray, y: np.ndarray, time: float) -> np.ndarray:
+    """Waves of angular frequency 4/s."""
+    return np.asarray(0.3 * np.sin(x + 0.4 * y - 4.0 * time) + 0.05 * np.cos(3.0 * y))
+
+
+def wave_map(yaw: float = 0.0, holes: int = 0) -> HeightMap:
+    """A map of 70 x 90 samples (more than one block) after maps at 60 Hz."""
+    r, c = np.mgrid[:70, :90]
+    x, y = RESOLUTION * c, RESOLUTION * r
+    heights = wave(x, y, 0.0)
+    heights.ravel()[np.random.default_rng(5).integers(0, heights.size, holes)] = np.nan
+    gone = np.isnan(heights)
+    heightmap = HeightMap(heights, resolution=RESOLUTION, origin=(-3.0, 2.0, 0.7), yaw=yaw, time=0.0)
+    for number in range(1, LAST + 1):
+        heights = wave(x, y, number / RATE)
+        heights[gone] = np.nan
+        heightmap.replace(heights, time=number / RATE)
+    return heightmap
+
+
+def points_on(heightmap: HeightMap, count: int, seed: int = 0, beyond: float = 1.0) -> np.ndarray:
+    """Points (N, 2) on the map and up to ``beyond`` samples beside it."""
+    rng, geometry = np.random.default_rng(seed), heightmap.geometry
+    rows = rng.uniform(-beyond, geometry.rows - 1 + beyond, count)
+    return geometry.to_world(rows, rng.uniform(-beyond, geometry.columns - 1 + beyond, count))
+
+
+def at(ground: HeightMap | TriangleMesh | Terrain, points: np.ndarray, time: float) -> GroundSamples:
+    return ground_samples(Terrain.of(ground), checked_points(points), time)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    time=st.floats(LAST / RATE - 0.005, LAST / RATE + 0.04), yaw=st.sampled_from([0.0, 0.8, -2.5]),
+    holes=st.sampled_from([0, 900]),
+)  # fmt: skip
+def test_waves_between_maps_are_the_main_mesh(time: float, yaw: float, holes: int) -> None:
+    heightmap = wave_map(yaw, holes)
+    points = points_on(heightmap, 150)
+    found, expected = at(heightmap, points, time), highest(triangles_of(heightmap, time), checked_points(points))
+    assert np.isnan(expected.values).any()
+    np.testing.assert_allclose(found.z, expected.values, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found.normals, expected.normals, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found.ages[~np.isnan(found.z)], time - LAST / RATE, atol=1e-12)
+    for values in (found.normals, found.velocities, found.ages):
+        np.testing.assert_array_equal(np.isnan(values.reshape(len(points), -1)).any(axis=1), np.isnan(found.z))
+
+
+def test_velocity_is_the_rate_of_the_height() -> None:
+    heightmap, time, step = wave_map(), LAST / RATE + 0.004, 1e-4
+    points = points_on(heightmap, 300, beyond=-0.1)
+    before, now, after = (at(heightmap, points, time + by) for by in (-step, 0.0, step))
+    np.testing.assert_allclose(now.velocities[:, 2], (after.z - before.z) / (2 * step), atol=1e-5)
+    assert np.abs(now.velocities[:, 2]).max() > 1.0
+    assert not now.velocities[:, :2].any()
+
+
+def test_ground_that_slides_and_turns_carries_its_points() -> None:
+    r, c = np.mgrid[:30, :40]
+    heightmap = HeightMap(wave(0.1 * c, 0.1 * r, 0.0), resolution=0.1, origin=(1.0, 2.0), yaw=0.3)
+    heightmap.slide((0.8, -0.3), 0.1, spin=0.5)
+    time, step = 0.02, 1e-5
+    points = heightmap.placed_at(time).to_world(*np.random.default_rng(1).uniform(3.0, 25.0, (2, 200)))
+    now = at(heightmap, points, time)
+    later = at(heightmap, points + step * now.velocities[:, :2], time + step)
+    np.testing.assert_allclose(later.z, now.z, atol=1e-8)
+    assert np.linalg.norm(now.velocities[:, :2], axis=1).max() > 0.5
+
+
+def test_age_is_that_of_the_block() -> None:
+    heightmap = wave_map()
+    heightmap.update_region(0, 0, np.ones((3, 3)), time=0.5)
+    points = heightmap.geometry.to_world(np.array([1.5, 65.5]), np.array([1.5, 70.5]))
+    np.testing.assert_allclose(at(heightmap, points, 0.75).ages, [0.25, 0.75 - LAST / RATE])
+
+
+def test_an_edge_of_a_whole_facet_is_ground_beside_a_hole() -> None:
+    heights = np.ones((5, 5))
+    heights[2, 3] = np.nan
+    heightmap = HeightMap(heights, resolution=1.0)
+    #         on an edge of facets on its left only; inside the hole; on the hole's corner
+    points = np.array([[2.0, 2.5], [2.5, 2.2], [3.0, 2.0], [2.0, 2.0], [4.0, 4.0]])
+    np.testing.assert_array_equal(np.isnan(at(heightmap, points, 0.0).z), [False, True, True, False, False])
+
+
+def halves(gap: int) -> tuple[HeightMap, Terrain]:
+    """A map, and the same one as two tiles; with ``gap`` 1 they share no samples."""
+    r, c = np.mgrid[:20, :40]
+    heights = wave(0.2 * c, 0.2 * r, 0.0)
+    whole, terrain = HeightMap(heights, resolution=0.2), Terrain()
+    terrain.put("left", HeightMap(heights[:, :20], resolution=0.2))
+    first = 19 + gap
+    terrain.put("right", HeightMap(heights[:, first:], resolution=0.2, origin=(0.2 * first, 0.0)))
+    return whole, terrain
+
+
+@pytest.mark.parametrize("gap", [0, 1])
+def test_tiles_are_one_surface(gap: int) -> None:
+    whole, terrain = halves(gap)
+    points = points_on(whole, 400, beyond=0.0)
+    points[:100, 0] = np.linspace(3.75, 4.05, 100)  # about the seam
+    one, two = at(whole, points, 0.0), at(terrain, points, 0.0)
+    for expected, found in zip(one, two, strict=True):
+        np.testing.assert_allclose(found, expected, atol=2e-6)
+    np.testing.assert_array_equal(np.isnan(two.z), np.isnan(one.z))
+
+
+def test_a_hole_of_one_tile_shows_the_next_below() -> None:
+    heights = np.ones((5, 5))
+    heights[2, 2] = np.nan
+    terrain = Terrain(HeightMap(heights, resolution=1.0))
+    terrain.put("below", HeightMap(np.zeros((5, 5)), resolution=1.0))
+    np.testing.assert_allclose(at(terrain, np.array([[2.0, 2.1], [0.5, 0.5]]), 0.0).z, [0.0, 1.0])
+    np.testing.assert_allclose(at(terrain, np.array([[0.5, 0.5, 0.8], [0.5, 0.5, 1.0]]), 0.0).z, [0.0, 1.0])
+
+
+def test_a_correction_counts_as_far_as_it_is_worked_off() -> None:
+    rng = np.random.default_rng(3)
+    old, new = rng.normal(size=(2, 80, 70))
+    motion = MotionConfig(changes="correction", settle=0.4)
+    heightmap = HeightMap(old, resolution=0.5, motion=motion)
+    heightmap.show(1.0)
+    heightmap.replace(new, time=1.0)
+    heightmap.show(1.1)
+    points = points_on(heightmap, 300, beyond=-0.1)
+    parts = [at(HeightMap(heights, resolution=0.5), points, 0.0).z for heights in (old, new)]
+    found = at(heightmap, points, 1.1)
+    np.testing.assert_allclose(found.z, 0.75 * parts[0] + 0.25 * parts[1], atol=1e-6)
+    assert not found.velocities.any()
+
+
+def folded_mesh(seed: int) -> TriangleMesh:
+    """Two uneven sheets, one above the other."""
+    rng = np.random.default_rng(seed)
+    r, c = np.mgrid[:12, :9]
+    sheet = np.stack([c, r, np.zeros_like(r)], axis=-1).reshape(-1, 3) + rng.uniform(-0.4, 0.4, (108, 3))
+    triangles = grid_triangles(12, 9)
+    vertices = np.concatenate([sheet, sheet * (0.5, 0.5, 1.0) + (1.0, 2.0, 3.0)])
+    return TriangleMesh(vertices, np.concatenate([triangles, triangles + 108]))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_general_mesh_is_its_highest_triangle_below_the_point(seed: int) -> None:
+    mesh = folded_mesh(seed)
+    mesh.move(mesh.vertices + 0.1, time=0.1)
+    time, rng = 0.15, np.random.default_rng(seed + 10)
+    points = np.column_stack([rng.uniform(-1.0, 12.0, (400, 2)), rng.choice([1.5, np.inf], 400)])
+    moved = mesh.sample(np.arange(mesh.size), time).positions
+    expected = highest(moved[mesh.triangles], points, slack=0.0)
+    found = at(mesh, points, time)
+    np.testing.assert_allclose(found.z, expected.values, atol=1e-12)
+    np.testing.assert_allclose(found.normals, expected.normals, atol=1e-9)
+    there = ~np.isnan(found.z)
+    assert 0 < there.sum() < 400
+    np.testing.assert_allclose(found.velocities[there], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(found.ages[there], 0.05)
+
+
+@pytest.mark.parametrize("points", [[[0.0]], [[math.nan, 0.0]], [[0.0, math.inf]], [["a", "b"]], [0.0, 0.0]])
+def test_bad_points_are_refused(points: list[list[float]]) -> None:
+    with pytest.raises(InputError, match="points"):
+        checked_points(points)
+
+
+def test_without_ground_all_is_nan() -> None:
+    found = at(Terrain(), np.zeros((3, 2)), 0.0)
+    assert all(np.isnan(values).all() for values in found)
+    assert found.normals.shape == (3, 3)
