@@ -16,6 +16,8 @@ from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NoiseCheck
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 # Samples along each side of the maps, and their spacing [m].
@@ -42,9 +44,11 @@ def run_through() -> None:
             scene(world)
             world.step(2)
             world.ground.choose_tracked()
+            _ask(world)
             world.reset_bodies()
         _with_remote_bodies(world)
     _with_sleeping_bodies()
+    _ask_in_a_gap()
     _fuse_maps()
     _check_maps()
 
@@ -129,6 +133,20 @@ def _with_sleeping_bodies() -> None:
         world.spawn("near", Sphere(0.1), 1.0, world.state("box"))
         world.remove("cylinder")
         world.step(2)
+
+
+def _ask(world: World) -> None:
+    """Ask for the ground at points, and cast rays."""
+    middle = 0.5 * LENGTH
+    world.ground_at([[middle, middle]])
+    world.cast_rays([[middle, middle, 1.0]], [[0.0, 0.0, -1.0]], 2.0)
+
+
+def _ask_in_a_gap() -> None:
+    """Ask for the ground in a gap between two tiles."""
+    terrain = Terrain(_hills(0.0))
+    terrain.put("beside", _hills(LENGTH + SPACING))
+    ground_samples(terrain, checked_points([[LENGTH + 0.5 * SPACING, 0.5 * LENGTH]]), 0.0)
 
 
 def _fuse_maps() -> None:

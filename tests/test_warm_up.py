@@ -55,6 +55,7 @@ def run(terrain, patch, change, steps=100):
             world.step()
             if step % 10 == 0:
                 world.shown_batches(), world.contacts(), world.wrenches(), world.below_ground()
+                world.ground_at([[4.0, 4.0]]), world.cast_rays([[4.0, 4.0, 3.0]], [[0.1, 0.0, -1.0]], 9.0)
 
 
 def whole(world, step):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pybullet as pb
+from numpy.typing import ArrayLike
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
@@ -16,6 +17,7 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.base_frames import frame_state
 from smartmesh_ros.physics.bodies import Body, BodyFactory, Surface
+from smartmesh_ros.physics.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.followers import Follower, Followers
@@ -28,11 +30,14 @@ from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
+from smartmesh_ros.physics.standing import standing_state
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.ray_cast import checked_rays
+from smartmesh_ros.terrain.surface_query import GroundSamples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -112,19 +117,59 @@ class World:
         if self.client.isConnected():
             self.client.disconnect()
 
-    def spawn(self, name: str, shape: Shape, mass: float, state: BodyState | None = None) -> None:
-        """Add a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible."""
-        self._require_free(name)
-        state = state or BodyState()
-        require_possible(name, state)
-        self._add(self._factory.simulated(name, shape, mass, state))
+    def spawn(
+        self,
+        name: str,
+        shape: Shape,
+        mass: float,
+        state: BodyState | None = None,
+        *,
+        on_ground: bool = False,
+        clearance: float = 0.0,
+        align: bool = False,
+    ) -> None:
+        """Add a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible.
 
-    def spawn_robot(self, name: str, urdf: str, state: BodyState | None = None) -> None:
-        """Add a robot from a URDF file or text, with a patch for each link that has a collision shape."""
+        ``on_ground``: the height is chosen so that the body's lowest point is ``clearance`` [m] above the ground, and
+        the ground's velocity is added to the body's. ``align``: the body is tilted with the ground, too. A place where
+        some part of the body is over no ground is refused.
+        """
         self._require_free(name)
         state = state or BodyState()
         require_possible(name, state)
-        self._add(self._factory.robot(name, urdf, state))
+        body = self._factory.simulated(name, shape, mass, state)
+        self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def spawn_robot(
+        self,
+        name: str,
+        urdf: str,
+        state: BodyState | None = None,
+        *,
+        on_ground: bool = False,
+        clearance: float = 0.0,
+        align: bool = False,
+    ) -> None:
+        """Add a robot from a URDF file or text, with a patch for each link that has a collision shape; ``on_ground``,
+        ``clearance`` and ``align`` as of `spawn`."""
+        self._require_free(name)
+        state = state or BodyState()
+        require_possible(name, state)
+        body = self._factory.robot(name, urdf, state)
+        self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def ground_at(self, points_w: ArrayLike) -> GroundSamples:
+        """Return the ground under points (N, 2) [m] now: heights, normals, velocities and ages; see `Ground.at`."""
+        return self.ground.at(points_w, self.time)
+
+    def cast_rays(
+        self, origins_w: ArrayLike, directions_w: ArrayLike, reach: float, *, through: Collection[str] = ()
+    ) -> RayHits:
+        """Return what rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet now within ``reach`` [m]:
+        ground or bodies, except those named in ``through``. Raises `InputError`."""
+        require_bodies(through, self.bodies)
+        rays = checked_rays(origins_w, directions_w, reach)
+        return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
 
     def replace_robot(self, name: str, urdf: str) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
@@ -401,6 +446,18 @@ class World:
             return False
         speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
         return max(map(abs, speeds)) <= self.config.sleep.joint
+
+    def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
+        """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
+        try:
+            state = standing_state(self.client, body, body.initial, self.ground_at, clearance=clearance, align=align)
+            require_possible(body.name, state)
+        except InputError:
+            self.client.removeBody(body.uid)
+            raise
+        body.initial = state
+        self._factory.move(body, state)
+        return body
 
     def _body(self, name: str) -> Body:
         try:
