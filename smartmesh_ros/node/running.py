@@ -47,9 +47,10 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     """Makes a node, calls its ``tick(skipped)`` at each deadline of its ``pacer``, and handles messages in between.
 
     The node's ``restart()`` sets the first deadline as soon as the node is ready. This loop keeps the deadlines and
-    calls the executor's ``spin_once``; at 240 Hz the events executor costs a tenth of the others. Input that rclpy
-    rejects (a malformed request, a parameter without a type) is counted in the node's ``refusals``. Returns after
-    SIGINT or SIGTERM; exits with 2 if the node's settings are invalid.
+    calls the executor's ``spin_once``; at 240 Hz the events executor costs a tenth of the others. Long answers continue
+    in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a parameter without a type) is
+    counted in the node's ``refusals``. Returns after SIGINT or SIGTERM; exits with 2 if the node's settings are
+    invalid.
     """
     rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
@@ -78,8 +79,9 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             while not stop:
                 if node.pacer.remaining() <= 0.0:
                     _handle_some(executor, node)
+                    node.turn()
                 while not stop and (left := node.pacer.remaining()) > 0.0:
-                    _handle(executor, node, min(left, LONGEST_WAIT))
+                    _handle(executor, node, 0.0 if node.turn() else min(left, LONGEST_WAIT))
                     if monotonic() - worked > LONGEST_WAIT:
                         node.idle()
                         worked = monotonic()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from threading import RLock
 from typing import Any
 
@@ -18,6 +18,7 @@ from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.services.turns import Turns
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.physics.limits import FARTHEST_BODY
@@ -35,7 +36,7 @@ class Session:
     maps that arrived after a map with a newer stamp. ``lock``: guards the world, for executors with several threads.
     ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree. ``map_warning``:
     suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the
-    node's inputs and outputs. ``names``: names of the peer nodes.
+    node's inputs and outputs. ``names``: names of the peer nodes. ``turns``: answers under way.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -59,6 +60,7 @@ class Session:
         self.maps = 0
         self.rival_maps: list[str] = []
         self.map_warning = ""
+        self.turns = Turns()
 
     @property
     def paused(self) -> bool:
@@ -130,6 +132,28 @@ class Session:
             return response
 
         self.node.create_service(kind, f"~/{service}", callback, qos_profile=SERVICES)
+
+    def serve_in_turns(self, kind: Any, service: str, handle: Callable[[Any, Any], Coroutine[Any, Any, None]]) -> None:
+        """Serves ``~/service`` with a response that has ``success`` and ``message``. ``handle`` fills in the rest, or
+        raises `InputError`; it awaits `NextTurn` between parts of its work, so that steps are not late."""
+
+        async def answer(request: Any, response: Any) -> Any:
+            self.handled += 1
+            try:
+                await handle(request, response)
+                response.success = True
+            except InputError as error:
+                self.refusals.add(service, error)
+                response.message = shortened(str(error))
+            return response
+
+        def start(request: Any, response: Any) -> Any:
+            return answer(request, response)
+
+        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
+        send = made.send_response
+        # The executors hand to this method what the callback returned, here a coroutine. Not all would await it.
+        made.send_response = lambda work, header: self.turns.add(work, lambda response: send(response, header))
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""

@@ -30,6 +30,7 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
+from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
@@ -57,6 +58,7 @@ class TerrainCollider(Node):
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
         self._bodies = BodyInputs(session)
         self._body_services = BodyServices(session)
+        GroundServices(session, self._bodies.transforms)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
@@ -102,6 +104,10 @@ class TerrainCollider(Node):
             self._outputs.publish()
             self._namesakes.check()
 
+    def turn(self) -> bool:
+        """Does one turn of a long answer; returns False if there is none under way."""
+        return self.session.turns.advance()
+
     def idle(self) -> None:
         """Publishes the outputs that are due, without a step, while ``/clock`` stands still."""
         with self.session.lock:
@@ -111,6 +117,7 @@ class TerrainCollider(Node):
 
     def destroy_node(self) -> None:
         """Closes the world, then destroys the node."""
+        self.session.turns.close()
         self.session.world.close()
         super().destroy_node()
 

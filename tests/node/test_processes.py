@@ -43,6 +43,9 @@ class Slow(Node):
     def idle(self):
         pass
 
+    def turn(self):
+        return False
+
     def tick(self, skipped):
         print("missed", self.pacer.misses, flush=True)
         signal.raise_signal(signal.SIGTERM)

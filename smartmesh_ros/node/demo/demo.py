@@ -131,14 +131,13 @@ class Demo(Node):
         self.wait_for(self._spawner.service_is_ready, "spawn service")
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
         self.wait_for(lambda: "diagnostics" in self._latest and int(self._value("terrain", "tiles")), "map in the node")
-        terrain = self.terrain()
         for index in range(BODIES):
             angle = 2.0 * math.pi * index / BODIES
             reach = 5.0 + 2.0 * (index % 3)
             x, y = reach * math.cos(angle), reach * math.sin(angle)
-            self._spawn(terrain, f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.8, shape=SHAPES[index % 3])
+            self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         urdf = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
-        self._spawn(terrain, ROBOT, -4.0, 0.0, 0.4, urdf=str(urdf))
+        self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(urdf), align=True)
 
     def drive(self) -> None:
         """Command the robot's wheels."""
@@ -164,10 +163,9 @@ class Demo(Node):
             f"missed {timing.deadline_misses}  lost {self.lost()}  | us: {stages}"
         )
 
-    def _spawn(self, terrain: HeightMap, name: str, x: float, y: float, above: float, **what: Any) -> None:
-        request = SpawnBody.Request(id=name, mass=5.0, **what)
-        ground = float(terrain.at([[x, y]], 0.0).heights[0])
-        request.pose.position.x, request.pose.position.y, request.pose.position.z = x, y, ground + above
+    def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
+        request = SpawnBody.Request(id=name, mass=5.0, on_ground=True, clearance=clearance, **what)
+        request.pose.position.x, request.pose.position.y = x, y
         future = self._spawner.call_async(request)
         self.wait_for(future.done, f"answer to the spawning of {name}")
         if not future.result().success:

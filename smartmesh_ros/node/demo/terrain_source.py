@@ -101,6 +101,10 @@ class TerrainSource(Node):
     def idle(self) -> None:
         """Do nothing while time stands still."""
 
+    def turn(self) -> bool:
+        """Return False: this node has no long answers."""
+        return False
+
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry
         message = Heightmap(tile=self._tile)

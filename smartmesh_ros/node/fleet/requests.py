@@ -12,7 +12,7 @@ from smartmesh_ros.node.fleet.ledger import Respawning
 from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
 
-FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist")
+FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist", "on_ground", "clearance", "align")
 
 
 def spawn_request(body: Any) -> SpawnBody.Request:

@@ -26,14 +26,14 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class BodyInputs:
-    """Applies messages about bodies to the world."""
+    """Applies messages about bodies to the world. ``transforms``: of the frames in which poses arrive."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
-        self._transforms = TransformInput(session)
-        self._frames = FrameBodies(session, self._transforms)
+        self.transforms = TransformInput(session)
+        self._frames = FrameBodies(session, self.transforms)
 
         def most() -> int:
             return session.settings.most_bodies
@@ -54,7 +54,7 @@ class BodyInputs:
         """Accepts any stamps from now on, after a reset."""
         self._clocks.clear()
         self._frames.forget_stamps()
-        self._transforms.buffer.clear()
+        self.transforms.buffer.clear()
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:
         self._track("tracked_bodies", message.header, conversions.bodies_from(message))
@@ -76,7 +76,7 @@ class BodyInputs:
     def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
         session = self._session
         stamp = conversions.stamp_seconds(header.stamp)
-        transform = self._transforms.to_terrain(header.frame_id, stamp)
+        transform = self.transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
         time = clock.place(stamp, session.clock_now(), session.pace_at)
         require_room((body.name for body in bodies), session.world.bodies, session.settings)

@@ -36,19 +36,19 @@ def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
 
 
 class TransformInput:
-    """The frame buffer and its subscriptions, which `listen` creates."""
+    """The frame buffer and its subscriptions, which `listen` creates. ``listening``: True once they exist."""
 
     def __init__(self, session: Session) -> None:
         self.buffer = FrameBuffer()
         self._session = session
-        self._listening = False
+        self.listening = False
 
     def listen(self, what: str) -> None:
         """Subscribes, once. Raises `InputError` if the package that ``what`` needs is not installed."""
-        if self._listening:
+        if self.listening:
             return
         kind = require_message("tf2_msgs", "TFMessage", what)
-        self._listening = True
+        self.listening = True
         moving = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._session.listen(kind, "/tf", partial(self._take, static=False), moving, raw=True, private=False)

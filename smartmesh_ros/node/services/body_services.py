@@ -41,13 +41,14 @@ class BodyServices:
         """Add one body. Raises `InputError`, and adds nothing, if the body is refused."""
         session = self._session
         state = conversions.state_from(body.pose, body.twist)
+        standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
         bounds.require_name(body.id, session.settings)
         bounds.require_room([body.id], session.world.bodies, session.settings)
         if body.urdf:
             urdf = checked_urdf(with_package_paths(body.urdf), bounds.urdf_rules(session.settings))
-            session.world.spawn_robot(body.id, urdf, state)
+            session.world.spawn_robot(body.id, urdf, state, **standing)
         else:
-            session.world.spawn(body.id, conversions.shape_from(body.shape), body.mass, state)
+            session.world.spawn(body.id, conversions.shape_from(body.shape), body.mass, state, **standing)
 
     def _on_spawn(self, request: SpawnBody.Request) -> str:
         self._spawn(request)

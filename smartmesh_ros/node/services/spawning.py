@@ -2,8 +2,9 @@
 
 ``{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0, 0], above: 0.5}``, with ``shape`` sphere [radius],
 box [x, y, z], cylinder [radius, height] or capsule [radius, height] in metres; or ``urdf`` with a file. ``xyz`` is the
-position in the terrain's frame. With ``xy`` and ``above`` the centre starts that far above the ground, once the terrain
-covers that place. ``yaw`` [rad] is the turn about z.
+position in the terrain's frame. With ``xy`` the body waits for the ground: with ``clearance`` its lowest point starts
+that far above the ground, 0 by default, and with ``align: true`` it is tilted with the ground; with ``above`` instead
+its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 """
 
 from __future__ import annotations
@@ -22,13 +23,16 @@ from smartmesh_ros.physics.world import World
 _SHAPES: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
 # The C parser takes a tenth of the time, which matters for a thousand bodies.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "yaw"}
+_KEYS = {"id", "shape", "size", "mass", "urdf", "xyz", "xy", "above", "clearance", "align", "yaw"}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A body to spawn: a shape of ``mass`` [kg] or a URDF, at ``xyz`` [m], or ``above`` the ground at ``xy`` [m], with
-    ``yaw`` [rad] about z."""
+    """A body to spawn: a shape of ``mass`` [kg] or a URDF, with ``yaw`` [rad] about z.
+
+    It starts at ``xyz`` [m], or at ``xy`` [m]: its centre ``above`` [m] the ground, or its lowest point ``clearance``
+    [m] above the ground and, with ``align``, tilted with it.
+    """
 
     name: str
     shape: Shape | None = None
@@ -36,7 +40,9 @@ class Entry:
     urdf: str = ""
     xyz: Vector | None = None
     xy: tuple[float, float] = (0.0, 0.0)
-    above: float = 0.0
+    above: float | None = None
+    clearance: float = 0.0
+    align: bool = False
     yaw: float = 0.0
 
 
@@ -73,12 +79,14 @@ def spawn(world: World, entry: Entry) -> bool:
         height = float(world.terrain.at([[x, y]], world.time).heights[0])
         if math.isnan(height):
             return False
-        position = (x, y, height + entry.above)
+        position = (x, y, height + (entry.above or 0.0))
+    on_ground = entry.xyz is None and entry.above is None
     state = BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
+    standing: dict[str, Any] = {"on_ground": on_ground, "clearance": entry.clearance, "align": entry.align}
     if entry.shape is None:
-        world.spawn_robot(entry.name, entry.urdf, state)
+        world.spawn_robot(entry.name, entry.urdf, state, **standing)
     else:
-        world.spawn(entry.name, entry.shape, entry.mass, state)
+        world.spawn(entry.name, entry.shape, entry.mass, state, **standing)
     return True
 
 
@@ -86,13 +94,23 @@ def _place(entry: dict[str, Any], text: str) -> dict[str, Any]:
     try:
         if "xyz" in entry:
             x, y, z = (float(value) for value in entry["xyz"])
-            return {"xyz": (x, y, z)}
-        x, y = (float(value) for value in entry["xy"])
-        return {"xy": (x, y), "above": float(entry["above"])}
+            wanted: dict[str, Any] = {"xyz": (x, y, z)}
+        elif "above" in entry:
+            x, y = (float(value) for value in entry["xy"])
+            wanted = {"xy": (x, y), "above": float(entry["above"])}
+        else:
+            x, y = (float(value) for value in entry["xy"])
+            clearance = float(entry.get("clearance", 0.0))
+            return {"xy": (x, y), "clearance": clearance, "align": bool(entry.get("align", False))}
     except (KeyError, TypeError, ValueError):
         raise InputError(
-            "spawn", f"bodies.spawn entry {text!r} needs xyz: [x, y, z], or xy: [x, y] and above"
+            "spawn", f"bodies.spawn entry {text!r} needs xyz: [x, y, z], or xy: [x, y] with clearance or above"
         ) from None
+    if {"clearance", "align"} & entry.keys():
+        raise InputError(
+            "spawn", f"bodies.spawn entry {text!r}: clearance and align go with xy alone, not with xyz or above"
+        )
+    return wanted
 
 
 def _shape(entry: dict[str, Any], text: str) -> Shape:

@@ -1,0 +1,15 @@
+"""Array fields of messages."""
+
+from __future__ import annotations
+
+import array
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def doubles(values: ArrayLike) -> array.array[float]:
+    """Return values for a float64[] field, without converting element by element."""
+    result = array.array("d")
+    result.frombytes(np.ascontiguousarray(values, np.float64).tobytes())
+    return result

@@ -1,0 +1,223 @@
+"""Questions about the ground over real DDS: heights, rays, and bodies spawned on the ground."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodySpecification
+from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
+from std_msgs.msg import Header
+from std_srvs.srv import SetBool
+from tf2_msgs.msg import TFMessage
+
+from smartmesh_ros.node.outputs.arrays import doubles
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.testing import Probe, heightmap_message, pose_message
+from tests.terrain.surfaces import first_hit, triangles_of
+
+SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
+r, c = np.mgrid[:SIDE, :SIDE]
+X, Y = LOW + RESOLUTION * c, LOW + RESOLUTION * r
+HILLS = (0.4 * np.sin(0.6 * X) * np.cos(0.5 * Y)).astype(np.float32)
+BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.3])
+BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.8, 0.8, 0.5])
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def hills() -> HeightMap:
+    return HeightMap(HILLS, resolution=RESOLUTION, origin=(LOW, LOW))
+
+
+def publish_hills(probe: Probe) -> None:
+    probe.publish_map(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+
+
+def query(probe: Probe, points: np.ndarray, frame_id: str = "", **fields: Any) -> Any:
+    given = {"header": Header(frame_id=frame_id), "x": doubles(points[:, 0]), "y": doubles(points[:, 1])}
+    return probe.call("query_ground", QueryGround, **(given | fields))
+
+
+def cast(probe: Probe, origins: Any, directions: Any, reach: float = 20.0, frame_id: str = "", **fields: Any) -> Any:
+    given = {"header": Header(frame_id=frame_id), "range": reach}
+    return probe.call(
+        "cast_rays", CastRays, origins=doubles(origins), directions=doubles(directions), **(given | fields)
+    )
+
+
+def array(values: Any, *shape: int) -> np.ndarray:
+    return np.frombuffer(values, np.float64).reshape(-1, *shape)
+
+
+def publish_frame(probe: Probe, name: str, position: tuple[float, ...], turn: tuple[float, ...]) -> None:
+    transform = TransformStamped(header=Header(frame_id="map"), child_frame_id=name)
+    pose = pose_message(position)
+    transform.transform.translation.x, transform.transform.translation.y = pose.position.x, pose.position.y
+    transform.transform.translation.z = pose.position.z
+    rotation = transform.transform.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = turn
+    publisher = probe.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    publisher.publish(TFMessage(transforms=[transform]))
+
+
+def test_heights_are_those_of_the_map(shared: Probe) -> None:
+    publish_hills(shared)
+    points = np.random.default_rng(0).uniform(LOW - 1.0, -LOW + 1.0, (12_000, 2))  # more than one turn
+    answer = query(shared, points)
+    assert answer.success, answer.message
+    expected = ground_samples(Terrain(hills()), checked_points(points), 0.0)
+    np.testing.assert_allclose(array(answer.z), expected.z, atol=1e-6)
+    np.testing.assert_allclose(array(answer.normals, 3), expected.normals, atol=1e-6)
+    there = ~np.isnan(expected.z)
+    assert not array(answer.velocities, 3)[there].any()
+    assert (array(answer.ages)[there] > 0.0).all() and np.isnan(array(answer.ages)[~there]).all()
+    assert answer.header.frame_id == "map" and answer.header.stamp.sec > 0
+    assert math.isnan(query(shared, points[there][:1], below=[-5.0]).z[0])
+
+
+def test_waves_are_answered_for_the_instant_of_the_stamp(shared: Probe) -> None:
+    """Whole maps that rise at a constant speed, each with its stamp: heights are linear in the answer's stamp."""
+    start = shared.node.get_clock().now().nanoseconds
+    speed, publisher = 0.7, shared.publishers["heightmap"]
+
+    def publish() -> None:
+        now = shared.now()
+        heights = np.full((5, 5), speed * seconds(now), np.float32)
+        publisher.publish(heightmap_message(heights, resolution=2.0, origin=(-4.0, -4.0, 0.0), stamp=now))
+        shared.spin(0.02)
+
+    def seconds(stamp: Time) -> float:
+        return (stamp.sec * 10**9 + stamp.nanosec - start) * 1e-9
+
+    def moves() -> bool:
+        publish()
+        answer = shared.call("query_ground", QueryGround, x=[0.3], y=[-0.2])
+        return bool(answer.success) and answer.velocities[2] == pytest.approx(speed, rel=0.1)
+
+    shared.wait_for(moves)
+    for asked in (True, False):
+        publish()
+        stamp = shared.now() if asked else Time()
+        answer = shared.call("query_ground", QueryGround, header=Header(stamp=stamp), x=[0.3], y=[-0.2])
+        assert not asked or answer.header.stamp == stamp
+        # Maps are placed in simulated time to within a step.
+        assert answer.z[0] == pytest.approx(speed * seconds(answer.header.stamp), abs=2.0 * speed / 240.0)
+
+
+def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
+    publish_hills(shared)
+    box = BodySpecification(id="box", shape=BOX, mass=1.0, on_ground=True, align=True)
+    box.pose = pose_message((0.0, 0.0, 0.0))
+    assert shared.call("spawn_bodies", SpawnBodies, bodies=[box]).success
+    rng = np.random.default_rng(1)
+    origins = np.column_stack([rng.uniform(-9.0, 9.0, (2500, 2)), np.full(2500, 1.5)])
+    directions = rng.normal(size=(2500, 3)) * (1.0, 1.0, 0.3)
+    answer = cast(shared, origins, directions)
+    assert answer.success, answer.message
+    expected = first_hit(triangles_of(hills(), 0.0), origins[:300], directions[:300], 20.0)
+    ground = np.array(answer.hits[:300]) == "ground"
+    assert 30 < ground.sum() < 300 and set(answer.hits) <= {"", "ground", "box"}
+    np.testing.assert_allclose(array(answer.distances)[:300][ground], expected.values[ground], atol=1e-6)
+    assert np.isinf(array(answer.distances)[np.array(answer.hits) == ""]).all()
+    down = cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0])
+    assert list(down.hits) == ["box"]
+    assert list(cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0], through=["box"]).hits) == ["ground"]
+
+
+def test_questions_in_other_frames(shared: Probe) -> None:
+    publish_hills(shared)
+    turn, place = (0.0, 0.0, math.sin(0.4), math.cos(0.4)), (2.0, -1.0, 0.5)
+    publish_frame(shared, "level", place, turn)
+    publish_frame(shared, "tilted", place, (math.sin(0.2), 0.0, 0.0, math.cos(0.2)))
+    points = np.random.default_rng(2).uniform(-4.0, 4.0, (50, 2))
+    shared.wait_for(lambda: query(shared, points, "level").success)
+    answer = query(shared, points, "level")
+    rotation = np.array([[math.cos(0.8), -math.sin(0.8)], [math.sin(0.8), math.cos(0.8)]])
+    expected = ground_samples(Terrain(hills()), checked_points(points @ rotation.T + place[:2]), 0.0)
+    np.testing.assert_allclose(array(answer.z), expected.z - 0.5, atol=1e-6)
+    np.testing.assert_allclose(array(answer.normals, 3)[:, :2], expected.normals[:, :2] @ rotation, atol=1e-6)
+    assert answer.header.frame_id == "level"
+    assert "tilted by 22.9 degrees" in query(shared, points, "tilted").message
+    ray = cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, -1.0], frame_id="tilted")
+    way = (0.0, math.sin(0.4), -math.cos(0.4))
+    met = first_hit(triangles_of(hills(), 0.0), np.array([place]), np.array([way]), 20.0)
+    np.testing.assert_allclose(array(ray.distances), met.values, atol=1e-6)
+
+
+def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
+    one = np.zeros((1, 2))
+    assert "no terrain yet" in query(shared, one).message
+    publish_hills(shared)
+    stamp = shared.now()
+    stamp.sec -= 100
+    refused = [
+        (query(shared, np.array([[math.nan, 0.0]])), "not finite"),
+        (query(shared, np.zeros((100_001, 2))), "100001 points in one call; at most 100000"),
+        (query(shared, one, y=doubles([0.0, 1.0])), "1 x, 2 y and 0 below"),
+        (query(shared, one, "nowhere"), "no transform from 'nowhere'"),
+        (query(shared, one, header=Header(stamp=stamp)), "before this node's time"),
+        (cast(shared, [0.0, 0.0], [0.0, 0.0, 1.0]), "three of each"),
+        (cast(shared, [0.0, 0.0, math.nan], [0.0, 0.0, 1.0]), "not finite"),
+        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), "has no length"),
+        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], reach=-1.0), "range"),
+        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], through=["nobody"]), "no body 'nobody'"),
+        (cast(shared, np.zeros(300_003), np.ones(300_003)), "100001 rays"),
+    ]
+    for answer, words in refused:
+        assert not answer.success and words in answer.message, answer.message
+    assert shared.call("pause", SetBool, data=True).success
+    for answer in (query(shared, one), cast(shared, [0.0, 0.0, 1.0], [0.0, 0.0, -1.0])):
+        assert not answer.success and "paused" in answer.message
+    assert shared.call("pause", SetBool, data=False).success
+    assert query(shared, one).success and query(shared, np.zeros((0, 2))).success
+    counts = shared.diagnostics("inputs")
+    assert counts["refused, query_ground: paused"] == "1" and counts["refused, cast_rays: length"] == "1"
+
+
+def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
+    holes = HILLS.copy()
+    holes[:10, :10] = np.nan
+    shared.publish_map(holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    shared.wait_for(lambda: shared.diagnostics("terrain")["samples"] != "0")
+    assert shared.call("pause", SetBool, data=True).success
+
+    def spawn(name: str, x: float, y: float, **fields: Any) -> Any:
+        pose = pose_message((x, y, -77.0))
+        return shared.call("spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose, on_ground=True, **fields)
+
+    assert spawn("ball", 1.1, 0.7, clearance=0.25).success
+    shared.wait_for(lambda: shared.latest("body_states").bodies)
+    [ball] = shared.latest("body_states").bodies
+    place = np.array([[ball.pose.position.x, ball.pose.position.y, ball.pose.position.z - 0.25]])
+    triangles = triangles_of(hills(), 0.0)
+    near = np.linalg.norm(triangles - place, axis=2).min(axis=1) < 1.0
+    samples = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), 3000) @ triangles[near]
+    assert np.linalg.norm(samples - place, axis=-1).min() == pytest.approx(0.3, abs=5e-3)
+    for x, y in ((-9.5, -9.5), (9.9, 0.0), (500.0, 0.0)):
+        answer = spawn("other", x, y)
+        assert not answer.success and "no ground at" in answer.message
+    assert "clearance" in spawn("other", 0.0, 0.0, clearance=-0.1).message
+    assert len(shared.latest("body_states").bodies) == 1
+
+
+def test_the_parameter_spawns_on_the_ground(probe: Probe) -> None:
+    spawn = [
+        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
+        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
+    ]
+    with probe.running(parameters={"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}):
+        publish_hills(probe)
+        probe.wait_for(lambda: len(probe.latest("body_states").bodies) == 2)
+        ball, box = probe.latest("body_states").bodies
+        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0]]), 0.0)
+        assert ball.pose.position.z - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
+        assert box.pose.position.z - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
+        turn = box.pose.orientation
+        assert 1.0 - 2.0 * (turn.x**2 + turn.y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
