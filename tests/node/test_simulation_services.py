@@ -14,19 +14,26 @@ from simulation_interfaces.msg import (
     EntityCategory,
     EntityFilters,
     EntityState,
+    Resource,
     Result,
     SimulationState,
     SimulatorFeatures,
+    SpawnResult,
 )
+from simulation_interfaces.msg import SpawnEntity as Wanted
 from simulation_interfaces.srv import (
     DeleteEntity,
     GetEntities,
+    GetEntitiesStates,
+    GetEntityBounds,
+    GetEntityInfo,
     GetEntityState,
     GetSimulationState,
     GetSimulatorFeatures,
     ResetSimulation,
     SetEntityState,
     SetSimulationState,
+    SpawnEntities,
     SpawnEntity,
     StepSimulation,
 )
@@ -153,6 +160,41 @@ def test_entities_come_move_and_go(probe: Probe) -> None:
         gone = probe.call("get_entity_state", GetEntityState, entity="truck").result
         assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
         assert entities(probe) == ["ball", "rover", "rover_1"]
+
+
+def test_many_entities_come_by_one_call_and_are_described(probe: Probe) -> None:
+    with probe.running(parameters=PARAMETERS):
+        assert set_state(probe, SimulationState.STATE_PAUSED) == OK
+        features = probe.call("get_simulator_features", GetSimulatorFeatures).features.features
+        f = SimulatorFeatures
+        assert {f.SPAWNING_ENTITIES, f.ENTITY_BOUNDS, f.ENTITY_INFO_GETTING} <= set(features)
+        assert f.SPAWNABLES not in features
+        text = Resource(resource_string=ROVER.read_text())
+        wanted = [
+            Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
+            for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", Resource(uri=str(ROVER)), 7.0))
+        ]
+        answer = probe.call("spawn_entities", SpawnEntities, spawn_requests=wanted)
+        assert answer.result.result == SpawnEntities.Response.ENTITIES_SPAWN_FAILED
+        assert [one.result.result for one in answer.results] == [OK, SpawnResult.NAME_NOT_UNIQUE, OK]
+        assert [one.entity_name for one in answer.results] == ["a", "", "b"]
+        last = Wanted(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
+        assert probe.call("spawn_entities", SpawnEntities, spawn_requests=[last]).result.result == OK
+
+        states = probe.call("get_entities_states", GetEntitiesStates, filters=EntityFilters(filter="^[ab]$"))
+        assert (states.result.result, states.entities) == (OK, ["a", "b"])
+        assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
+        bounds = probe.call("get_entity_bounds", GetEntityBounds, entity="ball").bounds
+        high, low = ((point.x, point.y, point.z) for point in bounds.points)
+        assert bounds.type == Bounds.TYPE_BOX
+        assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
+        infos = [probe.call("get_entity_info", GetEntityInfo, entity=name).info for name in ("a", "ball")]
+        assert [info.category.category for info in infos] == [
+            EntityCategory.CATEGORY_ROBOT,
+            EntityCategory.CATEGORY_OBJECT,
+        ]
+        for service, kind in (("get_entity_bounds", GetEntityBounds), ("get_entity_info", GetEntityInfo)):
+            assert probe.call(service, kind, entity="nobody").result.result == Result.RESULT_NOT_FOUND
 
 
 def test_entities_are_filtered_by_name_and_place(probe: Probe) -> None:

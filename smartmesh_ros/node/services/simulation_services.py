@@ -10,15 +10,19 @@ import signal
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from geometry_msgs.msg import Vector3
+
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.outputs.robot_outputs import pose_message, twist_message
+from smartmesh_ros.node.services.entity_bounds import own_bounds
 from smartmesh_ros.node.services.entity_filters import select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.base_frames import centre_state
+from smartmesh_ros.physics.bodies import Body
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (
@@ -38,6 +42,12 @@ FEATURES = (
     "STEP_SIMULATION_SINGLE",
     "STEP_SIMULATION_MULTIPLE",
 )
+# Features of services that came with later definitions, by the service; reported if the installed package has it.
+LATER_FEATURES = {
+    "SpawnEntities": "SPAWNING_ENTITIES",
+    "GetEntityBounds": "ENTITY_BOUNDS",
+    "GetEntityInfo": "ENTITY_INFO_GETTING",
+}
 # Result code by the reason of an InputError. The codes of SpawnEntity and of entity states take precedence.
 _REASONS = {"unknown_body": "RESULT_NOT_FOUND", "unsupported": "RESULT_FEATURE_UNSUPPORTED"}
 _SPAWN_REASONS = {
@@ -91,6 +101,7 @@ class SimulationServices:
         self._session, self._controls = session, controls
         self._results, self._states = messages.Result, messages.SimulationState
         self._features, self._bounds = messages.SimulatorFeatures, messages.Bounds
+        self._messages, self._services = messages, services
         self._stopped = False
         serve = self._serve
         serve(services.GetSimulatorFeatures, "get_simulator_features", self._get_features, {})
@@ -108,6 +119,14 @@ class SimulationServices:
         serve(services.GetEntities, "get_entities", self._get_entities, {})
         serve(services.GetEntityState, "get_entity_state", self._get_entity_state, {})
         serve(services.SetEntityState, "set_entity_state", self._set_entity_state, _STATE_REASONS)
+        for name, service, act, reasons in (
+            ("SpawnEntities", "spawn_entities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"}),
+            ("GetEntitiesStates", "get_entities_states", self._get_entities_states, {}),
+            ("GetEntityBounds", "get_entity_bounds", self._get_bounds, {}),
+            ("GetEntityInfo", "get_entity_info", self._get_info, {}),
+        ):
+            if hasattr(services, name):
+                serve(getattr(services, name), service, act, reasons)
 
     def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], None], reasons: dict[str, str]) -> None:
         """Serve ``~/service`` by ``act``. ``reasons``: result code by reason of an `InputError` of ``act``."""
@@ -119,17 +138,21 @@ class SimulationServices:
                 code, words = results.RESULT_OK, ""
             except InputError as error:
                 session.refusals.add(service, error)
-                own = reasons.get(error.reason)
-                name = _REASONS.get(error.reason, "RESULT_OPERATION_FAILED")
-                code = getattr(results, name) if own is None else getattr(kind.Response, own)
-                words = str(error)
+                code, words = self._code(error, reasons, kind.Response), str(error)
             if hasattr(response, "result"):
                 response.result.result, response.result.error_message = code, words
 
         session.serve(kind, service, handle)
 
+    def _code(self, error: InputError, reasons: dict[str, str], codes: Any) -> int:
+        """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
+        if (own := reasons.get(error.reason)) is not None:
+            return int(getattr(codes, own))
+        return int(getattr(self._results, _REASONS.get(error.reason, "RESULT_OPERATION_FAILED")))
+
     def _get_features(self, _: Any, response: Any) -> None:
-        response.features.features = [getattr(self._features, name) for name in FEATURES]
+        later = [name for service, name in LATER_FEATURES.items() if hasattr(self._services, service)]
+        response.features.features = [getattr(self._features, name) for name in (*FEATURES, *later)]
         response.features.spawn_formats = ["urdf"]
         response.features.custom_info = (
             "smartmesh_ros terrain_collider. The state of tracked bodies cannot be set. Accelerations are not "
@@ -178,6 +201,25 @@ class SimulationServices:
         )
 
     def _spawn(self, request: Any, response: Any) -> None:
+        response.entity_name = self._spawn_entity(request)
+
+    def _spawn_all(self, request: Any, response: Any) -> None:
+        failed = 0
+        for wanted in request.spawn_requests:
+            result = self._messages.SpawnResult()
+            try:
+                result.entity_name = self._spawn_entity(wanted)
+                result.result.result = self._results.RESULT_OK
+            except InputError as error:
+                failed += 1
+                result.result.result = self._code(error, _SPAWN_REASONS, result)
+                result.result.error_message = str(error)
+            response.results.append(result)
+        if failed:
+            raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")
+
+    def _spawn_entity(self, request: Any) -> str:
+        """Spawn the entity of a request, and return its name. Raises `InputError`."""
         session = self._session
         given = _urdf_of(getattr(request, "entity_resource", request))
         urdf = checked_urdf(given, bounds.urdf_rules(session.settings))
@@ -194,7 +236,7 @@ class SimulationServices:
         body = session.world.bodies[name]
         body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
         session.world.move(name, body.initial)
-        response.entity_name = name
+        return name
 
     def _free_name(self, wanted: str) -> str:
         wanted = wanted.replace("/", "_") or "entity"
@@ -210,12 +252,35 @@ class SimulationServices:
     def _get_entities(self, request: Any, response: Any) -> None:
         response.entities = select(self._session.world, request.filters, self._bounds)
 
+    def _get_entities_states(self, request: Any, response: Any) -> None:
+        self._get_entities(request, response)
+        for name in response.entities:
+            response.states.append(self._messages.EntityState())
+            self._write_state(name, response.states[-1])
+
+    def _body(self, name: str) -> Body:
+        if (body := self._session.world.bodies.get(name)) is None:
+            raise InputError("unknown_body", f"there is no body {name!r}")
+        return body
+
+    def _get_bounds(self, request: Any, response: Any) -> None:
+        body = self._body(request.entity)
+        low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
+        response.bounds.type, response.bounds.points = self._bounds.TYPE_BOX, [high, low]
+
+    def _get_info(self, request: Any, response: Any) -> None:
+        body, category = self._body(request.entity), response.info.category
+        category.category = category.CATEGORY_ROBOT if body.is_robot else category.CATEGORY_OBJECT
+        response.info.description = "its pose is dictated by a topic" if body.tracked else "simulated"
+
     def _get_entity_state(self, request: Any, response: Any) -> None:
+        self._write_state(request.entity, response.state)
+
+    def _write_state(self, name: str, message: Any) -> None:
         session = self._session
-        state = session.world.base_state(request.entity)
-        header = response.state.header
-        header.stamp, header.frame_id = session.stamp_now(), session.frame_id
-        response.state.pose, response.state.twist = pose_message(state), twist_message(state)
+        state = session.world.base_state(name)
+        message.header.stamp, message.header.frame_id = session.stamp_now(), session.frame_id
+        message.pose, message.twist = pose_message(state), twist_message(state)
 
     def _set_entity_state(self, request: Any, _: Any) -> None:
         world, name = self._session.world, request.entity

@@ -1,0 +1,38 @@
+"""Bounds of bodies in their own frames, for the message Bounds of simulation_interfaces."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.quaternions import rotate
+from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.terrain.grid import FloatArray
+
+
+def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and upper corner (3,) [m] of a body's box in its own frame; for a robot, all links at joint
+    positions zero in the frame of the root link."""
+    half, centre = _half_and_centre(body.hull or body.shape or Sphere(body.radius))
+    position, orientation = body.inertial
+    corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in _corners(half, centre)]
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def _corners(half: FloatArray, centre: FloatArray) -> FloatArray:
+    corners: FloatArray = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return corners
+
+
+def _half_and_centre(shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """Return half the edges of the box around a shape, and its middle (3,) [m]."""
+    match shape:
+        case Box(x, y, z):
+            return 0.5 * np.array([x, y, z]), np.array(shape.centre)
+        case Cylinder(radius, height):
+            return np.array([radius, radius, 0.5 * height]), np.zeros(3)
+        case Capsule(radius, height):
+            return np.array([radius, radius, 0.5 * height + radius]), np.zeros(3)
+    return np.full(3, shape.radius), np.zeros(3)
