@@ -26,6 +26,12 @@ def terrain_source() -> None:
     _start("terrain_source", "smartmesh_ros.node.demo.terrain_source")
 
 
+def terrain_sensor() -> None:
+    """Run a lidar or a depth camera."""
+    silence_pybullet()
+    _start("terrain_sensor", "smartmesh_ros.node.sensor.terrain_sensor")
+
+
 def fleet_front() -> None:
     """Run the front of a fleet."""
     silence_pybullet()

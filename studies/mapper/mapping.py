@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import GridGeometry
 from studies.mapper.drift import DriftConfig, Estimator
 from studies.mapper.elevation_mapper import ElevationMapper, MapperConfig
 from studies.mapper.poses import LoopPath, Pose, on_ground
-from studies.mapper.sensors import DepthCamera, Lidar, RangeSensor, scan
+from studies.mapper.sensors import scan
 from studies.mapper.truth import TruthConfig, true_ground
 
 FloatGrid = NDArray[np.float32]

@@ -18,6 +18,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map
 from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
+from smartmesh_ros.node.sensor.range_sensors import RangeSensor
 from smartmesh_ros.testing import bags
 from studies.mapper import (
     NO_DRIFT,
@@ -39,7 +40,7 @@ from studies.mapper.mapping import true_heights
 from studies.mapper.picture import draw_frame
 from studies.mapper.poses import on_ground
 from studies.mapper.rays import cast_rays
-from studies.mapper.sensors import RangeSensor, Scan, scan
+from studies.mapper.sensors import Scan, scan
 from studies.mapper.truth import TruthConfig
 
 TESTS = Path(__file__).parents[1]

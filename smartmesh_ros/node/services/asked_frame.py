@@ -89,15 +89,22 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
                 "of now, or with stamp zero for now",
             )
         time = session.time_at(age)
+    answer = Header(stamp=instant, frame_id=header.frame_id or session.frame_id)
+    return AskedFrame(_transform(session, transforms, header.frame_id, stamp), time, answer)
+
+
+def _transform(session: Session, transforms: TransformInput, frame_id: str, stamp: float | None) -> Transform:
+    """Return the pose of a frame in the terrain's frame: of a body of that name, or else of a frame of TF."""
+    if frame_id in session.world.bodies and frame_id != session.frame_id:
+        state = session.world.base_state(frame_id)
+        return Transform(state.position, state.orientation)
     listening = transforms.listening
     try:
-        found = transforms.to_terrain(header.frame_id, stamp)
+        return transforms.to_terrain(frame_id, stamp) or IDENTITY
     except InputError as error:
         if listening or not transforms.listening:
             raise
         raise InputError("frame", f"{error}; the node has just subscribed to /tf, so ask again") from None
-    answer = Header(stamp=instant, frame_id=header.frame_id or session.frame_id)
-    return AskedFrame(IDENTITY if found is None else found, time, answer)
 
 
 def _stamp_of_world(session: Session) -> float:

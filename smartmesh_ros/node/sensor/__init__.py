@@ -1,0 +1,1 @@
+"""Sensors of the ground: a lidar and a depth camera."""

@@ -1,0 +1,194 @@
+"""The node ``terrain_sensor``: a lidar or a depth camera that sees the ground and the bodies of a terrain_collider.
+
+It casts the rays of each look with the collider's service ``terrain_collider/cast_rays``, adds noise to the ranges, and
+publishes the points on ``~/points`` in the frame that carries the sensor. A depth camera also publishes ``~/image``
+(depths in metres, NaN = no return) and ``~/camera_info``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.utilities import try_shutdown
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from smartmesh_msgs.srv import CastRays
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.outputs.arrays import doubles
+from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
+from smartmesh_ros.node.sensor.sensor_messages import camera_info, cloud_message, depth_image
+from smartmesh_ros.physics.quaternions import product
+from smartmesh_ros.terrain.grid import FloatArray
+
+NAME = "terrain_sensor"
+_L, _C = Lidar(), DepthCamera()
+SPECS = (
+    Spec("sensor", "lidar", "Kind of sensor.", choices=("lidar", "depth_camera"), read_only=True),
+    Spec("frame", "", "Frame that carries the sensor: of TF, or the name of a body; empty = the terrain's frame.",
+         read_only=True),
+    Spec("through", [], "Bodies that the rays pass through, such as the one that carries the sensor.", read_only=True),
+    Spec("position", [*_L.position_b], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3, read_only=True),
+    Spec("pitch", 0.0, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15,
+         read_only=True),
+    Spec("rate", 10.0, "Looks a second [Hz].", 0.01, 200.0, read_only=True),
+    Spec("range.nearest", _L.nearest, "Closer surfaces give no return [m].", 0.0, 1e4, read_only=True),
+    Spec("range.farthest", _L.farthest, "Farther surfaces give no return [m].", 0.01, 1e4, read_only=True),
+    Spec("noise.constant", _L.noise.constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0,
+         read_only=True),
+    Spec("noise.quadratic", _L.noise.quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
+         10.0, read_only=True),
+    Spec("noise.seed", 0, "Seed of the noise.", 0, 2**31 - 1, read_only=True),
+    Spec("lidar.beams", _L.beams, "Beams, one above the other.", 1, 512, read_only=True),
+    Spec("lidar.fan", [*_L.fan], "Elevations of the lowest and the highest beam [rad].", -1.571, 1.571, read_only=True),
+    Spec("lidar.steps", _L.steps, "Shots of all beams in a turn.", 1, 100_000, read_only=True),
+    Spec("lidar.sectors", 1, "Looks in a turn.", 1, 1000, read_only=True),
+    Spec("camera.columns", _C.columns, "Columns of the image.", 2, 4096, read_only=True),
+    Spec("camera.rows", _C.rows, "Rows of the image.", 2, 4096, read_only=True),
+    Spec("camera.view", [*_C.view], "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1,
+         read_only=True),
+)  # fmt: skip
+# Time after which an unanswered call is given up [s].
+PATIENCE = 2.0
+# Rotation from a frame that looks along x, z up, to an optical frame, which looks along z, y down.
+OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+# Most rays of one look, as the service allows.
+MOST_RAYS = 100_000
+
+
+def sensor_of(values: dict[str, Any]) -> RangeSensor:
+    """Return the sensor that the parameters describe. Raises `InputError`."""
+    for name, count in (("position", 3), ("lidar.fan", 2), ("camera.view", 2)):
+        if len(values[name]) != count:
+            raise InputError("parameter", f"{name} has {len(values[name])} numbers; it needs {count}")
+    if not values["range.nearest"] < values["range.farthest"]:
+        raise InputError("parameter", "range.nearest must be less than range.farthest")
+    x, y, z = values["position"]
+    common: dict[str, Any] = {
+        "position_b": (x, y, z), "pitch": values["pitch"], "nearest": values["range.nearest"],
+        "farthest": values["range.farthest"], "rate": values["rate"],
+        "noise": RangeNoise(constant=values["noise.constant"], quadratic=values["noise.quadratic"]),
+    }  # fmt: skip
+    made: RangeSensor
+    if values["sensor"] == "lidar":
+        low, high = values["lidar.fan"]
+        made = Lidar(
+            **common, beams=values["lidar.beams"], fan=(low, high), steps=values["lidar.steps"],
+            sectors=values["lidar.sectors"],
+        )  # fmt: skip
+    else:
+        wide, high = values["camera.view"]
+        made = DepthCamera(**common, columns=values["camera.columns"], rows=values["camera.rows"], view=(wide, high))
+    if (count := len(made.directions_s(0))) > MOST_RAYS:
+        raise InputError("parameter", f"{count} rays in one look; at most {MOST_RAYS} are possible")
+    return made
+
+
+class TerrainSensor(Node):
+    """Looks at the ground, at a fixed rate."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(NAME, **node_options)
+        values = declare(self, SPECS)
+        self.sensor = sensor_of(values)
+        self._frame, self._through = values["frame"], values["through"]
+        self._rng = np.random.default_rng(values["noise.seed"])
+        self._look = 0
+        self._asked: Any = None  # the call under way
+        self._asked_at = 0.0
+        self._client = self.create_client(CastRays, "terrain_collider/cast_rays")
+        self._points = self.create_publisher(PointCloud2, "~/points", QoSProfile(depth=5))
+        self._optical = f"{self.get_name()}_optical"
+        if isinstance(self.sensor, DepthCamera):
+            self._image = self.create_publisher(Image, "~/image", QoSProfile(depth=5))
+            self._info = self.create_publisher(CameraInfo, "~/camera_info", QoSProfile(depth=5))
+        self._frames: Any = None  # publisher of the optical frame
+        self.create_timer(1.0 / self.sensor.rate, self._on_time)
+
+    def _on_time(self) -> None:
+        """Cast the rays of the next look, unless the last ones are still under way."""
+        now = self.get_clock().now().nanoseconds * 1e-9
+        if self._asked is not None and abs(now - self._asked_at) < PATIENCE:
+            self._warn("looks take longer than 1 / rate, so some are left out; lower rate or the number of rays")
+            return
+        if not self._client.service_is_ready():
+            self._warn(f"there is no service {self._client.srv_name}; start terrain_collider, or remap the service")
+            return
+        directions = self.sensor.directions_b(self._look)
+        request = CastRays.Request(header=Header(frame_id=self._frame), range=self.sensor.farthest)
+        request.origins = doubles(np.tile(self.sensor.position_b, (len(directions), 1)))
+        request.directions, request.through = doubles(directions), self._through
+        self._look += 1
+        asked = self._asked = self._client.call_async(request)
+        self._asked_at = now
+        asked.add_done_callback(lambda future: self._on_answer(future, directions))
+
+    def _on_answer(self, future: Any, directions: FloatArray) -> None:
+        """Publish what the rays of a look met."""
+        if future is self._asked:
+            self._asked = None
+        response = future.result()
+        if not response.success:
+            self._warn(f"no look: {response.message}")
+            return
+        true = np.frombuffer(response.distances, np.float64)
+        known = np.isfinite(true) & (true >= self.sensor.nearest)
+        ranges = np.full(len(true), np.nan)
+        deviations = self.sensor.noise.deviation(true[known])
+        ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
+        header = response.header
+        points = np.array(self.sensor.position_b) + directions[known] * ranges[known, None]
+        self._points.publish(cloud_message(header, points))
+        if isinstance(self.sensor, DepthCamera):
+            self._publish_frame(header)
+            optical = Header(stamp=header.stamp, frame_id=self._optical)
+            self._image.publish(depth_image(optical, self.sensor, ranges))
+            self._info.publish(camera_info(optical, self.sensor))
+
+    def _publish_frame(self, header: Header) -> None:
+        """Publish the pose of the optical frame, once, if tf2_msgs is installed."""
+        kind = find_message("tf2_msgs", "TFMessage")
+        if self._frames is not None or kind is None:
+            return
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._frames = self.create_publisher(kind, "/tf_static", latched)
+        half = 0.5 * self.sensor.pitch
+        turn = product((0.0, float(np.sin(half)), 0.0, float(np.cos(half))), OPTICAL)
+        x, y, z = self.sensor.position_b
+        pose = Transform(
+            translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(**dict(zip("xyzw", turn, strict=True)))
+        )
+        self._frames.publish(
+            kind(transforms=[TransformStamped(header=header, child_frame_id=self._optical, transform=pose)])
+        )
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(words, throttle_duration_sec=5.0)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the sensor until SIGINT or SIGTERM."""
+    answer(NAME, __doc__, SPECS, None if args is None else list(args))
+    rclpy.init(args=args)
+    executor = SingleThreadedExecutor()
+    try:
+        node = TerrainSensor()
+        executor.add_node(node)
+        executor.spin()
+    except InputError as error:
+        raise SystemExit(f"cannot start: {error}") from None
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        try_shutdown()

@@ -1,0 +1,143 @@
+"""The simulated lidar and depth camera over real DDS, and the loop from the ground through a mapper to a map."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.srv import SpawnBody
+from tf2_msgs.msg import TFMessage
+
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.testing import Probe, pose_message
+from tests.bodies import rotation
+from tests.node.test_ground_services import LATCHED, hills, publish_hills, query
+
+POST = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.4])
+CAMERA = {"sensor": "depth_camera", "pitch": 0.6, "position": [0.1, 0.0, 1.5], "camera.columns": 40, "camera.rows": 30}
+EXACT = {"noise.constant": 0.0, "noise.quadratic": 0.0}
+
+
+def spawn_post(probe: Probe) -> None:
+    """A heavy box at rest on a slope, which carries the sensor."""
+    publish_hills(probe)
+    pose = pose_message((2.0, 1.0, 0.0))
+    fields: dict[str, Any] = {"id": "post", "shape": POST, "mass": 50.0, "pose": pose, "on_ground": True, "align": True}
+    assert probe.call("spawn_body", SpawnBody, **fields).success
+
+
+def points_of_cloud(cloud: PointCloud2) -> np.ndarray:
+    assert [field.name for field in cloud.fields] == ["x", "y", "z"] and cloud.point_step == 12
+    return np.frombuffer(cloud.data, np.float32).reshape(cloud.width, 3).astype(np.float64)
+
+
+def in_map(probe: Probe, points: np.ndarray) -> np.ndarray:
+    """Points of the post's frame in the terrain's frame."""
+    pose = next(body.pose for body in probe.latest("body_states").bodies if body.id == "post")
+    q, p = pose.orientation, pose.position
+    return np.asarray(points @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (p.x, p.y, p.z))
+
+
+def errors(points: np.ndarray) -> np.ndarray:
+    """Heights of points (n, 3) above the hills [m]."""
+    return np.asarray(points[:, 2] - ground_samples(Terrain(hills()), checked_points(points[:, :2]), 0.0).z)
+
+
+def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> None:
+    spawn_post(shared)
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    parameters = {"frame": "post", "through": ["post"], "position": [0.0, 0.0, 0.0], **EXACT}
+    with shared.running("terrain_sensor", parameters):
+        shared.wait_for(lambda: len(clouds) > 2)
+        points = points_of_cloud(clouds[-1])
+        assert clouds[-1].header.frame_id == "post"
+        assert len(points) > 1000
+        # The sensor is inside the box: its rays start there, and pass through its sides.
+        assert np.linalg.norm(points, axis=1).max() <= 15.0 + 1e-3
+        # The box may creep by a fraction of a millimetre between the look and its state, which flat rays enlarge.
+        assert np.abs(errors(in_map(shared, points))).max() < 0.02
+
+
+def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
+    spawn_post(shared)
+    camera = "/shared/terrain_sensor"
+    clouds, images = shared.listen(f"{camera}/points", PointCloud2), shared.listen(f"{camera}/image", Image)
+    infos, frames = shared.listen(f"{camera}/camera_info", CameraInfo), shared.listen("/tf_static", TFMessage, LATCHED)
+    with shared.running("terrain_sensor", {"frame": "post", **CAMERA, **EXACT}):
+        shared.wait_for(lambda: frames and infos and clouds and images)
+        stamp = images[-1].header.stamp
+        cloud = shared.wait_for(lambda: next((one for one in clouds if one.header.stamp == stamp), None))
+        image, info = images[-1], infos[-1]
+        assert (image.encoding, image.width, image.height, image.header.frame_id) == (
+            "32FC1", 40, 30, "terrain_sensor_optical",
+        )  # fmt: skip
+        depths = np.frombuffer(image.data, np.float32).reshape(30, 40).astype(np.float64)
+        v, u = np.nonzero(~np.isnan(depths))
+        fx, fy, cx, cy = info.k[0], info.k[4], info.k[2], info.k[5]
+        z = depths[v, u]
+        optical = np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])
+        transform = frames[-1].transforms[0]
+        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "terrain_sensor_optical")
+        q, t = transform.transform.rotation, transform.transform.translation
+        projected = optical @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (t.x, t.y, t.z)
+        np.testing.assert_allclose(projected, points_of_cloud(cloud), atol=1e-4)
+        assert math.isclose(fx, 19.5 / math.tan(0.5 * math.radians(87.0)), rel_tol=1e-9)
+
+
+def test_noise_has_the_deviation_that_was_asked_for(shared: Probe) -> None:
+    shared.publish_map(np.zeros((81, 81)), resolution=0.5, origin=(-20.0, -20.0, 0.0))
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    noise = {"noise.constant": 0.03, "noise.quadratic": 0.002}
+    parameters = {"position": [0.0, 0.0, 2.0], "lidar.fan": [-0.9, -0.3], **noise}
+    with shared.running("terrain_sensor", parameters):
+        shared.wait_for(lambda: clouds)
+        rays = points_of_cloud(clouds[0]) - (0.0, 0.0, 2.0)
+        assert len(rays) == 16 * 360
+        ranges = np.linalg.norm(rays, axis=1)
+        true = -2.0 / (rays[:, 2] / ranges)
+        assert np.std((ranges - true) / (0.03 + 0.002 * true**2)) == pytest.approx(1.0, rel=0.05)
+        assert np.mean(ranges - true) == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_loop_closes_a_mapper_gives_the_ground_back(shared: Probe) -> None:
+    """Node, sensor, a mapper that averages points in cells, and a second node that takes its maps."""
+    spawn_post(shared)
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    parameters = {"frame": "post", "through": ["post"], "position": [0.0, 0.0, 1.5], "lidar.fan": [-1.2, -0.2]}
+    with Probe("belief") as belief, belief.running(), shared.running("terrain_sensor", parameters):
+        shared.wait_for(lambda: len(clouds) > 10)
+        points = np.concatenate([in_map(shared, points_of_cloud(cloud)) for cloud in clouds])
+        cells = np.floor((points[:, :2] - (0.0, -1.0)) / 0.2 + 0.5).astype(int)  # a window of 4 m around the post
+        inside = ((cells >= 0) & (cells < 21)).all(axis=1)
+        index = cells[inside, 1] * 21 + cells[inside, 0]
+        with np.errstate(invalid="ignore"):
+            counts = np.bincount(index, minlength=441)
+            heights = np.bincount(index, points[inside, 2], 441) / np.where(counts > 0, counts, np.nan)
+        belief.publish_map(heights.reshape(21, 21), resolution=0.2, origin=(0.0, -1.0, 0.0))
+        belief.wait_for(lambda: belief.diagnostics("terrain")["samples"] != "0")
+        x, y = (0.2 * axis.ravel() for axis in np.meshgrid(np.arange(21), np.arange(21)))
+        places = np.column_stack([x, y - 1.0])
+        answer = query(belief, places)
+        found = np.frombuffer(answer.z, np.float64)
+        known = ~np.isnan(found)
+        expected = ground_samples(Terrain(hills()), checked_points(places), 0.0).z
+        assert known.mean() > 0.6
+        assert np.abs(found - expected)[known].mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"sensor": "sonar"}, "choose one of lidar, depth_camera"),
+        ({"range.nearest": 20.0}, "less than range.farthest"),
+        ({"lidar.beams": 500, "lidar.steps": 1000}, "500000 rays in one look"),
+        ({"position": [1.0]}, "position has 1 numbers"),
+    ],
+)
+def test_impossible_sensors_do_not_start(shared: Probe, parameters: dict[str, Any], words: str) -> None:
+    with shared.running("terrain_sensor", parameters) as process:
+        shared.wait_for(lambda: process.process.poll() is not None)
+        assert process.process.returncode == 1 and words in process.output
