@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.mesh_buckets import Buckets, buckets_of
@@ -50,12 +49,17 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Ray
         raise InputError(
             "non_finite", "origins or directions contain numbers that are not finite; every number must be"
         )
-    if not (math.isfinite(reach) and reach > 0.0):
-        raise InputError("range", f"the range of the rays is {reach} m; it must be finite and above zero")
-    lengths = np.linalg.norm(ways, axis=1)
-    if not (lengths > 0.0).all():
-        raise InputError("direction", f"direction {int(lengths.argmin())} has no length; every direction needs one")
-    return Rays(starts, ways / lengths[:, None], float(reach))
+    if np.abs(starts).max(initial=0.0) > MAX_COORDINATE:
+        raise InputError("geometry", f"origins are up to {np.abs(starts).max():g} m away; at most {MAX_COORDINATE:g}")
+    if not 0.0 < reach <= MAX_COORDINATE:
+        raise InputError(
+            "range", f"the range of the rays is {reach} m; it must be above zero, at most {MAX_COORDINATE:g}"
+        )
+    sizes = np.abs(ways).max(axis=1, initial=0.0)
+    if not (sizes > 0.0).all():
+        raise InputError("direction", f"direction {int(sizes.argmin())} has no length; every direction needs one")
+    ways /= sizes[:, None]  # lengths of very large numbers would overflow
+    return Rays(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True), float(reach))
 
 
 class RayCaster:

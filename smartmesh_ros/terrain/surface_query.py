@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.across import samples_across
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT
 from smartmesh_ros.terrain.facet_at import facet_at_sample, facet_of_cell
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import MAX_COORDINATE, BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import EDGE, HeightMap
 from smartmesh_ros.terrain.mesh_buckets import mesh_at
 from smartmesh_ros.terrain.moving_grid import MovingGrid, slide_at, to_grid
@@ -52,6 +52,9 @@ def checked_points(points: ArrayLike) -> FloatArray:
     whole[:, : array.shape[1]] = array
     if not np.isfinite(whole[:, :2]).all() or np.isnan(whole[:, 2]).any():
         raise InputError("non_finite", "points contain numbers that are not finite; every coordinate must be")
+    if np.abs(whole[:, :2]).max(initial=0.0) > MAX_COORDINATE:
+        farthest = np.abs(whole[:, :2]).max()
+        raise InputError("geometry", f"points are up to {farthest:g} m away; at most {MAX_COORDINATE:g} is possible")
     return whole
 
 

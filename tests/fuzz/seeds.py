@@ -20,7 +20,15 @@ from rcl_interfaces.srv import (
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import (
+    CastRays,
+    QueryGround,
+    RemoveBodies,
+    RemoveBody,
+    SpawnBodies,
+    SpawnBody,
+    StepPhysics,
+)
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -172,6 +180,12 @@ def _transforms(rng: np.random.Generator) -> Any:
 def _spawn(rng: np.random.Generator) -> Any:
     name = str(rng.choice(["ball", "crate", "tin", "robot", "again"]))
     request = SpawnBody.Request(id=name, mass=1.0, pose=_place(rng))
+    if rng.random() < 0.3:
+        request.on_ground, request.clearance, request.align = (
+            True,
+            float(rng.uniform(0.0, 0.5)),
+            bool(rng.random() < 0.5),
+        )
     if name == "robot":
         request.urdf = ROBOT
     elif name == "crate":
@@ -180,6 +194,20 @@ def _spawn(rng: np.random.Generator) -> Any:
         request.shape = SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.1])
     else:
         request.shape = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
+    return request
+
+
+def _query(rng: np.random.Generator) -> Any:
+    x, y = rng.uniform(-5.0, 15.0, (2, int(rng.integers(0, 6)))).tolist()
+    request = QueryGround.Request(x=x, y=y, below=x if rng.random() < 0.3 else [])
+    request.header.frame_id = str(rng.choice(["", "map", "odom", "ball"]))
+    return request
+
+
+def _cast(rng: np.random.Generator) -> Any:
+    origins, directions = rng.normal(scale=5.0, size=(2, 3 * int(rng.integers(0, 6)))).tolist()
+    request = CastRays.Request(origins=origins, directions=directions, range=float(rng.uniform(0.1, 50.0)))
+    request.header.frame_id = str(rng.choice(["", "map", "odom", "ball"]))
     return request
 
 
@@ -235,6 +263,8 @@ _MAKERS: dict[str, Any] = {
     "remove_body": lambda rng: RemoveBody.Request(id=str(rng.choice(["ball", "crate", "robot", "rover"]))),
     "spawn_bodies": _spawn_all,
     "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", str(rng.choice(["crate", "tin", "ball"]))]),
+    "query_ground": _query,
+    "cast_rays": _cast,
     "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
     "reset": lambda rng: Trigger.Request(),
     "reset_terrain_clock": lambda rng: Trigger.Request(),

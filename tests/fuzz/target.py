@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections import Counter
+from inspect import iscoroutine
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from smartmesh_ros.node import terrain_collider
+from smartmesh_ros.node.services.turns import Turns
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.fuzz.oracle import Oracle, Tile
 
@@ -148,6 +150,13 @@ class Target:
         before = self.node.refusals.counts.total()
         try:
             response = service.callback(request, service.srv_type.Response())
+            if iscoroutine(response):  # a long answer, which is given in turns
+                sent: list[Any] = []
+                turns = Turns()
+                turns.add(response, sent.append)
+                while turns.advance():
+                    pass
+                [response] = sent
         except Exception as error:
             # rclpy's own services raise on parameters of no type; the node's loop catches and counts that.
             places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)[1:]]

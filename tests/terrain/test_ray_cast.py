@@ -141,6 +141,13 @@ def test_an_upright_wall_of_a_mesh_is_met() -> None:
     np.testing.assert_allclose(np.abs(hit.normals), [[1.0, 0.0, 0.0]])
 
 
+@pytest.mark.parametrize("length", [1e-300, 1e200])
+def test_directions_may_have_any_length(length: float) -> None:
+    level = HeightMap(np.zeros((20, 20)), resolution=1.0)
+    hit = cast(level, np.array([[5.2, 7.1, 3.0]]), np.array([[0.0, 0.6 * length, -0.8 * length]]), 10.0)
+    np.testing.assert_allclose(hit.distances, 3.75)
+
+
 @pytest.mark.parametrize(
     ("origins", "directions", "reach", "words"),
     [
@@ -149,6 +156,7 @@ def test_an_upright_wall_of_a_mesh_is_met() -> None:
         ([[0, 0, math.nan]], [[0, 0, -1]], 1.0, "not finite"),
         ([[0, 0, 1]], [[0, math.inf, -1]], 1.0, "not finite"),
         ([[0, 0, 1]], [[0, 0, 0]], 1.0, "direction 0 has no length"),
+        ([[0, 0, 1e300]], [[0, 0, 1]], 1.0, "up to 1e\\+300 m away"),
         ([[0, 0, 1]], [[0, 0, -1]], 0.0, "range"),
         ([[0, 0, 1]], [[0, 0, -1]], math.inf, "range"),
     ],

@@ -176,7 +176,9 @@ def test_a_general_mesh_is_its_highest_triangle_below_the_point(seed: int) -> No
     np.testing.assert_allclose(found.ages[there], 0.05)
 
 
-@pytest.mark.parametrize("points", [[[0.0]], [[math.nan, 0.0]], [[0.0, math.inf]], [["a", "b"]], [0.0, 0.0]])
+@pytest.mark.parametrize(
+    "points", [[[0.0]], [[math.nan, 0.0]], [[0.0, math.inf]], [[-1e300, 0.0]], [["a", "b"]], [0.0, 0.0]]
+)
 def test_bad_points_are_refused(points: list[list[float]]) -> None:
     with pytest.raises(InputError, match="points"):
         checked_points(points)

@@ -44,10 +44,11 @@ class AskedFrame:
         if self.transform is IDENTITY:
             return points
         rotation, translation = self.rotation, np.array(self.transform.translation)
-        if np.isinf(points[:, 2]).any():
-            flat = points[:, :2] @ rotation[:2, :2].T
-            return np.asarray(np.column_stack([flat, points[:, 2]]) + translation)
-        return np.asarray(points @ rotation.T + translation)
+        with np.errstate(all="ignore"):  # numbers that are too large are refused afterwards
+            if np.isinf(points[:, 2]).any():
+                flat = points[:, :2] @ rotation[:2, :2].T
+                return np.asarray(np.column_stack([flat, points[:, 2]]) + translation)
+            return np.asarray(points @ rotation.T + translation)
 
     def vectors_w(self, vectors: FloatArray) -> FloatArray:
         """Return vectors (N, 3) in the terrain's frame."""

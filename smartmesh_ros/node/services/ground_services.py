@@ -43,7 +43,7 @@ class GroundServices:
         points = np.column_stack([x, y, below if len(below) else np.full(len(x), np.inf)])
         asked = asked_frame(self._session, self._transforms, request.header)
         asked.require_level(request.header.frame_id)
-        points_w = asked.points_w(checked_points(points))
+        points_w = checked_points(asked.points_w(points))
         parts = []
         for part in parts_of(len(points_w), POINTS_IN_TURN):
             with self._session.lock:
@@ -65,8 +65,8 @@ class GroundServices:
             )
         world = self._session.world
         asked = asked_frame(self._session, self._transforms, request.header)
-        rays = checked_rays(origins.reshape(-1, 3), directions.reshape(-1, 3), request.range)
-        rays = rays._replace(origins=asked.points_w(rays.origins), directions=asked.vectors_w(rays.directions))
+        starts, ways = asked.points_w(origins.reshape(-1, 3)), asked.vectors_w(directions.reshape(-1, 3))
+        rays = checked_rays(starts, ways, request.range)
         through = set(request.through)
         require_bodies(through, world.bodies)
         parts, names = [], []
