@@ -18,7 +18,7 @@ from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
-from smartmesh_ros.node.services.turns import Turns
+from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
 from smartmesh_ros.physics.limits import FARTHEST_BODY
@@ -147,12 +147,12 @@ class Session:
                 response.message = shortened(str(error))
             return response
 
-        def start(request: Any, response: Any) -> Any:
-            return answer(request, response)
+        def start(request: Any, response: Any) -> Work:
+            return Work(answer(request, response))
 
         made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
         send = made.send_response
-        # The executors hand to this method what the callback returned, here a coroutine. Not all would await it.
+        # The executors pass to this method what the callback returned.
         made.send_response = lambda work, header: self.turns.add(work, lambda response: send(response, header))
 
     def clock_now(self) -> float:

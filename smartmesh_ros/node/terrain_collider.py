@@ -117,8 +117,9 @@ class TerrainCollider(Node):
 
     def destroy_node(self) -> None:
         """Closes the world, then destroys the node."""
-        self.session.turns.close()
-        self.session.world.close()
+        if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
+            session.turns.close()
+            session.world.close()
         super().destroy_node()
 
     def pause(self, paused: bool) -> None:

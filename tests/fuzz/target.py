@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import traceback
 from collections import Counter
-from inspect import iscoroutine
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from smartmesh_ros.node import terrain_collider
-from smartmesh_ros.node.services.turns import Turns
+from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.fuzz.oracle import Oracle, Tile
 
@@ -150,7 +149,7 @@ class Target:
         before = self.node.refusals.counts.total()
         try:
             response = service.callback(request, service.srv_type.Response())
-            if iscoroutine(response):  # a long answer, which is given in turns
+            if isinstance(response, Work):  # a long answer, which is given in turns
                 sent: list[Any] = []
                 turns = Turns()
                 turns.add(response, sent.append)

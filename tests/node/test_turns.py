@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.node.services.turns import NextTurn, Turns, parts_of
+from smartmesh_ros.node.services.turns import NextTurn, Turns, Work, parts_of
 
 
 async def work(name: str, turns: int, log: list[str]) -> str:
@@ -20,7 +20,7 @@ async def work(name: str, turns: int, log: list[str]) -> str:
 def test_answers_take_turns_and_each_is_sent_once(lengths: list[int]) -> None:
     turns, log, sent = Turns(), [], []
     for index, length in enumerate(lengths):
-        turns.add(work(str(index), length, log), sent.append)
+        turns.add(Work(work(str(index), length, log)), sent.append)
     between = 0
     while turns.advance():
         between += 1
@@ -44,7 +44,7 @@ def test_work_that_is_given_up_ends() -> None:
 
     turns, sent = Turns(), list[Any]()
     made: Coroutine[Any, Any, None] = endless()
-    turns.add(made, sent.append)
+    turns.add(Work(made), sent.append)
     assert turns.advance()
     turns.close()
     assert ended == ["closed"] and not turns.advance() and not sent

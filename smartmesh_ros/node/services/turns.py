@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 
 class NextTurn:
@@ -20,27 +20,33 @@ def parts_of(count: int, size: int) -> Iterator[slice]:
         yield slice(start, min(start + size, count))
 
 
+class Work(NamedTuple):
+    """The work of a call: a coroutine that returns the response. Executors would await the coroutine itself at once."""
+
+    steps: Coroutine[Any, Any, Any]
+
+
 class Turns:
-    """Work under way. Each call's work is a coroutine that returns the response; calls take turns."""
+    """Work under way; calls take turns."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[Coroutine[Any, Any, Any], Callable[[Any], None]]] = deque()
 
-    def add(self, work: Coroutine[Any, Any, Any], send: Callable[[Any], None]) -> None:
+    def add(self, work: Work, send: Callable[[Any], None]) -> None:
         """Add work; ``send`` is called with its response."""
-        self._waiting.append((work, send))
+        self._waiting.append((work.steps, send))
 
     def advance(self) -> bool:
         """Do one turn of the work that waits longest. Return False if there is none."""
         if not self._waiting:
             return False
-        work, send = self._waiting.popleft()
+        steps, send = self._waiting.popleft()
         try:
-            work.send(None)
+            steps.send(None)
         except StopIteration as end:
             send(end.value)
         else:
-            self._waiting.append((work, send))
+            self._waiting.append((steps, send))
         return True
 
     def close(self) -> None:
