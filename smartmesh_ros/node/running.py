@@ -30,6 +30,9 @@ LONGEST_WAIT = 0.1
 # Most messages and calls that a late loop handles between two steps.
 MOST_WHEN_LATE = 8
 
+# Expected time of one turn of a long answer [s]. With less time until the next step, only one turn is done.
+TURN = 1e-3
+
 ExecutorKind = Literal["events", "single_threaded", "multi_threaded"]
 
 
@@ -80,8 +83,11 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
                 if node.pacer.remaining() <= 0.0:
                     _handle_some(executor, node)
                     node.turn()
+                turned = False
                 while not stop and (left := node.pacer.remaining()) > 0.0:
-                    _handle(executor, node, 0.0 if node.turn() else min(left, LONGEST_WAIT))
+                    works = (left > TURN or not turned) and node.turn()
+                    turned |= works
+                    _handle(executor, node, 0.0 if works else min(left, LONGEST_WAIT))
                     if monotonic() - worked > LONGEST_WAIT:
                         node.idle()
                         worked = monotonic()

@@ -20,9 +20,9 @@ from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 
 # Most points or rays in one call.
 MOST = 100_000
-# Points and rays in one turn between two steps, each about a millisecond. More of them delay the steps, fewer of them
-# delay the answer.
-POINTS_IN_TURN, RAYS_IN_TURN = 4000, 1000
+# Points and rays in one turn between two steps, which takes about half a millisecond. More of them delay the steps,
+# fewer of them delay the answer.
+POINTS_IN_TURN, RAYS_IN_TURN = 2000, 500
 
 
 class GroundServices:
