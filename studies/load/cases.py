@@ -25,8 +25,9 @@ MAX_VELOCITY = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One run: a map of ``side`` x ``side`` samples, ``bodies`` spheres on its moving part, whole maps or regions at
-    ``map_rate`` [Hz], physics at ``physics_rate`` [Hz] for ``seconds`` [s]. ``markers``: whether they are listened to.
+    """One run: a map of ``side`` x ``side`` samples, ``bodies`` spheres, whole maps or regions at ``map_rate`` [Hz],
+    physics at ``physics_rate`` [Hz] for ``seconds`` [s]. ``resting``: number of the bodies that lie on ground at rest;
+    the others are on the moving part. ``markers``: whether they are listened to.
     """
 
     side: int
@@ -38,18 +39,18 @@ class Case:
     executor: str = "events"
     markers: bool = True
     seconds: float = 6.0
+    resting: int = 0
 
     @property
     def name(self) -> str:
         """Short and distinct."""
-        return (
-            f"{self.kind}-{self.executor}-{self.side}-{self.bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
-        )
+        bodies = f"{self.bodies}-{self.resting}" if self.resting else str(self.bodies)
+        return f"{self.kind}-{self.executor}-{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
 
     @property
     def row(self) -> int:
-        """Bodies on one side of the square they are spawned in."""
-        return math.ceil(math.sqrt(self.bodies))
+        """Bodies on one side of the square that those on the moving part are spawned in."""
+        return math.ceil(math.sqrt(self.bodies - self.resting))
 
     @property
     def window(self) -> int:
@@ -69,7 +70,10 @@ class Case:
 
     def parameters(self) -> dict[str, object]:
         """Parameters of the node."""
-        places = [(0.4 + SPACING * (i % self.row), 0.4 + SPACING * (i // self.row)) for i in range(self.bodies)]
+        moving = self.bodies - self.resting
+        places = [(0.4 + SPACING * (i % self.row), 0.4 + SPACING * (i // self.row)) for i in range(moving)]
+        side, first = math.ceil(math.sqrt(self.resting)), self.window * RESOLUTION + 2.0
+        places += [(first + SPACING * (i % side), first + SPACING * (i // side)) for i in range(self.resting)]
         spawn = [
             f"{{id: ball_{i}, shape: sphere, size: [{RADIUS}], mass: 1.0, "
             f"xy: [{x:.2f}, {y:.2f}], above: {RADIUS + 0.02}}}"
@@ -118,6 +122,12 @@ def executors(*, quick: bool) -> list[Case]:
     return [replace(base, executor=kind, seconds=seconds) for kind in kinds] + [
         replace(base, kind="apart", executor="single_threaded", seconds=seconds)
     ]
+
+
+def rest(*, quick: bool) -> list[Case]:
+    """Nine of ten bodies at rest."""
+    base = Case(side=1024, bodies=1000, resting=900, mode="regions", map_rate=60.0, physics_rate=240.0, markers=False)
+    return [base] if quick else [base, replace(base, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)]
 
 
 def memory(*, quick: bool) -> list[Case]:

@@ -27,7 +27,8 @@ def machine() -> str:
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
     """Everything that is run."""
-    makers = {"grid": cases.grid, "naive": cases.naive, "executors": cases.executors, "memory": cases.memory}
+    makers = {"grid": cases.grid, "naive": cases.naive, "executors": cases.executors, "memory": cases.memory,
+              "rest": cases.rest}  # fmt: skip
     return {name: make(quick=quick) for name, make in makers.items()}
 
 
@@ -62,6 +63,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         "naive": tables.ways(summaries["naive"], executors=False),
         "executors": tables.ways(summaries["executors"], executors=True),
         "memory": tables.memory(summaries["memory"]),
+        "rest": tables.runs(summaries["rest"]),
         "machine": f"Machine: {data['machine']}.",
         "regions": regions.table(data.get("regions", [])),
     }

@@ -6,14 +6,17 @@ import math
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PatchConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.joints import JointCommand
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.sleeping import HUSKY
@@ -321,3 +324,34 @@ class SleepingBesideAwake(RuleBasedStateMachine):
 
 def test_sleeping_and_waking_bodies_are_where_awake_ones_are() -> None:
     run_state_machine_as_test(SleepingBesideAwake, settings=settings(examples(40), stateful_step_count=20))
+
+
+@pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
+def test_bodies_of_a_pybullet_world_sleep_where_their_user_lets_them(maximal: bool) -> None:
+    """A box loses its collider at rest, rides on ground that rises, and is awake again for good when told so."""
+    client = BulletClient(pb.DIRECT)
+    client.setGravity(0.0, 0.0, -9.81)
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.1] * 3)
+    body = client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.1), useMaximalCoordinates=maximal)
+    heightmap = HeightMap(FLAT, resolution=SPACING, origin=(-3.0, -3.0))
+    ground = Ground(client, heightmap)
+    follower = ground.attach(body)
+    ground.let_sleep(lambda _: True)
+
+    def run(first: int, count: int) -> None:
+        for step in range(first, first + count):
+            ground.step(step / RATE, 1.0 / RATE)
+
+    run(0, RATE)
+    assert follower.collider is None
+    heightmap.replace(FLAT + np.float32(0.05), time=RATE / RATE)
+    run(RATE, 5)
+    assert follower.collider is not None
+    run(RATE + 5, 2 * RATE)
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.15, abs=1e-3)
+    assert follower.collider is None
+    ground.let_sleep(None)
+    run(3 * RATE + 5, 2 * RATE)
+    assert follower.collider is not None
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.15, abs=1e-3)
+    client.disconnect()
