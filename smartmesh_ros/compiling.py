@@ -71,6 +71,7 @@ def fill() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for this one handles Ctrl-C
     parent = os.getppid()
+    _end_with_parent()
     folder, digest, *progress = sys.argv[1:]
     if digest != machine_code.DIGEST:
         sys.exit("the sources changed meanwhile")
@@ -146,7 +147,7 @@ def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
         return child
     code = 1
     try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # the worker ends with its parent
+        _end_with_parent()
         compiled.shared_folder = True
         while number := os.read(tasks, 1):
             function, types = calls[number[0]]
@@ -155,6 +156,12 @@ def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
     finally:
         sys.stderr.flush()
         os._exit(code)
+
+
+def _end_with_parent() -> None:
+    """Make Linux kill this process when its parent ends. Elsewhere, `_wait` checks for that."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None:

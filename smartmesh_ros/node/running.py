@@ -55,13 +55,20 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     counted in the node's ``refusals``. Returns after SIGINT or SIGTERM; exits with 2 if the node's settings are
     invalid.
     """
-    rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
     stop: list[int] = []
+    node = None
+
+    def on_signal(received: int, _: object) -> None:
+        stop.append(received)
+        if node is None and len(stop) == 1:
+            raise KeyboardInterrupt  # interrupts the wait for processes that compile
+
     try:
         try:
-            node = make_node()  # may wait for other processes to compile; signals interrupt the wait
             for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, lambda received, _: stop.append(received))
+                signal.signal(number, on_signal)
+            rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
+            node = make_node()
         except KeyboardInterrupt:
             return
         except InputError as error:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
 from importlib.util import find_spec
 
@@ -15,6 +17,7 @@ QUESTIONS = {"-h", "--help", "--print-parameters"}
 
 def terrain_collider() -> None:
     """Run the node terrain_collider."""
+    _exit_on_signals()
     if not QUESTIONS & {*sys.argv}:
         machine_code.announce()  # before the slow imports, which take a second
     silence_pybullet()
@@ -23,6 +26,7 @@ def terrain_collider() -> None:
 
 def terrain_source() -> None:
     """Run the node that publishes demo terrain."""
+    _exit_on_signals()
     _start("terrain_source", "smartmesh_ros.node.demo.terrain_source")
 
 
@@ -53,6 +57,16 @@ def view() -> None:
     """Run the page in the browser."""
     import_pybullet_quietly()
     _start("smartmesh-view", "smartmesh_ros.view.main")
+
+
+def _exit_on_signals() -> None:
+    """Exit at once on SIGINT or SIGTERM, until `smartmesh_ros.node.running.run` installs its handlers.
+
+    Call this before the imports, which take a second and leave nothing to clean up. Without these handlers, SIGINT
+    would be lost in a background job, because shells start background jobs with SIGINT ignored.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
 
 
 def _start(name: str, module: str) -> None:

@@ -9,7 +9,6 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,12 @@ from ament_index_python.packages import get_package_prefix
 TIMEOUT = 120.0
 # Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
 START_TIMEOUT = 300.0
-# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the
-# parent has ended already.
+# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), stops ignoring SIGINT, which a shell
+# ignores in background jobs and their children, then executes the command unless the parent has ended already.
 _EXIT_WITH_PARENT = """
-import ctypes, os, sys
+import ctypes, os, signal, sys
 ctypes.CDLL(None).prctl(1, 9)
+signal.signal(signal.SIGINT, signal.SIG_DFL)
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
@@ -87,16 +87,10 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end and return the exit code.
-
-        The signal is sent a second time after a while, because a node that is still starting may lose the first.
-        """
-        for _ in range(2):
-            if self.process.poll() is None:
-                self.process.send_signal(number)
-            with suppress(subprocess.TimeoutExpired):
-                return self.process.wait(TIMEOUT / 3)
-        return self.process.wait(TIMEOUT / 3)
+        """Send a signal, wait for the end and return the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(TIMEOUT)
 
     def close(self) -> None:
         """Kill the process if it still runs, and remove its files."""
