@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from ament_index_python.packages import get_package_prefix
+
+from smartmesh_ros import machine_code
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -28,11 +31,20 @@ from smartmesh_ros.patches import facets
 def gap_to_corner(corner):
     return facets.corner_gap(corner)
 """
+# A warm-up with nothing else to compile, which takes seconds.
+SMALL_WARM_UP = """
+
+def run_through() -> None:
+    from smartmesh_ros.patches.contact_candidates import gap_to_corner
+
+    gap_to_corner(np.zeros(3))
+"""
 ASK_GAP = (
     "import numpy; from smartmesh_ros.patches.contact_candidates import gap_to_corner; "
     "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
 )
 ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
+MESSAGES = "smartmesh_msgs"
 # Patience with commands that compile [s].
 LONG = 900
 
@@ -87,15 +99,24 @@ def line_with(words: str, lines: list[str]) -> str:
     return line
 
 
-def copy_of_this(folder: Path) -> None:
-    """Copies this repository as it is in version control, what is not committed yet included."""
+def copy_of_this(folder: Path, *, compiled: bool = False) -> None:
+    """Copies this repository as it is in version control, what is not committed yet included; on request with the
+    machine code of all functions, which takes long to make."""
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*MADE))
+    if compiled:
+        made = machine_code.prepare()
+        assert made is not None
+        shutil.copytree(made, folder / "smartmesh_ros" / machine_code.FOLDER_NAME / made.name)
 
 
 def add_caller_and_callee(package: Path) -> None:
-    """Adds a compiled function to one file of a package, and one that calls it to another."""
-    for name, more in (("facets", CALLEE), ("contact_candidates", CALLER)):
-        with (package / "patches" / f"{name}.py").open("a") as file:
+    """Adds a compiled function to one file of a package, one that calls it to another, and a warm-up of no others."""
+    for name, more in (
+        ("patches/facets.py", CALLEE),
+        ("patches/contact_candidates.py", CALLER),
+        ("warm_up.py", SMALL_WARM_UP),
+    ):
+        with (package / name).open("a") as file:
             file.write(more)
 
 
@@ -112,7 +133,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """The workspace before it is built: this repository, linked as the README says, and the user's package."""
     folder = tmp_path_factory.mktemp("newcomer") / "ws"
     (folder / "src").mkdir(parents=True)
-    copy_of_this(folder / "src" / "smartmesh_ros")
+    copy_of_this(folder / "src" / "smartmesh_ros", compiled=True)
     shutil.copytree(HERE / "my_robot", folder / "src" / "my_robot")
     made = Workspace(folder)
     made.run(line_with("ln -s", readme_block("ln -s")), sourced=False)
@@ -121,8 +142,12 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 @pytest.fixture(scope="session")
 def workspace(sources: Workspace) -> Workspace:
-    """The workspace, built with the README's command."""
+    """The workspace, built with the README's command but for the messages, whose C++ takes minutes: those of this
+    environment, which `make` built from the same sources."""
     build, _, _ = line_with("colcon", readme_block("ln -s")).partition(" && ")
-    sources.run(build, sourced=False)
+    installed = sources.folder / "install"
+    installed.mkdir()
+    (installed / MESSAGES).symlink_to(get_package_prefix(MESSAGES))
+    sources.run(f"{build} --packages-skip {MESSAGES}", sourced=False)
     assert Path(sys.prefix) in Path(shutil.which("colcon") or "").parents or shutil.which("ros2")
     return sources

@@ -26,7 +26,8 @@ WITHOUT_ROS = {"smartmesh-compile", "smartmesh-tune"}
 
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
     bare = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
-    bare |= {"PIP_CONSTRAINT": str(CONSTRAINTS), **settings}  # for the environments that pip builds in as well
+    # For the environments that pip builds in as well; bytecode of all packages would take longer than the tests.
+    bare |= {"PIP_CONSTRAINT": str(CONSTRAINTS), "PIP_NO_COMPILE": "1", **settings}
     # Not from here, where the sources would be imported.
     return subprocess.run(command, env=bare, cwd="/", capture_output=True, text=True, timeout=LONG, check=False)
 
@@ -42,7 +43,7 @@ def pip(python: Path | str, *arguments: str | Path, **settings: str) -> None:
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual environment that holds the wheel and what it asks for, and nothing else."""
     folder = tmp_path_factory.mktemp("wheel")
-    copy_of_this(folder / "source")
+    copy_of_this(folder / "source", compiled=True)
     pip(sys.executable, "wheel", "--no-deps", "--wheel-dir", folder, folder / "source")
     [wheel] = folder.glob("smartmesh_ros-*.whl")
     made = folder / "empty"

@@ -88,15 +88,20 @@ def test_machine_code_is_installed(workspace: Workspace) -> None:
 
 @pytest.mark.parametrize("option", ["", "--symlink-install"])
 def test_a_changed_callee_is_fresh_after_a_build(tmp_path: Path, option: str) -> None:
-    """Built without compiling beforehand, which takes long, and run: the machine code is kept in the installation."""
+    """The build compiles both functions, and what runs compiles nothing more."""
     made = Workspace(tmp_path)
     package = tmp_path / "src" / "smartmesh_ros" / "smartmesh_ros"
     copy_of_this(package.parent)
-    build = f"SMARTMESH_PURE=1 colcon build --packages-select smartmesh_ros {option}"
+    build = f"colcon build --packages-select smartmesh_ros {option}"
     add_caller_and_callee(package)
     for gap in ("0.05", "-0.05"):
         made.run(build, sourced=False)
+        place = Path(made.run(f"python3 -c '{ASK_PLACE}'").stdout.strip())
+        assert place.is_relative_to(package if option else tmp_path / "install")
+        files = sorted(place.iterdir())
+        assert any("gap_to_corner" in file.name for file in files)
         assert made.run(f"python3 -c '{ASK_GAP}'").stdout.strip() == gap
+        assert sorted(place.iterdir()) == files
         if gap == "0.05":
             change_callee(package)
 
