@@ -67,7 +67,9 @@ class Form:
 
     def inside(self, points: np.ndarray, position: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """Which points (..., 3) are inside the shape of a body at ``position``, whose axes are ``turn``'s columns."""
-        own = ((points - position) @ turn - self.offset) @ rotation(self.turn)
+        axes = turn @ rotation(self.turn)
+        middle = position @ axes + self.offset @ rotation(self.turn)
+        own = (points.reshape(-1, 3) @ axes - middle).reshape(points.shape)
         if self.ball:
             return np.asarray((own**2).sum(axis=-1) <= self.half[0] ** 2)
         if self.capsule:

@@ -146,8 +146,8 @@ def cells_under(case: Case, index: int) -> tuple[np.ndarray, np.ndarray]:
     return r.ravel(), c.ravel()
 
 
-def facet_points(case: Case, rows: np.ndarray, columns: np.ndarray, time: float) -> np.ndarray:
-    """Points (cells, 2, k, 3) of the facets of cells at a time, those below their diagonals first."""
+def facet_corners(case: Case, rows: np.ndarray, columns: np.ndarray, time: float) -> np.ndarray:
+    """Corners (cells, 2, 3, 3) of the facets of cells at a time, those below their diagonals first."""
     placed = case.heightmap.placed_at(time)
     corners = []
     for dr, dc in ((0, 0), (0, 1), (1, 1), (1, 0)):
@@ -156,18 +156,18 @@ def facet_points(case: Case, rows: np.ndarray, columns: np.ndarray, time: float)
         z = case.heightmap.sample(r * SIZE + c, time).heights
         corners.append(np.column_stack([xy, z]))
     first, right, opposite, up = corners
-    facets = np.stack([np.stack([first, right, opposite], 1), np.stack([first, opposite, up], 1)], 1)
-    return np.asarray(np.einsum("ks,nfsx->nfkx", SHARES, facets))
+    return np.stack([np.stack([first, right, opposite], 1), np.stack([first, opposite, up], 1)], 1)
 
 
 def touched_by_brute_force(case: Case, index: int) -> set[tuple[int, int, int]]:
     """Facets (row, column, upper) of which the body meets a point at one of some instants."""
     rows, columns = cells_under(case, index)
-    found = np.zeros((len(rows), 2), bool)
+    form, found = case.forms[index], np.zeros((len(rows), 2), bool)
     for t, position, turn in path_of(case.bodies[index], case.duration):
-        points = facet_points(case, rows, columns, case.time + t)
-        with np.errstate(invalid="ignore"):
-            found |= case.forms[index].inside(points, position, turn).any(axis=2)
+        corners = facet_corners(case, rows, columns, case.time + t)
+        beyond = np.maximum(corners.min(axis=2) - position, position - corners.max(axis=2)).clip(0.0)
+        near = (beyond**2).sum(axis=-1) <= form.radius**2  # no point of the others is inside
+        found[near] |= form.inside(SHARES @ corners[near], position, turn).any(axis=1)
     cells, upper = np.nonzero(found)
     return {(int(rows[k]), int(columns[k]), int(u)) for k, u in zip(cells, upper, strict=True)}
 
@@ -235,7 +235,7 @@ def test_nothing_is_found_that_is_far_from_the_way_of_a_ball(seed: int, kind: st
         reach = form.half[0] + way + turn + 0.5 * 9.81 * case.duration**2
         centre = body[:3] + rotation(body[3:7]) @ form.offset
         for row, column, upper in touched_by_the_selection(case, index):
-            points = facet_points(case, np.array([row]), np.array([column]), case.time)[0, upper]
+            points = SHARES @ facet_corners(case, np.array([row]), np.array([column]), case.time)[0, upper]
             # A point of the facet is within STEP of its closest one.
             step = np.linalg.norm(points[1] - points[0]) + np.linalg.norm(points[-1] - points[-2])
             assert np.linalg.norm(points - centre, axis=1).min() <= reach + step
