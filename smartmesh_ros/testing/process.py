@@ -9,7 +9,9 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import yaml
@@ -19,6 +21,8 @@ from ament_index_python.packages import get_package_prefix
 TIMEOUT = 120.0
 # Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
 START_TIMEOUT = 300.0
+# Period of sending a signal to a process that does not end [s].
+RESEND = 2.0
 # Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), stops ignoring SIGINT, which a shell
 # ignores in background jobs and their children, then executes the command unless the parent has ended already.
 _EXIT_WITH_PARENT = """
@@ -87,10 +91,16 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end and return the exit code."""
-        if self.process.poll() is None:
+        """Send a signal, wait for the end and return the exit code.
+
+        The signal is sent again every `RESEND` seconds, because a process whose program is not loaded yet may lose it.
+        """
+        end = monotonic() + TIMEOUT
+        while self.process.poll() is None and monotonic() < end:
             self.process.send_signal(number)
-        return self.process.wait(TIMEOUT)
+            with suppress(subprocess.TimeoutExpired):
+                return self.process.wait(RESEND)
+        return self.process.wait(0.0)
 
     def close(self) -> None:
         """Kill the process if it still runs, and remove its files."""

@@ -63,12 +63,14 @@ def drive(case: Case) -> Drive:
     else:
         ground = MapGround(truth.geometry.rows, truth.geometry.columns, case.resolution)
     try:
-        return _drive(case, truth, ground, Rover(ground.fields()))
+        return drive_on(case, truth, ground)
     finally:
         ground.close()
 
 
-def _drive(case: Case, truth: TrueGround, ground: ServedGround | MapGround, rover: Rover) -> Drive:
+def drive_on(case: Case, truth: TrueGround, ground: ServedGround | MapGround) -> Drive:
+    """Drives the rover on ``ground``, in step with its clock."""
+    rover = Rover(ground.fields())
     _place(rover, truth, ground.now())
     end = monotonic() + PATIENCE
     while not ground.ready(rover):

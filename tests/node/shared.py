@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import gc
 import re
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import rclpy
+import yaml
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.context import Context
+from rclpy.parameter import Parameter, parameter_value_to_python
 from smartmesh_msgs.srv import RemoveBodies
 from std_srvs.srv import SetBool, Trigger
 
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.testing import Probe, heightmap_message
 
+LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
 
 
@@ -22,21 +36,74 @@ def clear(probe: Probe) -> None:
     assert probe.call("pause", SetBool, data=False).success
     asked: set[str] = set()
 
-    def empty() -> bool:
+    def take_away(tiles: set[str]) -> None:
         probe.publish_bodies({})
         probe.publish_poses([])
         if names := [body.id for body in probe.latest("body_states").bodies]:
             probe.call("remove_bodies", RemoveBodies, ids=names)
-        found = probe.diagnostics_by_task()
-        for name in _tiles(found["terrain"]) - asked:  # one that is gone already would be refused, and counted
+        for name in tiles - asked:  # one that is gone already would be refused, and counted
             asked.add(name)
             probe.publishers["heightmap"].publish(heightmap_message(np.zeros((0, 0)), tile=name, stamp=probe.now()))
         assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
-        return found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items()
 
+    def empty() -> bool:
+        found = probe.diagnostics_by_task()
+        if found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items():
+            return True
+        take_away(_tiles(found["terrain"]))
+        return False
+
+    take_away(_tiles(probe.newest_diagnostics().get("terrain", {})))  # likely all of them, a diagnostics period earlier
     probe.wait_for(empty)
 
 
 def _tiles(terrain: Mapping[str, str]) -> set[str]:
     """Names of the tiles that the diagnostics list."""
     return {found[1] for key in terrain if (found := re.fullmatch(r"size of '(.*)'", key))}
+
+
+def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:
+    """Values of parameters of the node; an empty list arrives as nothing."""
+    names = list(names)
+    found = probe.call("get_parameters", GetParameters, names=names).values
+    plain = {name: parameter_value_to_python(item) for name, item in zip(names, found, strict=True)}
+    return {name: list(value or []) if name in LISTS else value for name, value in plain.items()}
+
+
+def set_parameters(probe: Probe, parameters: Mapping[str, Any]) -> Any:
+    """Sets parameters of the node, all or none; its answer."""
+    messages = [Parameter(name, value=value).to_parameter_msg() for name, value in parameters.items()]
+    return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=messages).result
+
+
+@contextmanager
+def changed(probe: Probe, parameters: Mapping[str, Any]) -> Iterator[None]:
+    """Sets parameters of the node that may change while it runs, and after the block those of before."""
+    before = values(probe, parameters)
+    result = set_parameters(probe, parameters)
+    assert result.successful, result.reason
+    try:
+        yield
+    finally:
+        assert set_parameters(probe, before).successful
+
+
+def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> str:
+    """What a collider says that refuses to start with these parameters and ROS arguments, made in this process.
+
+    How the executable then ends is the test of `assert_cannot_start` in test_processes.py.
+    """
+    context = Context()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "parameters.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(parameters)}}))
+        given = [*arguments, "--params-file", str(file)] if parameters else [*arguments]
+        rclpy.init(context=context)
+        try:
+            TerrainCollider(context=context, cli_args=["--ros-args", *given])
+        except InputError as error:
+            return str(error)
+        finally:
+            gc.collect()  # what was made of the node, which peers would hear else
+            rclpy.shutdown(context=context)
+    raise AssertionError(f"{parameters} {arguments} are not refused")

@@ -36,20 +36,6 @@ def ground(probe: Probe) -> None:
     probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
 
 
-def test_two_thousand_bodies_come_and_go_by_one_call_each(probe: Probe) -> None:
-    with probe.running():
-        ground(probe)
-        bodies = [specification(index) for index in range(2000)]
-        answer = probe.call("spawn_bodies", SpawnBodies, bodies=bodies)
-        assert (answer.success, answer.message, answer.failures) == (True, "", [])
-        probe.wait_for(lambda: simulated(probe) == 2000)
-        states = probe.wait_for(lambda: len(found := probe.latest("body_states").bodies) == 2000 and found)
-        assert {state.id for state in states} == {body.id for body in bodies}
-        assert probe.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:1990]]).success
-        probe.wait_for(lambda: simulated(probe) == 10)
-        probe.wait_for(lambda: len(probe.patches()) == 10)
-
-
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named(shared: Probe) -> None:
     ground(shared)
     assert shared.call("spawn_bodies", SpawnBodies, bodies=[specification(0)]).success
@@ -121,3 +107,16 @@ def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
     removals = [RemoveBody.Request(id=body.id) for body in specifications]
     assert all(answer.success for answer in answers(shared.topic("remove_body"), RemoveBody, removals))
     shared.wait_for(lambda: simulated(shared) == 0)
+
+
+def test_two_thousand_bodies_come_and_go_by_one_call_each(shared: Probe) -> None:
+    ground(shared)
+    bodies = [specification(index) for index in range(2000)]
+    answer = shared.call("spawn_bodies", SpawnBodies, bodies=bodies)
+    assert (answer.success, answer.message, answer.failures) == (True, "", [])
+    shared.wait_for(lambda: simulated(shared) == 2000)
+    states = shared.wait_for(lambda: len(found := shared.latest("body_states").bodies) == 2000 and found)
+    assert {state.id for state in states} == {body.id for body in bodies}
+    assert shared.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:1990]]).success
+    shared.wait_for(lambda: simulated(shared) == 10)
+    shared.wait_for(lambda: len(shared.patches()) == 10)

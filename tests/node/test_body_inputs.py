@@ -14,7 +14,13 @@ from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, pose_message
+from tests.node.shared import changed, refusal_at_start
 
+SHARED = {
+    "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
+    "bodies.odometry": ["rover=~/tracked_odometry", "pusher=/odom"],
+    "frame_id": "map",
+}
 YAW = 0.5 * math.pi
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -53,39 +59,33 @@ def bodies(probe: Probe) -> set[str]:
     return {patch.body_id for patch in probe.latest("collider_patches").patches}
 
 
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(probe: Probe) -> None:
-    parameters = {
-        "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
-        "bodies.odometry": ["rover=~/tracked_odometry"],
-        "bodies.timeout": 0.5,
-        "frame_id": "map",
-    }
-    with probe.running(parameters=parameters):
-        flat_map(probe)
-        arm, second = probe.publisher(PoseStamped, "/arm/tip_pose"), probe.publisher(PoseStamped, "/second/pose")
-        rover = probe.publisher(Odometry, "tracked_odometry")
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(shared: Probe) -> None:
+    with changed(shared, {"bodies.timeout": 0.5}):
+        flat_map(shared)
+        arm, second = shared.publisher(PoseStamped, "/arm/tip_pose"), shared.publisher(PoseStamped, "/second/pose")
+        rover = shared.publisher(Odometry, "tracked_odometry")
 
         def publish() -> None:
-            arm.publish(stamped(probe, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
-            second.publish(stamped(probe, PoseStamped(pose=pose_message((4.0, 5.0, 0.2))), "map"))
+            arm.publish(stamped(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), "map"))
+            second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, 0.2))), "map"))
             odometry = Odometry(child_frame_id="base_link")
             odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
-            rover.publish(stamped(probe, odometry, "map"))
+            rover.publish(stamped(shared, odometry, "map"))
 
-        patch_near(probe, "arm", 1.0, 2.0, publish)
-        patch_near(probe, "second.pose", 4.0, 5.0, publish)
-        patch_near(probe, "rover", -3.0, 4.0, publish)
+        patch_near(shared, "arm", 1.0, 2.0, publish)
+        patch_near(shared, "second.pose", 4.0, 5.0, publish)
+        patch_near(shared, "rover", -3.0, 4.0, publish)
 
         def all_and_no_other() -> bool:  # told again: on a slow machine the first may have timed out meanwhile
             publish()
-            return bodies(probe) == {"arm", "second.pose", "rover"}
+            return bodies(shared) == {"arm", "second.pose", "rover"}
 
-        probe.wait_for(all_and_no_other)
-        probe.wait_for(lambda: not bodies(probe))
-        rover.publish(stamped(probe, Odometry(pose=nan_pose()), "map"))
-        second.publish(stamped(probe, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
+        shared.wait_for(all_and_no_other)
+        shared.wait_for(lambda: not bodies(shared))
+        rover.publish(stamped(shared, Odometry(pose=nan_pose()), "map"))
+        second.publish(stamped(shared, PoseStamped(pose=pose_message((4.0, 5.0, math.inf))), "map"))
         for key in ("refused, ~/tracked_odometry: non_finite", "refused, /second/pose: non_finite"):
-            probe.wait_for(lambda key=key: probe.diagnostics("inputs").get(key) == "1")
+            shared.wait_for(lambda key=key: shared.diagnostics("inputs").get(key) == "1")
 
 
 def nan_pose() -> Any:
@@ -94,65 +94,64 @@ def nan_pose() -> Any:
     return message
 
 
-def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(probe: Probe) -> None:
+def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> None:
     """The twist is in the body's own frame: a rover that faces +y and drives ahead throws a ball that it touches along
     +y, although its pose stands still."""
-    parameters = {"bodies.odometry": ["rover=/odom"], "bodies.default_radius": 0.5, "frame_id": "map"}
-    with probe.running(parameters=parameters):
-        flat_map(probe)
-        odom = probe.publisher(Odometry, "/odom")
+    with changed(shared, {"bodies.default_radius": 0.5}):
+        flat_map(shared)
+        odom = shared.publisher(Odometry, "/odom")
         ball = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
-        assert probe.call(
+        assert shared.call(
             "spawn_body", SpawnBody, id="ball", shape=ball, mass=1.0, pose=pose_message((0.0, 0.69, 0.3))
         ).success
-        probe.wait_for(lambda: "ball" in [body.id for body in probe.latest("body_states").bodies])
+        shared.wait_for(lambda: "ball" in [body.id for body in shared.latest("body_states").bodies])
 
         def thrown() -> bool:
             odometry = Odometry(child_frame_id="base_link")
             odometry.pose.pose = pose_message((0.0, 0.0, 0.3))
             odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w = math.sin(YAW / 2), math.cos(YAW / 2)
             odometry.twist.twist.linear.x = 2.0
-            odom.publish(stamped(probe, odometry, "map"))
-            [state] = [body for body in probe.latest("body_states").bodies if body.id == "ball"]
+            odom.publish(stamped(shared, odometry, "map"))
+            [state] = [body for body in shared.latest("body_states").bodies if body.id == "ball"]
             assert abs(state.pose.position.x) < 0.1
             return bool(state.pose.position.y > 1.0)
 
-        probe.wait_for(thrown)
+        shared.wait_for(thrown)
 
 
-def test_poses_in_another_frame_are_transformed(probe: Probe) -> None:
-    with probe.running(parameters={"bodies.poses": ["arm=/arm"], "frame_id": "map"}) as process:
-        flat_map(probe)
-        arm = probe.publisher(PoseStamped, "/arm")
+def test_poses_in_another_frame_are_transformed(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+    with changed(shared, {"bodies.timeout": 60.0}):
+        flat_map(shared)
+        arm = shared.publisher(PoseStamped, "/arm/tip_pose")
         pose = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
 
         def refused() -> bool:
-            arm.publish(stamped(probe, pose, "odom"))
-            probe.spin()
-            return "no transform from 'odom' to 'map'" in process.output
+            arm.publish(stamped(shared, pose, "odom"))
+            shared.spin()
+            return "no transform from 'odom' to 'map'" in shared_node[1].output
 
-        probe.wait_for(refused)
-        assert bodies(probe) == set()
-        moving = probe.publisher(TFMessage, "/tf")
+        shared.wait_for(refused)
+        assert bodies(shared) == set()
+        moving = shared.publisher(TFMessage, "/tf")
 
         def publish() -> None:
-            moving.publish(transform(probe, "map", "odom", 2.0, 3.0, YAW))
-            arm.publish(stamped(probe, pose, "odom"))
+            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
+            arm.publish(stamped(shared, pose, "odom"))
 
-        patch_near(probe, "arm", 2.0, 4.0, publish)
+        patch_near(shared, "arm", 2.0, 4.0, publish)
         # The same for the other topics, and the frames of a robot that is turned the other way round.
-        static = probe.publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(transform(probe, "odom", "camera", 0.0, -1.0, -YAW))
+        static = shared.publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(transform(shared, "odom", "camera", 0.0, -1.0, -YAW))
 
         def publish_all() -> None:
-            moving.publish(transform(probe, "map", "odom", 2.0, 3.0, YAW))
-            probe.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="camera")
-            probe.publish_poses([(0.0, 1.0, 0.2)], frame_id="camera")
+            moving.publish(transform(shared, "map", "odom", 2.0, 3.0, YAW))
+            shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="camera")
+            shared.publish_poses([(0.0, 1.0, 0.2)], frame_id="camera")
 
-        patch_near(probe, "stone", 4.0, 3.0, publish_all)
-        patch_near(probe, "body_0", 3.0, 4.0, publish_all)
-        probe.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="elsewhere")
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, tracked_bodies: frame") is not None)
+        patch_near(shared, "stone", 4.0, 3.0, publish_all)
+        patch_near(shared, "body_0", 3.0, 4.0, publish_all)
+        shared.publish_bodies({"stone": (1.0, 0.0, 0.2)}, frame_id="elsewhere")
+        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, tracked_bodies: frame") is not None)
 
 
 def test_frames_of_tf_are_bodies(probe: Probe) -> None:
@@ -198,16 +197,18 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"bodies.frames": ["base_link"]}, "apt install ros-jazzy-tf2-msgs"),
         ({"bodies.poses": ["rover=/a b"]}, "rover=/a b"),
         ({"bodies.poses": ["/a"], "bodies.odometry": ["a=/b"]}, "names body 'a' again"),
         ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
     ],
 )
-def test_bodies_that_cannot_be_are_named_at_the_start(
-    domain: int, bare_environment: dict[str, str], parameters: dict[str, Any], words: str
-) -> None:
-    assert_cannot_start(parameters, words, environment=bare_environment)
+def test_bodies_that_cannot_be_are_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+    assert words in refusal_at_start(parameters)
+
+
+def test_the_missing_package_of_tf_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
+    words = "apt install ros-jazzy-tf2-msgs"
+    assert_cannot_start({"bodies.frames": ["base_link"]}, words, environment=bare_environment)
 
 
 def test_without_tf_foreign_frames_are_refused_and_what_is_missing_is_named(

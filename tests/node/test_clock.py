@@ -10,7 +10,8 @@ from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.testing import COLLIDER, Probe, assert_cannot_start, pose_message
+from smartmesh_ros.testing import COLLIDER, Probe, Process, pose_message
+from tests.node.shared import changed, refusal_at_start
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -31,40 +32,6 @@ def spawn_falling(probe: Probe) -> None:
 def fallen(message: Any) -> float:
     """Seconds that the ball of a ``body_states`` message has fallen for."""
     return float((2.0 * (HEIGHT - message.bodies[0].pose.position.z) / GRAVITY) ** 0.5)
-
-
-def test_clock_is_simulated_time_and_so_are_the_stamps(probe: Probe) -> None:
-    clocks: list[Clock] = []
-    probe.node.create_subscription(Clock, "/clock", clocks.append, 100)
-    with probe.running(parameters={"publish.clock": 240.0}):
-        spawn_falling(probe)
-        probe.wait_for(lambda: len(clocks) > 200)
-        times = [seconds(message.clock) for message in clocks]
-        assert times == sorted(times)
-        assert times[-1] < 1e6, "simulated time starts at zero, not at the epoch"
-        first, last = probe.latest("body_states"), probe.latest("body_states")
-        while fallen(last) - fallen(first) < 0.5:
-            last = probe.latest("body_states")
-        simulated = seconds(last.header.stamp) - seconds(first.header.stamp)
-        assert simulated == pytest.approx(fallen(last) - fallen(first), abs=2 * STEP)
-        assert times[0] <= seconds(last.header.stamp) <= seconds(probe.wait_for(lambda: clocks[-1]).clock) + 1.0
-
-
-def test_the_node_is_silent_while_another_publishes_the_clock(probe: Probe) -> None:
-    clocks: list[Clock] = []
-    probe.node.create_subscription(Clock, "/clock", clocks.append, 100)
-    with probe.running(parameters={"publish.clock": 100.0}) as process:
-        probe.wait_for(lambda: clocks)
-        rival = probe.node.create_publisher(Clock, "/clock", 10)
-        probe.wait_for(lambda: "silent on /clock" in probe.diagnostics("connections")["message"])
-        probe.wait_for(lambda: probe.diagnostics("connections")["/clock is also published by"] == "/probe")
-        probe.wait_for(lambda: "published by /probe already" in process.output)
-        clocks.clear()
-        probe.latest("/diagnostics")
-        assert not clocks
-        probe.node.destroy_publisher(rival)
-        probe.wait_for(lambda: clocks)
-        probe.wait_for(lambda: "silent" not in probe.diagnostics("connections")["message"])
 
 
 def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
@@ -131,28 +98,64 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
 
 
-def test_a_node_does_not_follow_its_own_clock(probe: Probe) -> None:
-    assert_cannot_start({"use_sim_time": True, "publish.clock": 10.0}, "use_sim_time")
-    with probe.running(parameters={"publish.clock": 10.0}):
+def test_clock_is_simulated_time_and_so_are_the_stamps(shared: Probe) -> None:
+    clocks: list[Clock] = []
+    shared.node.create_subscription(Clock, "/clock", clocks.append, 100)
+    with changed(shared, {"publish.clock": 240.0}):
+        spawn_falling(shared)
+        shared.wait_for(lambda: len(clocks) > 200)
+        times = [seconds(message.clock) for message in clocks]
+        assert times == sorted(times)
+        assert times[-1] < 1e6, "simulated time starts at zero, not at the epoch"
+        first, last = shared.latest("body_states"), shared.latest("body_states")
+        while fallen(last) - fallen(first) < 0.5:
+            last = shared.latest("body_states")
+        simulated = seconds(last.header.stamp) - seconds(first.header.stamp)
+        assert simulated == pytest.approx(fallen(last) - fallen(first), abs=2 * STEP)
+        assert times[0] <= seconds(last.header.stamp) <= seconds(shared.wait_for(lambda: clocks[-1]).clock) + 1.0
+
+
+def test_the_node_is_silent_while_another_publishes_the_clock(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
+    clocks: list[Clock] = []
+    shared.node.create_subscription(Clock, "/clock", clocks.append, 100)
+    with changed(shared, {"publish.clock": 100.0}):
+        shared.wait_for(lambda: clocks)
+        rival = shared.node.create_publisher(Clock, "/clock", 10)
+        shared.wait_for(lambda: "silent on /clock" in shared.diagnostics("connections")["message"])
+        shared.wait_for(lambda: shared.diagnostics("connections")["/clock is also published by"] == "/probe")
+        shared.wait_for(lambda: "published by /probe already" in shared_node[1].output)
+        clocks.clear()
+        shared.latest("/diagnostics")
+        assert not clocks
+        shared.node.destroy_publisher(rival)
+        shared.wait_for(lambda: clocks)
+        shared.wait_for(lambda: "silent" not in shared.diagnostics("connections")["message"])
+
+
+def test_a_node_does_not_follow_its_own_clock(shared: Probe) -> None:
+    assert "use_sim_time" in refusal_at_start({"use_sim_time": True, "publish.clock": 10.0})
+    with changed(shared, {"publish.clock": 10.0}):
         value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True)
         parameters = [Parameter(name="use_sim_time", value=value)]
-        response = probe.call(f"{COLLIDER}/set_parameters", SetParameters, parameters=parameters)
+        response = shared.call("set_parameters", SetParameters, parameters=parameters)
         assert not response.results[0].successful
         assert "publish.clock" in response.results[0].reason
 
 
 @pytest.mark.parametrize("policy", ["skip", "catch_up", "slow_down"])
-def test_an_overloaded_node_goes_on_by_its_policy(probe: Probe, policy: str) -> None:
+def test_an_overloaded_node_goes_on_by_its_policy(shared: Probe, policy: str) -> None:
     """At 10,000 steps a second no machine keeps up: all simulate slower than real time but *skip*, whose clock does not
     fall behind although its bodies do."""
-    with probe.running(parameters={"physics.deadline": policy, "physics.rate": 10_000.0, "publish.clock": 100.0}):
-        spawn_falling(probe)
-        first = probe.latest("body_states")
-        last = probe.wait_for(lambda: (m := probe.latest("body_states")) and fallen(m) - fallen(first) > 0.1 and m)
+    with changed(shared, {"physics.deadline": policy, "physics.rate": 10_000.0, "publish.clock": 100.0}):
+        spawn_falling(shared)
+        first = shared.latest("body_states")
+        last = shared.wait_for(lambda: (m := shared.latest("body_states")) and fallen(m) - fallen(first) > 0.1 and m)
         clock = seconds(last.header.stamp) - seconds(first.header.stamp)
         simulated = fallen(last) - fallen(first)
         if policy == "skip":
             assert clock >= simulated - 1e-3
         else:
             assert clock == pytest.approx(simulated, abs=1e-3)
-        assert int(probe.diagnostics("physics")["deadline misses"]) > 0
+        assert int(shared.diagnostics("physics")["deadline misses"]) > 0

@@ -10,7 +10,8 @@ from smartmesh_msgs.msg import ColliderPatch, Heightmap, TerrainMeshUpdate
 from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.testing import Probe, heightmap_message, mesh_message, point_message, pose_message
+from smartmesh_ros.testing import Probe, Process, heightmap_message, mesh_message, point_message, pose_message
+from tests.node.shared import changed
 
 TRIANGLES = grid_triangles(20, 30)
 
@@ -39,34 +40,34 @@ def set_string(probe: Probe, name: str, value: str) -> object:
     return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=[parameter]).result
 
 
-def test_patches_follow_a_general_mesh_whose_vertices_move(probe: Probe) -> None:
-    with probe.running(parameters={"search.method": "best_first"}):
+def test_patches_follow_a_general_mesh_whose_vertices_move(shared: Probe) -> None:
+    with changed(shared, {"search.method": "best_first"}):
 
         def tracked(height: float) -> bool:
-            probe.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
-            seen = patch_vertices(probe)
+            shared.publish_poses([(2.0, 2.0, 0.5), (4.0, 1.0, 0.5)])
+            seen = patch_vertices(shared)
             everything = sheet(height)
             return len(seen) == 2 and all(
                 np.abs(everything[:, None] - mine).max(axis=2).min(axis=0).max() < 1e-9 for mine in seen.values()
             )
 
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
-        probe.wait_for(lambda: tracked(0.0))
-        kinds = {patch.kind for patch in probe.latest("collider_patches").patches}
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+        shared.wait_for(lambda: tracked(0.0))
+        kinds = {patch.kind for patch in shared.latest("collider_patches").patches}
         assert kinds == {ColliderPatch.TRIMESH}
-        assert probe.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
-        probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(1.0)))
-        probe.wait_for(lambda: tracked(1.0))
-        probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(2.0)[5:9], [5, 6, 7, 8]))
-        probe.wait_for(lambda: probe.diagnostics("terrain")["updates of ''"] == "2")
-        probe.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
+        assert shared.diagnostics("terrain")["size of ''"] == "mesh of 600 vertices and 1102 triangles"
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(1.0)))
+        shared.wait_for(lambda: tracked(1.0))
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(2.0)[5:9], [5, 6, 7, 8]))
+        shared.wait_for(lambda: shared.diagnostics("terrain")["updates of ''"] == "2")
+        shared.wait_for(lambda: tracked(1.0))  # vertices elsewhere have not moved
 
 
-def test_bodies_ride_a_rising_mesh(probe: Probe) -> None:
-    with probe.running(parameters={"search.method": "ray_cast"}):
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
+def test_bodies_ride_a_rising_mesh(shared: Probe) -> None:
+    with changed(shared, {"search.method": "ray_cast"}):
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
         box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.2])
-        assert probe.call(
+        assert shared.call(
             "spawn_body", SpawnBody, id="box", shape=box, mass=1.0, pose=pose_message((3, 2, 0.3))
         ).success
         level = 0.0
@@ -74,34 +75,36 @@ def test_bodies_ride_a_rising_mesh(probe: Probe) -> None:
         def risen() -> bool:
             nonlocal level
             level = min(level + 0.02, 0.6)
-            probe.publishers["terrain_mesh_update"].publish(update_message(probe, sheet(level)))
-            return any(body.pose.position.z > 0.6 for body in probe.latest("body_states").bodies)
+            shared.publishers["terrain_mesh_update"].publish(update_message(shared, sheet(level)))
+            return any(body.pose.position.z > 0.6 for body in shared.latest("body_states").bodies)
 
-        probe.wait_for(risen)
+        shared.wait_for(risen)
 
 
-def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(probe: Probe) -> None:
+def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
     sheared = sheet()
     sheared[:, 0] += 4.0 * sheared[:, 1]
-    with probe.running(parameters={"search.method": "best_first"}) as process:
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=probe.now()))
+    with changed(shared, {"search.method": "best_first"}):
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=shared.now()))
         key = "refused, terrain_mesh: search_method"
-        probe.wait_for(lambda: probe.diagnostics("inputs").get(key) == "1")
-        assert "use brute_force, ray_cast" in process.output
-        assert probe.diagnostics("terrain")["tiles"] == "0"
-        assert set_string(probe, "search.method", "brute_force").successful
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=probe.now()))
-        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
-        refused = set_string(probe, "search.method", "best_first")
+        shared.wait_for(lambda: shared.diagnostics("inputs").get(key) == "1")
+        assert "use brute_force, ray_cast" in shared_node[1].output
+        assert shared.diagnostics("terrain")["tiles"] == "0"
+        assert set_string(shared, "search.method", "brute_force").successful
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheared, TRIANGLES, stamp=shared.now()))
+        shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
+        refused = set_string(shared, "search.method", "best_first")
         assert not refused.successful
         assert "brute_force" in refused.reason
-        assert not set_string(probe, "patch.kind", "whole_heightfield").successful
-        probe.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=probe.now()))
-        probe.wait_for(lambda: set_string(probe, "search.method", "best_first").successful)
+        assert not set_string(shared, "patch.kind", "whole_heightfield").successful
+        shared.publishers["terrain_mesh"].publish(mesh_message(sheet(), TRIANGLES, stamp=shared.now()))
+        shared.wait_for(lambda: set_string(shared, "search.method", "best_first").successful)
         folded = sheet()
         folded[100:110, 0] -= 3.0
-        probe.publishers["terrain_mesh_update"].publish(update_message(probe, folded))
-        probe.wait_for(lambda: probe.diagnostics("inputs").get("refused, terrain_mesh_update: search_method") == "1")
+        shared.publishers["terrain_mesh_update"].publish(update_message(shared, folded))
+        shared.wait_for(lambda: shared.diagnostics("inputs").get("refused, terrain_mesh_update: search_method") == "1")
 
 
 def test_bad_meshes_are_refused_and_the_last_one_stays(shared: Probe) -> None:

@@ -9,9 +9,10 @@ from grid_map_msgs.msg import GridMap
 from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, pose_message
+from smartmesh_ros.testing import COLLIDER, Probe, pose_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.test_presets import PRESETS
+from tests.node.shared import refusal_at_start
+from tests.node.test_presets import own_topics
 
 __all__ = ["stand_ins"]
 
@@ -47,16 +48,6 @@ def flat_map(probe: Probe) -> GridMap:
     return message
 
 
-def own_topics(probe: Probe) -> set[str]:
-    """Topics that the collider both publishes and subscribes to."""
-    node, name = probe.node, COLLIDER.strip("/")
-    published = dict(node.get_publisher_names_and_types_by_node(name, "/"))
-    taken = dict(node.get_subscriber_names_and_types_by_node(name, "/"))
-    assert f"{COLLIDER}/body_states" in published
-    assert f"{COLLIDER}/heightmap" in taken
-    return published.keys() & taken.keys()
-
-
 @pytest.mark.parametrize("set_up", ["launch file", "preset alone"])
 def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
     probe: Probe, stand_ins: dict[str, type[Recorded]], set_up: str
@@ -88,12 +79,6 @@ def test_a_spawned_robot_rests_beside_the_elevation_mapping_set_up(
         assert min(heights) > RESTING - HIGHEST
 
 
-@pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
-def test_no_preset_has_the_node_hear_itself(probe: Probe, preset: Path) -> None:
-    with probe.running(arguments=["--ros-args", "--params-file", str(preset)]):
-        assert own_topics(probe) == set()
-
-
 @pytest.mark.parametrize(
     ("parameters", "remap", "words"),
     [
@@ -111,8 +96,5 @@ def test_no_preset_has_the_node_hear_itself(probe: Probe, preset: Path) -> None:
 def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
     domain: int, parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
 ) -> None:
-    arguments = ["--ros-args", *(part for rule in remap for part in ("-r", rule)), "--"] if remap else []
-    with Process("terrain_collider", parameters, arguments) as process:
-        assert process.process.wait(TIMEOUT) == 2, process.output
-        assert all(word in process.output for word in ("cannot start", *words)), process.output
-        assert "Traceback" not in process.output
+    reason = refusal_at_start(parameters, [part for rule in remap for part in ("-r", rule)])
+    assert all(word in reason for word in words), reason

@@ -7,28 +7,19 @@ from typing import Any
 import pytest
 import yaml
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
-from rclpy.parameter import parameter_value_to_python
+from rcl_interfaces.srv import DescribeParameters, ListParameters
 
 from smartmesh_ros.node.demo import terrain_source
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.testing import Probe, executable
+from smartmesh_ros.testing import COLLIDER, Probe, executable
+from tests.node.shared import values
 
 CONFIG = Path(__file__).parents[2] / "config"
 PRESETS = sorted(path for path in CONFIG.glob("*.yaml") if path.name != "diagnostic_aggregator.yaml")
 
-LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
-
 
 def parameters_of(path: Path) -> dict[str, Any]:
     return dict(yaml.safe_load(path.read_text())["/**"]["ros__parameters"])
-
-
-def values(probe: Probe, names: list[str]) -> dict[str, Any]:
-    found = probe.call("get_parameters", GetParameters, names=names).values
-    plain = {name: parameter_value_to_python(item) for name, item in zip(names, found, strict=True)}
-    # An empty list arrives as nothing.
-    return {name: list(value or []) if name in LISTS else value for name, value in plain.items()}
 
 
 def warnings(output: str) -> list[str]:
@@ -40,13 +31,26 @@ def test_the_presets_of_the_readme_are_there() -> None:
 
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
-def test_a_preset_is_taken_whole_and_without_a_warning(probe: Probe, preset: Path) -> None:
+def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself_nowhere(
+    probe: Probe, preset: Path
+) -> None:
     arguments = ["--ros-args", "--params-file", str(preset)]
     with probe.running(arguments=arguments) as process:
         wanted = parameters_of(preset)
-        assert values(probe, list(wanted)) == wanted
+        assert values(probe, wanted) == wanted
         probe.latest("timing")
+        assert own_topics(probe) == set()
         assert warnings(process.output) == []
+
+
+def own_topics(probe: Probe) -> set[str]:
+    """Topics that the collider both publishes and subscribes to."""
+    node, name = probe.node, COLLIDER.strip("/")
+    published = dict(node.get_publisher_names_and_types_by_node(name, "/"))
+    taken = dict(node.get_subscriber_names_and_types_by_node(name, "/"))
+    assert f"{COLLIDER}/body_states" in published
+    assert f"{COLLIDER}/heightmap" in taken
+    return published.keys() & taken.keys()
 
 
 def check_descriptions(probe: Probe) -> None:
@@ -65,8 +69,15 @@ def check_descriptions(probe: Probe) -> None:
 
 def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(probe: Probe, tmp_path: Path) -> None:
     """As `ros2 param dump` writes it: every parameter that is set."""
-    changed = {"physics.rate": 60.0, "patch.kind": "heightfield", "raster.origin": [1.0, 2.0, 3.0]}
+    changed = {
+        "physics.rate": 60.0,
+        "patch.kind": "heightfield",
+        "raster.origin": [1.0, 2.0, 3.0],
+        "terrain.changes": "correction",
+        "terrain.noise": 0.01,
+    }
     with probe.running(parameters=changed):
+        assert values(probe, changed) == changed
         names = probe.call("list_parameters", ListParameters).result.names
         assert {spec.name for spec in SPECS} <= set(names)
         check_descriptions(probe)

@@ -10,8 +10,6 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody
@@ -25,8 +23,9 @@ from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.testing import COLLIDER, Probe, heightmap_message, pose_message
+from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
 from smartmesh_ros.testing.probe import DIAGNOSTICS
+from tests.node.shared import changed, set_parameters
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -88,24 +87,6 @@ def test_maps_of_different_places_do_not_disagree() -> None:
     assert not rivals.found
 
 
-def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(probe: Probe) -> None:
-    other = rclpy.create_node("second_mapper", context=probe.node.context)
-    try:
-        with probe.running():
-            second = other.create_publisher(Heightmap, f"{COLLIDER}/heightmap", 10)
-            probe.wait_for(second.get_subscription_count)
-
-            def warned() -> bool:
-                probe.publish_map(LEVEL)
-                second.publish(heightmap_message(LEVEL + 0.3, stamp=probe.now()))
-                message = probe.diagnostics("terrain")["message"]
-                return "disagree" in message and "/second_mapper" in message
-
-            probe.wait_for(warned)
-    finally:
-        other.destroy_node()
-
-
 ADVICE = "set terrain.changes: correction"
 
 
@@ -126,32 +107,51 @@ def maps_of(probe: Probe, heights: Callable[[int], NDArray[np.float32]]) -> Iter
         probe.node.destroy_timer(timer)
 
 
+def test_maps_of_waves_are_no_warning(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+    """Runs before other tests have the shared node doubt maps, because a node logs its doubt once."""
+    waves = InwardWaves(GRID, Wave(amplitude=0.3, number=1.0, frequency=4.0))
+    with maps_of(shared, lambda number: waves.heights(0.1 * number)):
+        shared.wait_for(lambda: int(shared.diagnostics("terrain").get("updates of ''", 0)) >= 40)
+        assert shared.diagnostics("terrain")["message"] == "maps arrive"
+        assert ADVICE not in shared_node[1].output
+
+
+def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
+    with maps_of(shared, of_mapper), changed(shared, {"terrain.changes": "motion"}):
+        maps = "updates of ''"
+        shared.wait_for(lambda: ADVICE in shared.diagnostics("terrain")["message"])
+        assert int(shared.diagnostics("terrain")[maps]) <= 60  # 5 s, and a second until the diagnostics say so
+        shared.wait_for(lambda: "jumps of still ground" in shared.diagnostics("terrain")["message"])
+        status = terrain_status(shared)
+        assert status.level == DiagnosticStatus.WARN
+        assert "noise of 5." in status.message
+        assert shared_node[1].output.count(ADVICE) == 1
+        assert set_parameters(shared, {"terrain.changes": "correction"}).successful
+        shared.wait_for(lambda: shared.diagnostics("terrain")["message"] == "maps arrive")
+
+
+def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) -> None:
+    other = rclpy.create_node("second_mapper", context=shared.node.context)
+    try:
+        second = other.create_publisher(Heightmap, shared.topic("heightmap"), 10)
+        shared.wait_for(second.get_subscription_count)
+
+        def warned() -> bool:
+            shared.publish_map(LEVEL)
+            second.publish(heightmap_message(LEVEL + 0.3, stamp=shared.now()))
+            message = shared.diagnostics("terrain")["message"]
+            return "disagree" in message and "/second_mapper" in message
+
+        shared.wait_for(warned)
+    finally:
+        other.destroy_node()
+
+
 def terrain_status(probe: Probe) -> DiagnosticStatus:
     [status] = [status for status in probe.latest(DIAGNOSTICS).status if status.name == "terrain_collider: terrain"]
     return status
-
-
-def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(probe: Probe) -> None:
-    with probe.running() as process, maps_of(probe, of_mapper):
-        maps = "updates of ''"
-        probe.wait_for(lambda: ADVICE in probe.diagnostics("terrain")["message"])
-        assert int(probe.diagnostics("terrain")[maps]) <= 60  # 5 s, and a second until the diagnostics say so
-        probe.wait_for(lambda: "jumps of still ground" in probe.diagnostics("terrain")["message"])
-        status = terrain_status(probe)
-        assert status.level == DiagnosticStatus.WARN
-        assert "noise of 5." in status.message
-        assert process.output.count(ADVICE) == 1
-        parameter = Parameter("terrain.changes", value="correction").to_parameter_msg()
-        assert probe.call("set_parameters", SetParameters, parameters=[parameter]).results[0].successful
-        probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
-
-
-def test_maps_of_waves_are_no_warning(probe: Probe) -> None:
-    waves = InwardWaves(GRID, Wave(amplitude=0.3, number=1.0, frequency=4.0))
-    with probe.running() as process, maps_of(probe, lambda number: waves.heights(0.1 * number)):
-        probe.wait_for(lambda: int(probe.diagnostics("terrain").get("updates of ''", 0)) >= 40)
-        assert probe.diagnostics("terrain")["message"] == "maps arrive"
-        assert ADVICE not in process.output
 
 
 class Log:
@@ -189,49 +189,42 @@ def test_maps_whose_velocities_are_given_and_corrections_are_not_doubted() -> No
         assert checks.warning == "" and not log.lines
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(probe: Probe) -> None:
-    with probe.running():
-        now = probe.now()
-        newest = probe.publish_map(LEVEL, stamp=now)
-        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "1")
-        total = now.sec * 10**9 + now.nanosec - 100_000_000
-        probe.publish_map(LEVEL + 1.0, stamp=Time(sec=total // 10**9, nanosec=total % 10**9))
-        probe.publish_map(LEVEL, stamp=probe.now())
-        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "2")
-        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
-        assert probe.diagnostics("terrain")["overtaken by a newer one"] == "1"
-        assert newest.header.stamp == now
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(shared: Probe) -> None:
+    refused = shared.diagnostics("inputs")
+    overtaken = int(shared.diagnostics("terrain")["overtaken by a newer one"])
+    now = shared.now()
+    newest = shared.publish_map(LEVEL, stamp=now)
+    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
+    total = now.sec * 10**9 + now.nanosec - 100_000_000
+    shared.publish_map(LEVEL + 1.0, stamp=Time(sec=total // 10**9, nanosec=total % 10**9))
+    shared.publish_map(LEVEL, stamp=shared.now())
+    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "2")
+    assert shared.diagnostics("inputs") == refused
+    assert int(shared.diagnostics("terrain")["overtaken by a newer one"]) == overtaken + 1
+    assert newest.header.stamp == now
 
 
-def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(probe: Probe) -> None:
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(shared: Probe) -> None:
     """The clock of the source was set back by an hour."""
-    with probe.running():
-        probe.publish_map(LEVEL, resolution=0.5)
-        probe.wait_for(lambda: probe.diagnostics("terrain").get("updates of ''") == "1")
-        box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.3])
-        spawned = probe.call("spawn_body", SpawnBody, id="box", mass=1.0, shape=box, pose=pose_message((5.0, 5.0, 0.3)))
-        assert spawned.success
+    shared.publish_map(LEVEL, resolution=0.5)
+    shared.wait_for(lambda: shared.diagnostics("terrain").get("updates of ''") == "1")
+    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.4, 0.3])
+    spawned = shared.call("spawn_body", SpawnBody, id="box", mass=1.0, shape=box, pose=pose_message((5.0, 5.0, 0.3)))
+    assert spawned.success
 
-        def place() -> tuple[float, float, float]:
-            [body] = probe.latest("body_states").bodies
-            p = body.pose.position
-            return p.x, p.y, p.z
+    def place() -> tuple[float, float, float]:
+        [body] = shared.latest("body_states").bodies
+        p = body.pose.position
+        return p.x, p.y, p.z
 
-        probe.wait_for(lambda: place()[2] < 0.152)
-        back = Time(sec=probe.now().sec - 3600)
-        probe.publish_map(LEVEL, resolution=0.5, stamp=back)
-        probe.wait_for(lambda: "stamp_backwards" in str(probe.diagnostics("inputs")))
-        assert probe.call("reset_terrain_clock", Trigger).success
-        before = place()
-        for number in range(1, 4):
-            back = Time(sec=back.sec, nanosec=50_000_000 * number)
-            probe.publish_map(LEVEL, resolution=0.5, stamp=back)
-            probe.wait_for(lambda n=number: probe.diagnostics("terrain").get("updates of ''") == str(1 + n))
-        assert place() == pytest.approx(before, abs=0.002)
-
-
-def test_the_parameters_are_served(probe: Probe) -> None:
-    with probe.running(parameters={"terrain.changes": "correction", "terrain.noise": 0.01}):
-        names = ["terrain.changes", "terrain.noise", "terrain.min_interval"]
-        values = probe.call("get_parameters", GetParameters, names=names).values
-        assert (values[0].string_value, values[1].double_value, values[2].double_value) == ("correction", 0.01, 0.004)
+    shared.wait_for(lambda: place()[2] < 0.152)
+    back = Time(sec=shared.now().sec - 3600)
+    shared.publish_map(LEVEL, resolution=0.5, stamp=back)
+    shared.wait_for(lambda: "stamp_backwards" in str(shared.diagnostics("inputs")))
+    assert shared.call("reset_terrain_clock", Trigger).success
+    before = place()
+    for number in range(1, 4):
+        back = Time(sec=back.sec, nanosec=50_000_000 * number)
+        shared.publish_map(LEVEL, resolution=0.5, stamp=back)
+        shared.wait_for(lambda n=number: shared.diagnostics("terrain").get("updates of ''") == str(1 + n))
+    assert place() == pytest.approx(before, abs=0.002)

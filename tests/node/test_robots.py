@@ -19,25 +19,31 @@ from std_srvs.srv import SetBool
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
-from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.testing import Probe, Process, pose_message
+from tests.node.shared import changed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
 WEIGHT = 14.0 * 9.81  # of the rover [N]
 WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
-FOLDERS = {"bodies.urdf_folders": [str(ROVER.parent)]}
+SHARED = {"frame_id": "map", "bodies.urdf_folders": [str(ROVER.parent)]}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 YAW = 2.1
 
 
-def start(probe: Probe, height: float = 0.25, **more: Any) -> dict[str, Any]:
-    """Parameters of a node with the rover standing on its map; subscribes to what it says of robots."""
+def listen(probe: Probe) -> None:
+    """Subscribes to what the node says of robots."""
     for kind, topic in (
         (JointState, "joint_states"),
         (Odometry, "odometry"),
         (ContactWrenchArray, "contact_wrenches"),
     ):
         probe.listen(topic, kind)
+
+
+def start(probe: Probe, height: float = 0.25, **more: Any) -> dict[str, Any]:
+    """Parameters of a node with the rover standing on its map; subscribes to what it says of robots."""
+    listen(probe)
     return {
         "robot.description": str(ROVER),
         "robot.name": "rover",
@@ -54,6 +60,15 @@ def settle(probe: Probe) -> None:
     probe.publish_map(np.zeros((101, 101)))
     probe.wait_for(lambda: probe.latest("odometry").child_frame_id == "rover")
     step(probe, 480)
+
+
+def settle_spawned(probe: Probe) -> None:
+    """The same in the shared node, by a call."""
+    listen(probe)
+    pose = Pose(position=pose_message((4.0, 4.0, 0.3)).position)
+    pose.orientation = Quaternion(z=math.sin(0.5 * YAW), w=math.cos(0.5 * YAW))
+    assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose).success
+    settle(probe)
 
 
 def step(probe: Probe, count: int) -> None:
@@ -111,42 +126,41 @@ def test_a_rover_rolls_as_far_as_its_wheels_turn(probe: Probe) -> None:
         assert abs(twist.linear.x) < 0.5 * RADIUS * 3.0, "about a point below the rover, if not its frame's origin"
 
 
-def test_the_ground_carries_the_weight_where_the_centre_of_mass_is(probe: Probe) -> None:
-    with probe.running(parameters=start(probe)):
-        settle(probe)
-        message = probe.latest("contact_wrenches")
-        assert message.header.frame_id == "map"
-        wrenches = {found.body_id: found for found in message.wrenches}
-        assert set(wrenches) == {"rover/base_link", *(f"rover/{wheel}_wheel" for wheel in WHEELS)}
-        force = sum(np.array([f.wrench.force.x, f.wrench.force.y, f.wrench.force.z]) for f in wrenches.values())
-        assert force == pytest.approx([0.0, 0.0, WEIGHT], abs=0.02 * WEIGHT)
-        assert wrenches["rover/base_link"].wrench.force == Vector3(), "the body itself does not touch the ground"
-        # Lever rule: the centre of mass lies 10 x 0.1 / 14 m ahead of the middle of axles 0.6 m apart.
-        front = sum(wrenches[f"rover/front_{side}_wheel"].wrench.force.z for side in ("left", "right"))
-        assert front / WEIGHT == pytest.approx(0.5 + (10.0 * 0.1 / 14.0) / 0.6, rel=0.03)
-        # Driven wheels, held back: the ground's torque on a wheel is minus its friction times the radius.
-        publisher = probe.publisher(JointState, "joint_commands")
-        command(probe, publisher, lambda m: list(m.effort) == [1.0] * 4, effort=[1.0] * 4)
-        step(probe, 6)
-        for found in probe.latest("contact_wrenches").wrenches:
-            if found.body_id != "rover/base_link":
-                f, t = found.wrench.force, found.wrench.torque
-                ahead = f.x * math.cos(YAW) + f.y * math.sin(YAW)
-                about_axle = -t.x * math.sin(YAW) + t.y * math.cos(YAW)
-                assert ahead > 0.5
-                assert about_axle == pytest.approx(-RADIUS * ahead, rel=0.05)
+def test_the_ground_carries_the_weight_where_the_centre_of_mass_is(shared: Probe) -> None:
+    settle_spawned(shared)
+    message = shared.latest("contact_wrenches")
+    assert message.header.frame_id == "map"
+    wrenches = {found.body_id: found for found in message.wrenches}
+    assert set(wrenches) == {"rover/base_link", *(f"rover/{wheel}_wheel" for wheel in WHEELS)}
+    force = sum(np.array([f.wrench.force.x, f.wrench.force.y, f.wrench.force.z]) for f in wrenches.values())
+    assert force == pytest.approx([0.0, 0.0, WEIGHT], abs=0.02 * WEIGHT)
+    assert wrenches["rover/base_link"].wrench.force == Vector3(), "the body itself does not touch the ground"
+    # Lever rule: the centre of mass lies 10 x 0.1 / 14 m ahead of the middle of axles 0.6 m apart.
+    front = sum(wrenches[f"rover/front_{side}_wheel"].wrench.force.z for side in ("left", "right"))
+    assert front / WEIGHT == pytest.approx(0.5 + (10.0 * 0.1 / 14.0) / 0.6, rel=0.03)
+    # Driven wheels, held back: the ground's torque on a wheel is minus its friction times the radius.
+    publisher = shared.publisher(JointState, "joint_commands")
+    command(shared, publisher, lambda m: list(m.effort) == [1.0] * 4, effort=[1.0] * 4)
+    step(shared, 6)
+    for found in shared.latest("contact_wrenches").wrenches:
+        if found.body_id != "rover/base_link":
+            f, t = found.wrench.force, found.wrench.torque
+            ahead = f.x * math.cos(YAW) + f.y * math.sin(YAW)
+            about_axle = -t.x * math.sin(YAW) + t.y * math.cos(YAW)
+            assert ahead > 0.5
+            assert about_axle == pytest.approx(-RADIUS * ahead, rel=0.05)
 
 
-def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(probe: Probe) -> None:
+def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(shared: Probe) -> None:
     """Its linear part is that of the base's frame, which is not where the centre of mass is."""
-    with probe.running(parameters={"frame_id": "map", "physics.gravity": [0.0, 0.0, 0.0], **FOLDERS}):
-        start(probe)
-        assert probe.call("pause", SetBool, data=True).success
+    with changed(shared, {"physics.gravity": [0.0, 0.0, 0.0]}):
+        listen(shared)
+        assert shared.call("pause", SetBool, data=True).success
         pose = Pose(position=pose_message((1.0, 2.0, 3.0)).position)
         pose.orientation = Quaternion(z=math.sin(math.pi / 4), w=math.cos(math.pi / 4))  # faces +y
         twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
-        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose, twist=twist).success
-        found = probe.latest("odometry")
+        assert shared.call("spawn_body", SpawnBody, id="rover", urdf=str(ROVER), pose=pose, twist=twist).success
+        found = shared.latest("odometry")
         assert (found.header.frame_id, found.child_frame_id) == ("map", "rover")
         linear, angular = found.twist.twist.linear, found.twist.twist.angular
         # In the base's frame v = (0, -1, 0), w = (0, 0, 0.5), and its origin lies at (-0.1, 0, 0.05) from the centre.
@@ -155,40 +169,45 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base(probe: Probe) 
         p = found.pose.pose.position
         assert (p.x, p.y, p.z) == pytest.approx((1.0, 2.0 - 0.1, 3.0 + 0.05), abs=1e-6)
         # With two robots, joints carry their robot's name, and each has its odometry.
-        assert probe.call("spawn_body", SpawnBody, id="other", urdf=str(ROVER), pose=pose_message((9, 9, 9))).success
-        probe.wait_for(lambda: len(probe.latest("joint_states").name) == 8)
-        assert probe.latest("joint_states").name == [f"{robot}/{j}" for robot in ("rover", "other") for j in WHEELS]
-        probe.wait_for(lambda: probe.latest("odometry").child_frame_id == "other")
-        assert probe.call("remove_body", RemoveBody, id="other").success
-        probe.wait_for(lambda: probe.latest("joint_states").name == WHEELS)
+        assert shared.call("spawn_body", SpawnBody, id="other", urdf=str(ROVER), pose=pose_message((9, 9, 9))).success
+        shared.wait_for(lambda: len(shared.latest("joint_states").name) == 8)
+        assert shared.latest("joint_states").name == [f"{robot}/{j}" for robot in ("rover", "other") for j in WHEELS]
+        # The probe handles messages that arrive together at once, so that the latest may always be the rover's.
+        received = shared.received[shared.topic("odometry")]
+        received.clear()
+        shared.wait_for(lambda: "other" in {message.child_frame_id for message in received})
+        assert shared.call("remove_body", RemoveBody, id="other").success
+        shared.wait_for(lambda: shared.latest("joint_states").name == WHEELS)
 
 
-def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(probe: Probe) -> None:
-    with probe.running(parameters=start(probe)) as process:
-        settle(probe)
-        publisher = probe.publisher(JointState, "joint_commands")
-        command(probe, publisher, turning, velocity=[4.0] * 4)
-        bad: list[tuple[str, dict[str, Any]]] = [
-            ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
-            ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
-            ("duplicate_id", {"name": ["rear_left", "rover/rear_left"], "velocity": [0.0] * 2}),
-            ("length", {"velocity": [0.0] * 3}),
-            ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
-            ("length", {"name": [], "velocity": []}),
-            ("non_finite", {"velocity": [0.0, 0.0, 0.0, math.nan]}),
-            ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
-            ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
-        ]
-        for _, fields in bad:
-            publisher.publish(JointState(**{"name": WHEELS, **fields}))
-        counts = Counter(f"refused, joint_commands: {reason}" for reason, _ in bad)
-        probe.wait_for(lambda: counts.items() <= {k: int(v) for k, v in inputs(probe).items()}.items())
-        assert "1 of 4 joints are unknown: 'flux'" in process.output
-        assert "rover/front_left, rover/front_right" in process.output
-        step(probe, 240)
-        assert joints(probe)[1] == pytest.approx([4.0] * 4, rel=0.01)
-        names = [f"rover/{wheel}" for wheel in WHEELS]  # nothing but names: free
-        command(probe, publisher, lambda m: list(m.effort) == [0.0] * 4, name=names)
+def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
+    shared: Probe, shared_node: tuple[Probe, Process]
+) -> None:
+    probe, process = shared_node
+    settle_spawned(probe)
+    publisher = probe.publisher(JointState, "joint_commands")
+    command(probe, publisher, turning, velocity=[4.0] * 4)
+    bad: list[tuple[str, dict[str, Any]]] = [
+        ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
+        ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
+        ("duplicate_id", {"name": ["rear_left", "rover/rear_left"], "velocity": [0.0] * 2}),
+        ("length", {"velocity": [0.0] * 3}),
+        ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
+        ("length", {"name": [], "velocity": []}),
+        ("non_finite", {"velocity": [0.0, 0.0, 0.0, math.nan]}),
+        ("non_finite", {"position": [0.0, 0.0, 0.0, math.inf]}),
+        ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
+    ]
+    for _, fields in bad:
+        publisher.publish(JointState(**{"name": WHEELS, **fields}))
+    counts = Counter(f"refused, joint_commands: {reason}" for reason, _ in bad)
+    probe.wait_for(lambda: counts.items() <= {k: int(v) for k, v in inputs(probe).items()}.items())
+    assert "1 of 4 joints are unknown: 'flux'" in process.output
+    assert "rover/front_left, rover/front_right" in process.output
+    step(probe, 240)
+    assert joints(probe)[1] == pytest.approx([4.0] * 4, rel=0.01)
+    names = [f"rover/{wheel}" for wheel in WHEELS]  # nothing but names: free
+    command(probe, publisher, lambda m: list(m.effort) == [0.0] * 4, name=names)
 
 
 def test_a_latched_description_is_a_robot_that_later_ones_replace(probe: Probe) -> None:

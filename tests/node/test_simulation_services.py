@@ -41,10 +41,11 @@ from simulation_interfaces.srv import (
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.simulation_services import _urdf_of
 from smartmesh_ros.testing import TIMEOUT, Probe, Process, pose_message
+from tests.node.shared import changed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
-PARAMETERS = {
+SHARED = {
     "simulation_interfaces": True,
     "frame_id": "map",
     "bodies.urdf_folders": [str(ROVER.parent)],
@@ -85,168 +86,148 @@ def placed(x: float, y: float, z: float, frame: str = "") -> PoseStamped:
     return message
 
 
-def test_the_simulation_plays_pauses_steps_and_stops(probe: Probe) -> None:
-    s = SimulationState
-    with probe.running(parameters=PARAMETERS) as process:
-        features = probe.call("get_simulator_features", GetSimulatorFeatures).features
-        assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features.features
-        assert SimulatorFeatures.ENTITY_TAGS not in features.features
-        assert features.spawn_formats == ["urdf"]
-        assert state(probe) == s.STATE_PLAYING
-        assert probe.call("step_simulation", StepSimulation, steps=1).result.result == Result.RESULT_OPERATION_FAILED
-        assert set_state(probe, s.STATE_PLAYING) == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
-        assert set_state(probe, s.STATE_STOPPED) == OK
-        assert state(probe) == s.STATE_STOPPED
-        assert pose_of(probe, "ball") == (2.0, 2.0, 9.0), "reset"
-        assert set_state(probe, s.STATE_PAUSED) == OK
-        assert probe.call("step_simulation", StepSimulation, steps=24).result.result == OK
-        fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
-        assert pose_of(probe, "ball")[2] == pytest.approx(fallen, abs=1e-6)
-        assert state(probe) == s.STATE_PAUSED
-        assert set_state(probe, s.STATE_NO_WORLD) == SetSimulationState.Response.STATE_TRANSITION_ERROR
-        assert set_state(probe, s.STATE_PLAYING) == OK
-        probe.wait_for(lambda: pose_of(probe, "ball")[2] < fallen - 0.1)
-        assert set_state(probe, s.STATE_QUITTING) == OK
-        assert process.process.wait(TIMEOUT) == 0
-        assert "Traceback" not in process.output
+@pytest.fixture
+def started(shared: Probe) -> Probe:
+    """The shared node, as if it had been started again: earlier tests took its body ``ball`` away."""
+    scope = ResetSimulation.Request.SCOPE_DEFAULT
+    assert shared.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
+    return shared
 
 
-def test_entities_come_move_and_go(probe: Probe) -> None:
+def test_entities_come_move_and_go(started: Probe) -> None:
     r = SpawnEntity.Response
-    with probe.running(parameters=PARAMETERS):
-        assert set_state(probe, SimulationState.STATE_PAUSED) == OK
-        answer = spawn(probe, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
-        assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
-        assert pose_of(probe, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
-        text = ROVER.read_text()
-        assert spawn(probe, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
-        again = spawn(probe, resource_string=text, allow_renaming=True, initial_pose=placed(9.0, 2.0, 3.0))
-        assert (again.result.result, again.entity_name) == (OK, "rover_1")
-        invalid = placed(0.0, 0.0, 0.0)
-        invalid.pose.orientation.w = 0.0
-        for code, fields in (
-            (r.NAME_NOT_UNIQUE, {"resource_string": text}),
-            (r.NAME_INVALID, {"resource_string": text, "name": "a/b"}),
-            (r.NAME_NOT_UNIQUE, {"uri": str(ROVER)}),
-            (r.NO_RESOURCE, {"name": "x"}),
-            (r.UNSUPPORTED_FORMAT, {"name": "x", "uri": "world.sdf"}),
-            (r.UNSUPPORTED_FORMAT, {"name": "x", "resource_string": "<sdf/>"}),
-            (r.RESOURCE_PARSE_ERROR, {"name": "x", "resource_string": "<robot"}),
-            (r.RESOURCE_PARSE_ERROR, {"name": "x", "uri": f"{ROVER.parent}/no_such.urdf"}),
-            (Result.RESULT_OPERATION_FAILED, {"name": "x", "uri": "/elsewhere/a.urdf"}),
-            (r.MISSING_ASSETS, {"name": "x", "uri": "package://no_such_pkg/a.urdf"}),
-            (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": invalid}),
-            (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": placed(0, 0, 0, "moon")}),
-            (Result.RESULT_FEATURE_UNSUPPORTED, {"name": "x", "uri": str(ROVER), "entity_namespace": "/a"}),
-        ):
-            answer = spawn(probe, **fields)
-            assert (answer.result.result, bool(answer.result.error_message)) == (code, True), fields
-        everything = ["ball", "truck", "rover", "rover_1"]
-        assert entities(probe) == everything
+    assert set_state(started, SimulationState.STATE_PAUSED) == OK
+    answer = spawn(started, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
+    assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
+    assert pose_of(started, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
+    text = ROVER.read_text()
+    assert spawn(started, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
+    again = spawn(started, resource_string=text, allow_renaming=True, initial_pose=placed(9.0, 2.0, 3.0))
+    assert (again.result.result, again.entity_name) == (OK, "rover_1")
+    invalid = placed(0.0, 0.0, 0.0)
+    invalid.pose.orientation.w = 0.0
+    for code, fields in (
+        (r.NAME_NOT_UNIQUE, {"resource_string": text}),
+        (r.NAME_INVALID, {"resource_string": text, "name": "a/b"}),
+        (r.NAME_NOT_UNIQUE, {"uri": str(ROVER)}),
+        (r.NO_RESOURCE, {"name": "x"}),
+        (r.UNSUPPORTED_FORMAT, {"name": "x", "uri": "world.sdf"}),
+        (r.UNSUPPORTED_FORMAT, {"name": "x", "resource_string": "<sdf/>"}),
+        (r.RESOURCE_PARSE_ERROR, {"name": "x", "resource_string": "<robot"}),
+        (r.RESOURCE_PARSE_ERROR, {"name": "x", "uri": f"{ROVER.parent}/no_such.urdf"}),
+        (Result.RESULT_OPERATION_FAILED, {"name": "x", "uri": "/elsewhere/a.urdf"}),
+        (r.MISSING_ASSETS, {"name": "x", "uri": "package://no_such_pkg/a.urdf"}),
+        (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": invalid}),
+        (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": placed(0, 0, 0, "moon")}),
+        (Result.RESULT_FEATURE_UNSUPPORTED, {"name": "x", "uri": str(ROVER), "entity_namespace": "/a"}),
+    ):
+        answer = spawn(started, **fields)
+        assert (answer.result.result, bool(answer.result.error_message)) == (code, True), fields
+    everything = ["ball", "truck", "rover", "rover_1"]
+    assert entities(started) == everything
 
-        moved = EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
-        moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
-        assert probe.call("set_entity_state", SetEntityState, entity="rover", state=moved).result.result == OK
-        assert pose_of(probe, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
-        twist = probe.call("get_entity_state", GetEntityState, entity="rover").state.twist
-        assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
-        moved.pose.position.x = math.nan
-        refused = probe.call("set_entity_state", SetEntityState, entity="rover", state=moved).result
-        assert refused.result == SetEntityState.Response.INVALID_POSE
-        assert pose_of(probe, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
+    moved = EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
+    moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
+    assert started.call("set_entity_state", SetEntityState, entity="rover", state=moved).result.result == OK
+    assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
+    twist = started.call("get_entity_state", GetEntityState, entity="rover").state.twist
+    assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
+    moved.pose.position.x = math.nan
+    refused = started.call("set_entity_state", SetEntityState, entity="rover", state=moved).result
+    assert refused.result == SetEntityState.Response.INVALID_POSE
+    assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
-        assert probe.call("delete_entity", DeleteEntity, entity="truck").result.result == OK
-        assert probe.call("delete_entity", DeleteEntity, entity="truck").result.result == Result.RESULT_NOT_FOUND
-        gone = probe.call("get_entity_state", GetEntityState, entity="truck").result
-        assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
-        assert entities(probe) == ["ball", "rover", "rover_1"]
-
-
-def test_many_entities_come_by_one_call_and_are_described(probe: Probe) -> None:
-    with probe.running(parameters=PARAMETERS):
-        assert set_state(probe, SimulationState.STATE_PAUSED) == OK
-        features = probe.call("get_simulator_features", GetSimulatorFeatures).features.features
-        f = SimulatorFeatures
-        assert {f.SPAWNING_ENTITIES, f.ENTITY_BOUNDS, f.ENTITY_INFO_GETTING} <= set(features)
-        assert f.SPAWNABLES not in features
-        text = Resource(resource_string=ROVER.read_text())
-        wanted = [
-            Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
-            for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", Resource(uri=str(ROVER)), 7.0))
-        ]
-        answer = probe.call("spawn_entities", SpawnEntities, spawn_requests=wanted)
-        assert answer.result.result == SpawnEntities.Response.ENTITIES_SPAWN_FAILED
-        assert [one.result.result for one in answer.results] == [OK, SpawnResult.NAME_NOT_UNIQUE, OK]
-        assert [one.entity_name for one in answer.results] == ["a", "", "b"]
-        last = Wanted(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
-        assert probe.call("spawn_entities", SpawnEntities, spawn_requests=[last]).result.result == OK
-
-        states = probe.call("get_entities_states", GetEntitiesStates, filters=EntityFilters(filter="^[ab]$"))
-        assert (states.result.result, states.entities) == (OK, ["a", "b"])
-        assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
-        bounds = probe.call("get_entity_bounds", GetEntityBounds, entity="ball").bounds
-        high, low = ((point.x, point.y, point.z) for point in bounds.points)
-        assert bounds.type == Bounds.TYPE_BOX
-        assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
-        infos = [probe.call("get_entity_info", GetEntityInfo, entity=name).info for name in ("a", "ball")]
-        assert [info.category.category for info in infos] == [
-            EntityCategory.CATEGORY_ROBOT,
-            EntityCategory.CATEGORY_OBJECT,
-        ]
-        for service, kind in (("get_entity_bounds", GetEntityBounds), ("get_entity_info", GetEntityInfo)):
-            assert probe.call(service, kind, entity="nobody").result.result == Result.RESULT_NOT_FOUND
+    assert started.call("delete_entity", DeleteEntity, entity="truck").result.result == OK
+    assert started.call("delete_entity", DeleteEntity, entity="truck").result.result == Result.RESULT_NOT_FOUND
+    gone = started.call("get_entity_state", GetEntityState, entity="truck").result
+    assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True)
+    assert entities(started) == ["ball", "rover", "rover_1"]
 
 
-def test_entities_are_filtered_by_name_and_place(probe: Probe) -> None:
-    with probe.running(parameters={**PARAMETERS, "physics.gravity": [0.0, 0.0, 0.0]}):
-        spawn(probe, uri=str(ROVER), name="rover_a", initial_pose=placed(5.0, 2.0, 9.0))
-        spawn(probe, uri=str(ROVER), name="rover_b", initial_pose=placed(8.0, 2.0, 9.0))
-        assert entities(probe, filter="^rover_[ab]$") == ["rover_a", "rover_b"]
-        assert entities(probe, filter="all") == ["ball"]
+def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> None:
+    set_state(started, SimulationState.STATE_PAUSED)
+    features = started.call("get_simulator_features", GetSimulatorFeatures).features.features
+    f = SimulatorFeatures
+    assert {f.SPAWNING_ENTITIES, f.ENTITY_BOUNDS, f.ENTITY_INFO_GETTING} <= set(features)
+    assert f.SPAWNABLES not in features
+    text = Resource(resource_string=ROVER.read_text())
+    wanted = [
+        Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
+        for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", Resource(uri=str(ROVER)), 7.0))
+    ]
+    answer = started.call("spawn_entities", SpawnEntities, spawn_requests=wanted)
+    assert answer.result.result == SpawnEntities.Response.ENTITIES_SPAWN_FAILED
+    assert [one.result.result for one in answer.results] == [OK, SpawnResult.NAME_NOT_UNIQUE, OK]
+    assert [one.entity_name for one in answer.results] == ["a", "", "b"]
+    last = Wanted(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
+    assert started.call("spawn_entities", SpawnEntities, spawn_requests=[last]).result.result == OK
+
+    states = started.call("get_entities_states", GetEntitiesStates, filters=EntityFilters(filter="^[ab]$"))
+    assert (states.result.result, states.entities) == (OK, ["a", "b"])
+    assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
+    bounds = started.call("get_entity_bounds", GetEntityBounds, entity="ball").bounds
+    high, low = ((point.x, point.y, point.z) for point in bounds.points)
+    assert bounds.type == Bounds.TYPE_BOX
+    assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
+    infos = [started.call("get_entity_info", GetEntityInfo, entity=name).info for name in ("a", "ball")]
+    assert [info.category.category for info in infos] == [
+        EntityCategory.CATEGORY_ROBOT,
+        EntityCategory.CATEGORY_OBJECT,
+    ]
+    for service, kind in (("get_entity_bounds", GetEntityBounds), ("get_entity_info", GetEntityInfo)):
+        assert started.call(service, kind, entity="nobody").result.result == Result.RESULT_NOT_FOUND
+
+
+def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
+    with changed(started, {"physics.gravity": [0.0, 0.0, 0.0]}):
+        spawn(started, uri=str(ROVER), name="rover_a", initial_pose=placed(5.0, 2.0, 9.0))
+        spawn(started, uri=str(ROVER), name="rover_b", initial_pose=placed(8.0, 2.0, 9.0))
+        assert entities(started, filter="^rover_[ab]$") == ["rover_a", "rover_b"]
+        assert entities(started, filter="all") == ["ball"]
 
         def sphere(x: float, radius: float) -> Bounds:
             return Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=x, y=2.0, z=9.0), Vector3(x=radius)])
 
-        probe.publish_map(np.zeros((50, 50)))
-        assert entities(probe, bounds=sphere(2.0, 1.0)) == ["ball"]
-        assert entities(probe, bounds=sphere(3.0, 0.7)) == [], "the ball ends at 2.2 m"
-        assert entities(probe, bounds=sphere(6.5, 1.2)) == ["rover_a", "rover_b"]
+        started.publish_map(np.zeros((50, 50)))
+        assert entities(started, bounds=sphere(2.0, 1.0)) == ["ball"]
+        assert entities(started, bounds=sphere(3.0, 0.7)) == [], "the ball ends at 2.2 m"
+        assert entities(started, bounds=sphere(6.5, 1.2)) == ["rover_a", "rover_b"]
         box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=9.0, y=3.0, z=10.0), Vector3(x=7.0, y=1.0, z=8.0)])
-        assert entities(probe, bounds=box) == ["rover_b"]
+        assert entities(started, bounds=box) == ["rover_b"]
         for code, filters in (
             (Result.RESULT_FEATURE_UNSUPPORTED, {"categories": [EntityCategory()]}),
             (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "("}),
         ):
-            answer = probe.call("get_entities", GetEntities, filters=EntityFilters(**filters))
+            answer = started.call("get_entities", GetEntities, filters=EntityFilters(**filters))
             assert answer.result.result == code
 
 
-def test_a_reset_has_the_scope_that_is_asked_for(probe: Probe) -> None:
+def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
     def reset(scope: int) -> None:
-        assert probe.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
+        assert started.call("reset_simulation", ResetSimulation, scope=scope).result.result == OK
 
-    with probe.running(parameters={**PARAMETERS, "bodies.timeout": 600.0}):
-        set_state(probe, SimulationState.STATE_PAUSED)
-        spawn(probe, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
-        probe.publish_bodies({"guest": (1.0, 1.0, 1.0)})
-        probe.wait_for(lambda: "guest" in entities(probe))
-        dictated = probe.call("set_entity_state", SetEntityState, entity="guest", state=EntityState()).result
+    with changed(started, {"bodies.timeout": 600.0}):
+        set_state(started, SimulationState.STATE_PAUSED)
+        spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
+        started.publish_bodies({"guest": (1.0, 1.0, 1.0)})
+        started.wait_for(lambda: "guest" in entities(started))
+        dictated = started.call("set_entity_state", SetEntityState, entity="guest", state=EntityState()).result
         assert (dictated.result, "dictated" in dictated.error_message) == (Result.RESULT_OPERATION_FAILED, True)
-        probe.call("step_simulation", StepSimulation, steps=48)
-        low = pose_of(probe, "ball")[2]
+        started.call("step_simulation", StepSimulation, steps=48)
+        low = pose_of(started, "ball")[2]
         assert low < 8.9
         reset(ResetSimulation.Request.SCOPE_TIME)
-        assert pose_of(probe, "ball")[2] == low
+        assert pose_of(started, "ball")[2] == low
         reset(ResetSimulation.Request.SCOPE_STATE)
-        assert pose_of(probe, "ball")[2] == 9.0
-        assert pose_of(probe, "rover") == pytest.approx((5.0, 2.0, 9.0), abs=1e-6)
+        assert pose_of(started, "ball")[2] == 9.0
+        assert pose_of(started, "rover") == pytest.approx((5.0, 2.0, 9.0), abs=1e-6)
         reset(ResetSimulation.Request.SCOPE_SPAWNED)
-        assert entities(probe) == ["ball", "guest"]
-        probe.call("delete_entity", DeleteEntity, entity="ball")
+        assert entities(started) == ["ball", "guest"]
+        started.call("delete_entity", DeleteEntity, entity="ball")
         reset(ResetSimulation.Request.SCOPE_DEFAULT)
-        assert pose_of(probe, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
+        assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "as if the node had been started again"
 
 
 def test_resources_of_both_versions_are_read() -> None:
@@ -270,3 +251,29 @@ def test_the_missing_package_is_named(domain: int) -> None:
     finally:
         probe.close()
         process.close()
+
+
+def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:
+    """The last test of this file, because the node ends."""
+    s = SimulationState
+    features = started.call("get_simulator_features", GetSimulatorFeatures).features
+    assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features.features
+    assert SimulatorFeatures.ENTITY_TAGS not in features.features
+    assert features.spawn_formats == ["urdf"]
+    assert state(started) == s.STATE_PLAYING
+    assert started.call("step_simulation", StepSimulation, steps=1).result.result == Result.RESULT_OPERATION_FAILED
+    assert set_state(started, s.STATE_PLAYING) == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+    assert set_state(started, s.STATE_STOPPED) == OK
+    assert state(started) == s.STATE_STOPPED
+    assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "reset"
+    assert set_state(started, s.STATE_PAUSED) == OK
+    assert started.call("step_simulation", StepSimulation, steps=24).result.result == OK
+    fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
+    assert pose_of(started, "ball")[2] == pytest.approx(fallen, abs=1e-6)
+    assert state(started) == s.STATE_PAUSED
+    assert set_state(started, s.STATE_NO_WORLD) == SetSimulationState.Response.STATE_TRANSITION_ERROR
+    assert set_state(started, s.STATE_PLAYING) == OK
+    started.wait_for(lambda: pose_of(started, "ball")[2] < fallen - 0.1)
+    assert set_state(started, s.STATE_QUITTING) == OK
+    assert shared_node[1].process.wait(TIMEOUT) == 0
+    assert "Traceback" not in shared_node[1].output

@@ -17,6 +17,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.testing import Probe, assert_cannot_start, pose_message
+from tests.node.shared import refusal_at_start
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
@@ -300,14 +301,16 @@ def test_a_file_is_there_from_the_start_and_can_be_updated(probe: Probe, tmp_pat
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"terrain.input": "grid_map"}, "apt install ros-jazzy-grid-map-msgs"),
         ({"terrain.input": "lidar"}, "choose one of heightmap, grid_map"),
         ({"terrain.file": "/nowhere/map.npy"}, "there is no file /nowhere/map.npy"),
         ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
         ({"raster.resolution": 0.0}, "raster.resolution"),
     ],
 )
-def test_what_is_missing_is_named_at_the_start(
-    domain: int, bare_environment: dict[str, str], parameters: dict[str, Any], words: str
-) -> None:
-    assert_cannot_start(parameters, words, environment=bare_environment)
+def test_what_is_missing_is_named_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+    assert words in refusal_at_start(parameters)
+
+
+def test_a_missing_message_package_is_named_at_the_start(domain: int, bare_environment: dict[str, str]) -> None:
+    words = "apt install ros-jazzy-grid-map-msgs"
+    assert_cannot_start({"terrain.input": "grid_map"}, words, environment=bare_environment)

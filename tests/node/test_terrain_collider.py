@@ -5,8 +5,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
@@ -16,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.testing import Probe, assert_on_map, floats, pose_message
+from tests.node.shared import changed, set_parameters
 
 SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
@@ -233,29 +232,16 @@ def test_bodies_spawned_by_parameter_wait_for_ground(probe: Probe) -> None:
         assert state(probe, "high")() == pytest.approx((3.0, 3.0, 1.1))
 
 
-def set_parameter(probe: Probe, **values: float | str) -> object:
-    parameters = [
-        Parameter(
-            name=name.replace("__", "."),
-            value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-            if isinstance(value, str)
-            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value),
-        )
-        for name, value in values.items()
-    ]
-    return probe.call("set_parameters_atomically", SetParametersAtomically, parameters=parameters).result
-
-
-def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(probe: Probe) -> None:
-    with probe.running(parameters={"physics.rate": 120}):
-        probe.publish_map(np.zeros((60, 60)))
-        spawn(probe, "ball", (3.0, 3.0, 1000.0))
-        assert set_parameter(probe, physics__rate=60.0, bodies__default_radius=0.5).successful
-        bad = set_parameter(probe, physics__rate=120.0, patch__kind="jelly")
+def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(shared: Probe) -> None:
+    with changed(shared, {"physics.rate": 120.0, "bodies.default_radius": 0.15}):
+        shared.publish_map(np.zeros((60, 60)))
+        spawn(shared, "ball", (3.0, 3.0, 1000.0))
+        assert set_parameters(shared, {"physics.rate": 60.0, "bodies.default_radius": 0.5}).successful
+        bad = set_parameters(shared, {"physics.rate": 120.0, "patch.kind": "jelly"})
         assert not bad.successful
         assert "patch.kind" in bad.reason
-        assert not set_parameter(probe, physics__rate=0.0).successful
-        assert not set_parameter(probe, executor="single_threaded").successful, "read-only"
-        probe.latest("timing")
-        timing = probe.latest("timing")
+        assert not set_parameters(shared, {"physics.rate": 0.0}).successful
+        assert not set_parameters(shared, {"executor": "single_threaded"}).successful, "read-only"
+        shared.latest("timing")
+        timing = shared.latest("timing")
         assert timing.stages[4].count == pytest.approx(60.0 * timing.window_s, rel=0.2), "still 60 Hz"
