@@ -18,8 +18,28 @@ settings.register_profile(
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # Files that take longest, which start first: the last to run should be short, or a core waits for the other.
-# studies/test_consumer.py, in step with real time, runs last, where most other processes have ended.
-LONGEST = ("newcomer/test_workspace.py", "newcomer/test_wheel.py", "tune/test_search.py", "node/test_processes.py")
+LONGEST = (
+    "newcomer/test_wheel.py",
+    "studies/test_consumer.py",
+    "node/test_processes.py",
+    "newcomer/test_workspace.py",
+    "view/test_page.py",
+    "fuzz/test_quick.py",
+    "tune/test_search.py",
+    "node/test_batches.py",
+    "studies/test_before_after.py",
+    "node/test_robots.py",
+    "node/test_faults.py",
+    "test_machine_code.py",
+    "studies/test_mapper.py",
+    "studies/test_bench.py",
+    "studies/test_accuracy.py",
+    "node/test_presets.py",
+    "node/test_tutorial.py",
+    "node/test_partition.py",
+    "patches/test_selection.py",
+    "physics/test_colliders.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -29,7 +49,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = item.path.relative_to(ROOT / "tests").as_posix()
         if path in LONGEST:
             return LONGEST.index(path)
-        return len(LONGEST) + (not path.startswith(("node/", "view/", "tune/"))) + (path == "studies/test_consumer.py")
+        return len(LONGEST) + (not path.startswith("node/"))
 
     items.sort(key=place)
 
