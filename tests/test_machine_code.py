@@ -74,7 +74,26 @@ def run(
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """A copy of the package in which a function of `contact_candidates` calls one of `facets`."""
-    copy = tmp_path / "copy" / "smartmesh_ros"
+    return copied(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The machine code of both functions; take a copy."""
+    folder = tmp_path_factory.mktemp("compiled")
+    assert run(GAP, folder / "kept", package=copied(folder)) == ("0.05", [])
+    return folder / "kept"
+
+
+@pytest.fixture
+def kept(compiled_once: Path, tmp_path: Path) -> Path:
+    """A folder with the machine code of both functions."""
+    return Path(shutil.copytree(compiled_once, tmp_path / "kept"))
+
+
+def copied(folder: Path) -> Path:
+    """Copy the package into a folder, and add the two functions."""
+    copy = folder / "copy" / "smartmesh_ros"
     shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME))
     for name, more in (
         ("facets", CALLEE),
@@ -85,9 +104,8 @@ def package(tmp_path: Path) -> Path:
     return copy
 
 
-def test_a_caller_of_a_function_that_changed_is_compiled_again(package: Path, tmp_path: Path) -> None:
+def test_a_caller_of_a_function_that_changed_is_compiled_again(package: Path, kept: Path) -> None:
     facets = package / "patches" / "facets.py"
-    kept = tmp_path / "kept"
     assert run(GAP, kept, package=package) == ("0.05", [])
     names = set(kept.iterdir())
     facets.write_text(facets.read_text().replace("return corner[2]", "return -corner[2]"))
@@ -156,9 +174,7 @@ print(sum(map(len, (d.signatures for d in made))) > 20, [d for d in made if d.st
 
 
 @pytest.mark.parametrize("harm", ["cut short", "a byte changed", "nothing left"])
-def test_damaged_code_is_compiled_again_and_one_line_says_so(package: Path, tmp_path: Path, harm: str) -> None:
-    kept = tmp_path / "kept"
-    run(GAP, kept, package=package)
+def test_damaged_code_is_compiled_again_and_one_line_says_so(package: Path, kept: Path, harm: str) -> None:
     files = [path for path in kept.glob("*/*") if path.is_file()]
     assert len(files) == 2
     for path in files:

@@ -32,6 +32,9 @@ def _slid(method: PatchConfig, shape: Shape, height: float) -> tuple[FloatArray,
 
 
 def _slide_error(shape: Shape, height: float) -> Any:
+    """Figure: distance [mm] of a body that slid without friction for a second at 3 m/s from where it should be, its
+    centre at ``height`` [m]."""
+
     def figure(method: PatchConfig) -> float:
         position, _ = _slid(method, shape, height)
         return 1e3 * math.dist(position, (1.0, 0.013, height))
@@ -206,8 +209,10 @@ _PLACES = 5
 
 
 def sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, drop: float, spread: float) -> Any:
+    """Figure: penetration [mm], 99 %, where it is deepest of `_PLACES` places within ``spread`` [m] that a body is
+    dropped at from ``drop`` [m]; one body at a time, so that none is pushed."""
+
     def figure(method: PatchConfig) -> float:
-        """Penetration [mm], 99 %, where it is deepest of several places; one body at a time, so that none is pushed."""
         found = []
         for place in range(_PLACES):
             with Arena(method, ground, size=size, resolution=resolution) as arena:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.shapes import Box, Sphere
+from smartmesh_ros.physics.shapes import Box, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.matrix.arena import Arena, deepest
-from studies.matrix.row import Row
+from studies.matrix.row import Figure, Row
 from studies.matrix.still_ground import sinks
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
@@ -23,24 +23,18 @@ def _pit(x: FloatArray, y: FloatArray) -> Any:
     return SLOPE * (np.abs(x) + np.abs(y))
 
 
-def ball_in_corner(method: PatchConfig) -> float:
-    """Error [mm] of the rest height of a ball on the corner of four cells, all of which it touches."""
-    with Arena(method, size=21) as arena:
-        arena.form(_pit)
-        expected = 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2)
-        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, expected + 0.01))
-        arena.settle(1.0)
-        return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, expected))
+def rests_in_corner(shape: Shape, height: float, drop: float) -> Figure:
+    """Figure: distance [mm] of a body on the corner of four cells, all of which it touches, from its rest ``height``
+    [m] over the corner, a second after it fell by ``drop`` [m]."""
 
+    def figure(method: PatchConfig) -> float:
+        with Arena(method, size=21) as arena:
+            arena.form(_pit)
+            arena.spawn("body", shape, (0.0, 0.0, height + drop))
+            arena.settle(1.0)
+            return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, height))
 
-def box_in_corner(method: PatchConfig) -> float:
-    """Error [mm] of the rest height of a small box over the corner of four cells, which stands on its own corners."""
-    with Arena(method, size=21) as arena:
-        arena.form(_pit)
-        expected = SLOPE * (0.06 + 0.05) + 0.04
-        arena.spawn("box", Box(0.12, 0.1, 0.08), (0.0, 0.0, expected + 0.005))
-        arena.settle(1.0)
-        return 1e3 * math.dist(arena.positions()[0], (0.0, 0.0, expected))
+    return figure
 
 
 def rolls_along_seam(method: PatchConfig) -> float:
@@ -137,13 +131,13 @@ def _trench(x: FloatArray, y: FloatArray) -> Any:
 
 
 def ball_on_trench(method: PatchConfig) -> float:
-    """Error [mm] of the rest height of a ball that two lips of a trench hold."""
+    """Distance [mm] of a ball that two lips of a trench hold from where it should rest."""
     with Arena(method, size=61, resolution=0.05) as arena:
         return _error_on_trench(arena)
 
 
 def _error_on_trench(arena: Arena) -> float:
-    """Lays the ball down; error [mm] of where it lies then."""
+    """Lay a ball onto the lips of the trench; return its distance [mm] from where it should rest, a second later."""
     arena.form(_trench)
     arena.spawn("ball", Sphere(0.2), (0.0, 0.013, 0.15))
     arena.settle(1.0)
@@ -164,12 +158,14 @@ def trench_opens(method: PatchConfig) -> float:
 
 ROWS = (
     Row(
-        name="ball on the corner of four cells", figure=ball_in_corner, limit=1.0, unit="mm",
-        source="geometry: r sqrt(1 + 2 s^2)", quick=True,
+        name="ball on the corner of four cells",
+        figure=rests_in_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01),
+        limit=1.0, unit="mm", source="geometry: r sqrt(1 + 2 s^2)", quick=True,
     ),
     Row(
-        name="small box on the corner of four cells", figure=box_in_corner, limit=0.5, unit="mm",
-        source="geometry: stands on its corners",
+        name="small box on the corner of four cells",
+        figure=rests_in_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005),
+        limit=0.5, unit="mm", source="geometry: stands on its corners",
     ),
     Row(
         name="rolling along a seam", figure=rolls_along_seam, limit=5.0, unit="mm",
