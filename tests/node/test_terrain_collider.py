@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
@@ -153,26 +154,31 @@ def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
 
 
 def test_ground_that_slides_takes_a_box_along(shared: Probe) -> None:
-    """The same map comes farther on each time, by fractions of a cell."""
-    shared.publish_map(np.zeros((60, 60)))
-    spawn(shared, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
-    shared.wait_for(shared.patches)
-    start = shared.node.get_clock().now()
+    """The same map comes farther on each time, by fractions of a cell. In simulated time, so that none comes late."""
+    interval, speed = 12, 0.2  # [steps], [m/s]
+    with changed(shared, {"publish.clock": 240.0}):
+        assert shared.call("pause", SetBool, data=True).success
+        spawn(shared, "box", (2.0, 3.0, 0.1), shape=SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.3, 0.3, 0.2]))
+        shared.latest("body_states")  # may be of before the pause
+        start = Time.from_msg(shared.latest("body_states").header.stamp)
+        now = start
 
-    def slid(time: Time) -> float:
-        return 0.2e-9 * (time.nanoseconds - start.nanoseconds)
+        def slid(time: Time) -> float:
+            return speed * 1e-9 * (time.nanoseconds - start.nanoseconds)
 
-    def taken_along() -> bool:
-        now = shared.node.get_clock().now()
-        shared.publish_map(np.zeros((60, 60)), origin=(slid(now), 0.0, 0.0), stamp=now.to_msg())
-        states = shared.latest("body_states")
-        [box] = states.bodies
-        # Where messages come late the ground slips under it for a moment, so that it may lag behind for good.
-        gone, speed = box.pose.position.x - 2.0, box.twist.linear.x
-        assert gone < slid(Time.from_msg(states.header.stamp)) + 0.05
-        return bool(gone > 0.3 and abs(speed - 0.2) < 0.02 and abs(box.pose.position.z - 0.1) < 0.002)
+        def taken_along() -> bool:
+            nonlocal now
+            shared.publish_map(np.zeros((60, 60)), origin=(slid(now), 0.0, 0.0), stamp=now.to_msg())
+            assert shared.call("step", StepPhysics, steps=interval).success
+            now += Duration(nanoseconds=round(1e9 * interval / 240.0))
+            states = shared.latest("body_states")
+            [box] = states.bodies
+            # Before the second map it slips.
+            gone, velocity = box.pose.position.x - 2.0, box.twist.linear.x
+            assert gone < slid(Time.from_msg(states.header.stamp)) + 0.05
+            return bool(gone > 0.3 and abs(velocity - speed) < 0.02 and abs(box.pose.position.z - 0.1) < 0.002)
 
-    shared.wait_for(taken_along)
+        shared.wait_for(taken_along)
 
 
 def test_pause_step_and_reset(shared: Probe) -> None:
