@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, Vector3
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
@@ -23,8 +25,8 @@ from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_messag
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 NODES = layout.node_names(2)
-# Nodes meet in step with real time: where the machine does other work, one hears of the other's ball too late.
-ATTEMPTS = 5
+# Period of the states that nodes tell each other of [s].
+STATES = 1 / 60
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
 FRONT_TIMEOUT = 5.0
 PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction": 0.0, "bodies.timeout": 2.0}
@@ -40,14 +42,21 @@ class Fleet:
 
     def show_ground(self, nodes: int = len(NODES)) -> None:
         """Publishes flat ground until the nodes have it, which names its frame."""
-        flat = np.zeros((41, 161))
 
         def known() -> bool:
-            self.maps.publish(heightmap_message(flat, resolution=0.25, origin=(-20.0, -5.0, 0.0)))
+            self.publish_ground()
             self.probe.spin(0.1)
-            return all(states and states[-1].header.frame_id for states in self.states[:nodes])
+            return self.has_ground(nodes)
 
         self.probe.wait_for(known)
+
+    def publish_ground(self) -> None:
+        """Publishes flat ground."""
+        self.maps.publish(heightmap_message(np.zeros((41, 161)), resolution=0.25, origin=(-20.0, -5.0, 0.0)))
+
+    def has_ground(self, nodes: int = len(NODES)) -> bool:
+        """Whether the nodes have the ground, which names their frame."""
+        return all(states and states[-1].header.frame_id for states in self.states[:nodes])
 
     def complete(self) -> bool:
         """Whether the front hears all nodes."""
@@ -60,22 +69,9 @@ class Fleet:
         newest = self.states[node][-1] if self.states[node] else TrackedBodyArray()
         return {body.id: body.twist.linear.x for body in newest.bodies}
 
-    def hit(self) -> bool:
-        """Whether a ball hands its momentum on to one of the other node that it hits; without that both are gone."""
-        assert self.spawn("still", 0.0).success
-        # The front gives the second one to the other node, where it hits the first one as a guest.
-        assert self.spawn("fast", -1.5, 2.0).success
-        self.probe.wait_for(lambda: self.speeds(0).keys() == {"still"} and self.speeds(1).keys() == {"fast"})
-        self.probe.wait_for(lambda: self.speeds(0)["still"] > 0.1)
-        for states in self.states:  # and what they have to say of it
-            seen = len(states)
-            self.probe.wait_for(lambda states=states, seen=seen: len(states) > seen + 60)
-        if self.speeds(0)["still"] > 1.6 and abs(self.speeds(1)["fast"]) < 0.4:
-            return True
-        for name in ("still", "fast"):
-            assert self.probe.call("/fleet/remove_body", RemoveBody, id=name).success
-        self.probe.wait_for(lambda: not self.speeds(0) and not self.speeds(1))
-        return False
+    def times(self) -> list[float]:
+        """Stamps of the nodes' newest states [s]."""
+        return [Time.from_msg(states[-1].header.stamp).nanoseconds * 1e-9 if states else 0.0 for states in self.states]
 
     def spawn(self, name: str, x: float, speed: float = 0.0) -> Any:
         """Has the front spawn a ball that slides along x."""
@@ -99,7 +95,42 @@ def fleet(no_shared_memory: None, probe: Probe) -> Fleet:
     return Fleet(probe)
 
 
-def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
+def test_a_ball_hands_its_momentum_to_one_of_another_node(fleet: Fleet) -> None:
+    """The nodes follow a clock that goes on once both have told of their bodies, so that none hears of the other's ball
+    too late."""
+    probe, now = fleet.probe, 0.0
+    clock = probe.node.create_publisher(Clock, "/clock", 10)
+
+    def run_until(condition: Callable[[], Any]) -> None:
+        """Lets the clock go on until the condition holds."""
+
+        def holds() -> Any:
+            nonlocal now
+            if min(fleet.times()) >= now - 0.5 * STATES:
+                now += STATES
+            clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * now)).to_msg()))
+            return condition()
+
+        probe.wait_for(holds)
+
+    with ExitStack() as stack:
+        for index in range(2):
+            stack.enter_context(node(index, use_sim_time=True))
+        stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": FRONT_TIMEOUT, "use_sim_time": True}))
+        run_until(lambda: fleet.publish_ground() or fleet.has_ground())
+        run_until(fleet.complete)
+        assert fleet.spawn("still", 0.0).success
+        # The front gives the second one to the other node, where it hits the first one as a guest.
+        assert fleet.spawn("fast", -1.5, 2.0).success
+        run_until(lambda: fleet.speeds(0).keys() == {"still"} and fleet.speeds(1).keys() == {"fast"})
+        run_until(lambda: fleet.speeds(0)["still"] > 0.1)
+        met = now
+        run_until(lambda: now > met + 1.0)
+        assert fleet.speeds(0)["still"] > 1.6
+        assert abs(fleet.speeds(1)["fast"]) < 0.4
+
+
+def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
     probe = fleet.probe
     patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
     with ExitStack() as stack:
@@ -107,7 +138,8 @@ def test_bodies_of_two_nodes_meet_and_outlive_a_node(fleet: Fleet) -> None:
         front = stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": FRONT_TIMEOUT}))
         fleet.show_ground()
         probe.wait_for(fleet.complete)
-        assert any(fleet.hit() for _ in range(ATTEMPTS)), "the momentum never went from one to the other"
+        assert fleet.spawn("still", 0.0).success
+        assert fleet.spawn("fast", -1.5).success
         assert not fleet.spawn("still", 5.0).success
         many = [
             BodySpecification(id=f"more_{k}", shape=BALL, mass=1.0, pose=pose_message((-8.0, k, 0.2))) for k in (-2, 2)
