@@ -70,9 +70,8 @@ def fill() -> None:
     which take the functions from a common queue.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for this one handles Ctrl-C
-    parent = os.getppid()
-    _end_with_parent()
-    folder, digest, *progress = sys.argv[1:]
+    folder, digest, parent, *progress = sys.argv[1:]
+    _end_with_parent(int(parent))
     if digest != machine_code.DIGEST:
         sys.exit("the sources changed meanwhile")
     place = Path(folder)
@@ -83,7 +82,7 @@ def fill() -> None:
         gc.freeze()
         children = [_child(tasks, calls) for _ in range(machine_code.processes())]
         try:
-            _wait(children, place, parent, bool(progress))
+            _wait(children, place, int(parent), bool(progress))
         except BaseException:
             for child in children:
                 os.kill(child, signal.SIGKILL)
@@ -143,11 +142,12 @@ def _tasks(count: int) -> Iterator[int]:
 
 def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
     """Fork a worker that compiles until no tasks are left; return its process id."""
+    parent = os.getpid()
     if child := os.fork():
         return child
     code = 1
     try:
-        _end_with_parent()
+        _end_with_parent(parent)
         compiled.shared_folder = True
         while number := os.read(tasks, 1):
             function, types = calls[number[0]]
@@ -158,10 +158,12 @@ def _child(tasks: int, calls: list[tuple[Any, Any]]) -> int:
         os._exit(code)
 
 
-def _end_with_parent() -> None:
-    """Make Linux kill this process when its parent ends. Elsewhere, `_wait` checks for that."""
+def _end_with_parent(parent: int) -> None:
+    """Make Linux kill this process when its ``parent`` ends, and exit if it has ended. Elsewhere, `_wait` checks."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        sys.exit(1)
 
 
 def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None:

@@ -216,7 +216,7 @@ def _compile(place: Path, lock: int, progress: bool) -> None:
     # The script removes the working directory from the import path, where Python would search first.
     script = "import sys; sys.path[:] = [sys.argv.pop(1), *filter(None, sys.path)]; "
     script += "from smartmesh_ros.compiling import fill; fill()"
-    command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST]
+    command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST, str(os.getpid())]
     command += ["progress"] if progress else []
     try:
         done = subprocess.run(command, env=_environment(), pass_fds=[lock] if lock >= 0 else [], check=False)

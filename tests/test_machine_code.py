@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from smartmesh_ros import compiled, machine_code
+from tests.test_compiled import SMALL
 
 pytestmark = pytest.mark.skipif(
     compiled.numba is None or compiled.numba.config.DISABLE_JIT, reason="nothing is compiled"
@@ -188,10 +189,18 @@ def test_damaged_code_is_compiled_again_and_one_line_says_so(package: Path, kept
     assert run(GAP, kept, package=package) == ("0.05", [])
 
 
-def test_where_nothing_can_be_written_a_line_says_so_and_functions_run(package: Path) -> None:
-    script = "from smartmesh_ros import machine_code; machine_code.prepare()" + GAP
-    said, [line] = run(script, "/proc/nowhere", package=package)
-    assert said == "0.05"
+def test_where_nothing_can_be_written_a_line_says_so_and_the_choice_of_patches_is_the_same() -> None:
+    """Bit by bit: what is kept is compiled for a generic processor, what is not for this one."""
+    prepare, records = (
+        "from smartmesh_ros import machine_code; machine_code.prepare()",
+        "print(selector.supports.tobytes())",
+    )
+    place = machine_code.prepare()
+    assert place is not None
+    expected, _ = run(SMALL + records, place.parent)
+    assert expected.splitlines()[0] == "[2, 0]"
+    said, [line] = run(prepare + SMALL + records, "/proc/nowhere")
+    assert said == expected
     assert "no folder for machine code is writable (tried /proc/nowhere): every start compiles" in line
     assert machine_code.FOLDER_VARIABLE in line
 
@@ -261,7 +270,7 @@ def test_sources_that_changed_meanwhile_leave_nothing_that_counts_as_complete(tm
     place = tmp_path / machine_code.name()
     place.mkdir()
     script = "from smartmesh_ros.compiling import fill; fill()"
-    command = [sys.executable, "-P", "-c", script, str(place), "0123456789abcdef"]
+    command = [sys.executable, "-P", "-c", script, str(place), "0123456789abcdef", str(os.getpid())]
     done = subprocess.run(command, env=environment(tmp_path), capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "the sources changed" in done.stderr

@@ -67,8 +67,3 @@ class GridGraph:
             for c in (column - stride, column, column + stride)
             if 0 <= c < self.columns and (r, c) != (row, column)
         ]
-
-    def on_rim(self, vertex: int) -> bool:
-        """Return True for a vertex on the edge of the grid, which the nearest-vertex search skips (Figure 7)."""
-        row, column = divmod(vertex, self.columns)
-        return row in (0, self.rows - 1) or column in (0, self.columns - 1)

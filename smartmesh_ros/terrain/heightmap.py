@@ -76,7 +76,7 @@ class HeightMap:
         self.geometry = geometry
         self.motion = motion or MotionConfig()
         shape = (geometry.rows, geometry.columns)
-        new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
+        new, speeds = _checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK).view(np.recarray)
@@ -112,11 +112,6 @@ class HeightMap:
         """Expected time between updates of moving ground [s]; 0 = no update expected."""
         moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
-
-    @property
-    def has_holes(self) -> bool:
-        """True if any sample may be NaN."""
-        return self._has_holes
 
     @property
     def noise(self) -> float:
@@ -175,7 +170,7 @@ class HeightMap:
         """Replace all heights (rows, columns) [m]; raises `InputError` and then changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
         certainty = _checked_variance(variance, shape)
-        new, speeds, self._has_holes = _checked(heights, velocities, shape, "the map")
+        new, speeds = _checked(heights, velocities, shape, "the map")
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -206,8 +201,7 @@ class HeightMap:
                 f"whose last sample is row {rows - 1}, column {columns - 1}",
             )
         certainty = _checked_variance(variance, shape)
-        new, speeds, has_holes = _checked(heights, velocities, shape, "the region")
-        self._has_holes |= has_holes
+        new, speeds = _checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
 
     def moving(self, time: float) -> bool:
@@ -383,18 +377,18 @@ def _deviation(variance: float | NDArray[np.float32]) -> float:
 
 def _checked(
     heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, bool]:
-    """Return heights and velocities as float32 of the right shape without infinities, and True if there are holes."""
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Return heights and velocities as float32 of the right shape without infinities."""
     new = _as_floats(heights, shape, f"heights of {what}")
-    has_holes = not np.isfinite(new.sum())  # one fast pass; the slow search for infinities follows only if needed
-    if has_holes and _has_infinity(new):
+    # One fast pass over the sum; the slow search for infinities follows only if needed.
+    if not np.isfinite(new.sum()) and _has_infinity(new):
         raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
     if velocities is None:
-        return new, None, has_holes
+        return new, None
     speeds = _as_floats(velocities, shape, f"velocities of {what}")
     if _has_infinity(speeds):
         raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
-    return new, speeds, has_holes
+    return new, speeds
 
 
 def _read_only(values: NDArray[np.float32]) -> NDArray[np.float32]:

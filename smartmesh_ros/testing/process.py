@@ -8,10 +8,10 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
+from threading import current_thread, main_thread
 from typing import Any
 
 import yaml
@@ -21,14 +21,11 @@ from ament_index_python.packages import get_package_prefix
 TIMEOUT = 120.0
 # Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
 START_TIMEOUT = 300.0
-# Period of sending a signal to a process that does not end [s].
-RESEND = 2.0
-# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), stops ignoring SIGINT, which a shell
-# ignores in background jobs and their children, then executes the command unless the parent has ended already.
+# Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the
+# parent has ended already.
 _EXIT_WITH_PARENT = """
-import ctypes, os, signal, sys
+import ctypes, os, sys
 ctypes.CDLL(None).prctl(1, 9)
-signal.signal(signal.SIGINT, signal.SIG_DFL)
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
@@ -69,7 +66,7 @@ class Process:
             command += ["--ros-args", "--params-file", str(file)]
         environment = {**os.environ, **(environment or {})}
         self._log = folder / "log.txt"
-        with self._log.open("wb") as log:
+        with self._log.open("wb") as log, _receiving_sigint():
             self.process = subprocess.Popen(
                 _exiting_with_this_process(command), stdout=log, stderr=subprocess.STDOUT, env=environment
             )
@@ -91,16 +88,10 @@ class Process:
         return self._log.read_text(errors="replace")
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end and return the exit code.
-
-        The signal is sent again every `RESEND` seconds, because a process whose program is not loaded yet may lose it.
-        """
-        end = monotonic() + TIMEOUT
-        while self.process.poll() is None and monotonic() < end:
+        """Send a signal, wait for the end and return the exit code."""
+        if self.process.poll() is None:
             self.process.send_signal(number)
-            with suppress(subprocess.TimeoutExpired):
-                return self.process.wait(RESEND)
-        return self.process.wait(0.0)
+        return self.process.wait(TIMEOUT)
 
     def close(self) -> None:
         """Kill the process if it still runs, and remove its files."""
@@ -130,6 +121,22 @@ def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[s
         process.kill()
         process.wait()
     folder.cleanup()
+
+
+@contextmanager
+def _receiving_sigint() -> Iterator[None]:
+    """Let a child that is started in the block receive SIGINT, even if this process ignores it.
+
+    A shell starts background jobs with SIGINT ignored, and children inherit that.
+    """
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN or current_thread() is not main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _exiting_with_this_process(command: list[str]) -> list[str]:

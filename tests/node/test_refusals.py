@@ -13,6 +13,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedB
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
+from tests.node.shared import one_round
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
@@ -122,7 +123,7 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(probe: Probe) 
         expected: dict[str, int] = {}
         for topic, reason, make in CASES:
             probe.publishers[topic].publish(make(probe))
-            probe.latest("contacts")  # a round of the node's loop, so that no queue overflows
+            one_round(probe)
             key = f"refused, {topic}: {reason}"
             expected[key] = expected.get(key, int(before.get(key, 0))) + 1
 

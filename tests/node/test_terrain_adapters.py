@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from smartmesh_ros.testing import Probe, assert_cannot_start, pose_message
-from tests.node.shared import refusal_at_start
+from tests.node.shared import one_round, refusal_at_start
 
 RESOLUTION = 0.25
 ROWS, COLUMNS = 24, 32  # along y and along x
@@ -144,7 +144,7 @@ def all_refused(
         change(message)
         publisher.publish(message)
         expected[f"refused, {topic}: {reason}"] += 1
-        probe.latest("contacts")  # a round of the node's loop, so that no queue overflows
+        one_round(probe)
 
     def counted() -> bool:
         values = probe.diagnostics("inputs")

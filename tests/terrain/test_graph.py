@@ -24,16 +24,6 @@ def test_the_grid_graph_of_a_small_mesh_is_that_of_figure_6() -> None:
     assert graph.neighbours(1) == [0, 2, 3, 4, 5]
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(3, 3), (4, 4), (5, 9)])
-def test_the_rim_is_what_figure_7_leaves_out(rows: int, columns: int) -> None:
-    graph = GridGraph(rows, columns)
-    inner = [vertex for vertex in range(rows * columns) if not graph.on_rim(vertex)]
-    assert len(inner) == (rows - 2) * (columns - 2)
-    assert all(len(graph.neighbours(vertex)) == 8 for vertex in inner)
-    if (rows, columns) == (4, 4):
-        assert inner == [5, 6, 9, 10]
-
-
 @pytest.mark.parametrize("graph", [TriangleGraph(grid_triangles(7, 5), 35), GridGraph(7, 5)])
 def test_neighbours_are_mutual_and_ascending(graph: TriangleGraph | GridGraph) -> None:
     for vertex in range(35):
