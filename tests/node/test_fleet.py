@@ -140,6 +140,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         probe.wait_for(fleet.complete)
         assert fleet.spawn("still", 0.0).success
         assert fleet.spawn("fast", -1.5).success
+        probe.wait_for(lambda: fleet.speeds(0).keys() == {"still"} and fleet.speeds(1).keys() == {"fast"})
         assert not fleet.spawn("still", 5.0).success
         many = [
             BodySpecification(id=f"more_{k}", shape=BALL, mass=1.0, pose=pose_message((-8.0, k, 0.2))) for k in (-2, 2)
