@@ -77,9 +77,9 @@ class SteppedGround(ServedGround):
 @pytest.mark.parametrize(
     "case",
     [
-        Case(source="patches", scene="waves", map_rate=20.0, seconds=9.0),
-        Case(source="patches", scene="waves", map_rate=60.0, seconds=9.0),
-        Case(source="patches", scene="elevation", seconds=9.0),
+        Case(source="patches", scene="waves", map_rate=20.0, seconds=10.0),
+        Case(source="patches", scene="waves", map_rate=60.0, seconds=10.0),
+        Case(source="patches", scene="elevation", seconds=10.0),
     ],
     ids=lambda case: f"{case.scene}-{case.map_rate:g}",
 )
