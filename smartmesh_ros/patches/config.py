@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeGuard, get_args
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.report.collect import CollectMethod
@@ -35,9 +35,23 @@ class SelectionConfig:
 
 SELECTION = SelectionConfig()
 
+# Colliders made of triangles, which PyBullet cannot change.
+MeshKind = Literal["trimesh", "hull", "prisms"]
+# One collider of the whole terrain.
+WholeKind = Literal["whole_trimesh", "whole_heightfield"]
 # The collider of one patch; "whole" = no collider of its own, because the body stands on one of the whole terrain.
-ColliderKind = Literal["heightfield", "plane", "trimesh", "hull", "prisms", "whole"]
-PatchKind = Literal["auto", "plane", "heightfield", "trimesh", "hull", "prisms", "whole_trimesh", "whole_heightfield"]
+ColliderKind = Literal["heightfield", "plane", MeshKind, "whole"]
+PatchKind = Literal["auto", "plane", "heightfield", MeshKind, WholeKind]
+
+
+def is_mesh(kind: str) -> TypeGuard[MeshKind]:
+    """Return True if a kind's colliders are made of triangles."""
+    return kind in get_args(MeshKind)
+
+
+def is_whole(kind: str) -> TypeGuard[WholeKind]:
+    """Return True if a kind has one collider of the whole terrain."""
+    return kind in get_args(WholeKind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,9 +101,9 @@ class PatchConfig:
     @property
     def grid_kind(self) -> ColliderKind:
         """Collider kind of patches on height maps."""
-        if self.kind in ("trimesh", "hull", "prisms"):
+        if is_mesh(self.kind):
             return self.kind
-        return "whole" if self.kind in ("whole_trimesh", "whole_heightfield") else "heightfield"
+        return "whole" if is_whole(self.kind) else "heightfield"
 
     @property
     def mesh_kind(self) -> ColliderKind:

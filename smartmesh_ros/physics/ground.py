@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import SELECTION, PatchConfig
+from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.physics.body_shapes import shape_of
 from smartmesh_ros.physics.colliders.driver import Colliders
@@ -347,13 +347,13 @@ class Ground:
     def _apply(self, time: float, *, exact: bool) -> None:
         """Set the colliders to the current supports; ``exact``: without tolerance."""
         config = self.config
-        if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":
+        if is_whole(config.kind):
             self._whole.update(config.kind, time)
         else:
             self._whole.release()
         self.colliders.apply(self._selector, time, config, exact=exact)
         general = bool(self._selector.mesh_patches) or self.colliders.meshes.count > 0
-        if general or config.grid_kind in ("trimesh", "hull", "prisms"):
+        if general or is_mesh(config.grid_kind):
             self.colliders.apply_meshes(self.batches, self.supports, config)
         self._waking.note(self.colliders.changed)
 

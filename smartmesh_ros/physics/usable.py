@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.config import PatchConfig, is_whole
 from smartmesh_ros.physics.whole_mesh import require_whole
 from smartmesh_ros.search.methods import require_search
 from smartmesh_ros.terrain.terrain import MainMesh
@@ -14,5 +14,5 @@ def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
     allows."""
     if isinstance(mesh, TriangleMesh):
         require_search(config.search, mesh)
-    if config.kind == "whole_trimesh" or config.kind == "whole_heightfield":
+    if is_whole(config.kind):
         require_whole(config.kind, mesh)

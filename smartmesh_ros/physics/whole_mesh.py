@@ -6,19 +6,18 @@ It ignores the ground's velocity, and its cost grows with the map instead of the
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.config import WholeKind
 from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import grid_triangles
-
-WholeKind = Literal["whole_trimesh", "whole_heightfield"]
 
 # Largest arrays that PyBullet accepts.
 MOST_VERTICES = 131_072

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import SELECTION, PatchConfig
+from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
@@ -35,7 +35,6 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 
-MESH_KINDS = ("trimesh", "hull", "prisms")
 PLANE, FIELD = int(Kind.PLANE), int(Kind.FIELD)  # for compiled functions
 
 
@@ -142,7 +141,7 @@ class Colliders:
         """Update the mesh colliders of the patches in ``batches``, and remove those of awake followers without one."""
         served = set()
         for batch in batches:
-            if batch.kind in MESH_KINDS:
+            if is_mesh(batch.kind):
                 followers = [(row, self._followers[slot]) for row, slot in enumerate(batch.bodies.tolist())]
                 rows = [row for row, follower in followers if follower.solid and self._is_awake(follower)]
                 served.update(batch.bodies[rows].tolist())

@@ -7,19 +7,17 @@ rebuild. Use these kinds for comparisons and general meshes, not for hours of de
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import SELECTION, PatchConfig
+from smartmesh_ros.patches.config import SELECTION, MeshKind, PatchConfig, is_mesh
 from smartmesh_ros.physics.colliders.pairs import Pairs
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.terrain.grid import FloatArray
-
-MeshKind = Literal["trimesh", "hull", "prisms"]
 
 # Depth below the nearest vertex of the hull's extra point (Figure 18), and of the prisms' lower faces [m].
 BULK = 50.0
@@ -53,7 +51,7 @@ class MeshColliders:
     ) -> None:
         """Update the colliders of the bodies in ``rows`` of a batch, including the ground's velocity; a patch of holes
         gets no collider."""
-        assert batch.kind == "trimesh" or batch.kind == "hull" or batch.kind == "prisms"
+        assert is_mesh(batch.kind)
         for row in rows:
             index = int(batch.bodies[row])
             support, vertices, triangles = supports[index], batch.vertices_w[row], batch.triangles
