@@ -252,6 +252,7 @@ class Ground:
             corrections = self._show_corrections(time)
             if sleeping is not None:
                 sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
+                sleeping.wake_moved(dt * steps)
             self._move_with_corrections(corrections)
             self._read_states(dt)
             if time != self.time:

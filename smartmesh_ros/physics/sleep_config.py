@@ -16,7 +16,8 @@ class SleepConfig:
     whose bounding boxes are closer than ``near`` plus this share of both radii may touch. PyBullet itself wakes what is
     closer than 0.02 radii to an awake body. ``most``: largest number of bodies that fall asleep in one update, because
     each takes 10 us there. ``joint`` [rad/s, m/s]: a robot sleeps only while none of its joints is faster, because
-    links without a collision shape are not watched.
+    links without a collision shape are not watched. ``watch`` [s]: each sleeping body is read once in this time, to
+    notice if it was moved through PyBullet itself.
     """
 
     after: float = 0.5
@@ -27,3 +28,4 @@ class SleepConfig:
     near_share: float = 0.03
     most: int = 100
     joint: float = 0.02
+    watch: float = 1.0

@@ -124,6 +124,7 @@ class Sleeping:
         self._order: IntArray = np.empty(0, np.int64)  # sleeping bodies by their lowest x
         self._widest = 0.0
         self._ordered_for = -1
+        self._watched = 0  # place in the sleeping bodies of the next one to read
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
@@ -174,6 +175,22 @@ class Sleeping:
         changed = self._ground.changed(asleep, self._boxes, time, duration, self.config.ground * tolerance)
         if changed.size:
             self.wake(changed)
+
+    def wake_moved(self, duration: float) -> None:
+        """Wake bodies that moved although they sleep, because their user moved them through PyBullet. Reads as many as
+        are due in a ``duration`` [s]."""
+        asleep = self._followers.asleep
+        if not asleep.size:
+            return
+        count = min(math.ceil(len(asleep) * duration / self.config.watch), len(asleep))
+        chosen = asleep[np.arange(self._watched, self._watched + count) % len(asleep)]
+        self._watched = (self._watched + count) % len(asleep)
+        chosen = chosen[[self._followers[slot].link < 0 for slot in chosen.tolist()]]
+        positions = [self._client.getBasePositionAndOrientation(owner)[0] for owner in self._owners[chosen].tolist()]
+        away = np.abs(np.array(positions).reshape(-1, 3) - self._followers.states[chosen, :3]).max(axis=1)
+        moved = chosen[away > self.config.near]
+        if moved.size:
+            self.wake(moved)
 
     def note_motion(self, time: float) -> None:
         """Note where the awake bodies are; their states are those of ``time`` [s]."""

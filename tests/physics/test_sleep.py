@@ -146,6 +146,19 @@ def test_a_sleeping_body_is_awake_before_it_is_touched() -> None:
         assert min(lowest) > 0.099
 
 
+def test_a_body_moved_through_pybullet_is_noticed_within_a_second() -> None:
+    with flat_world() as world:
+        for index in range(20):
+            world.spawn(f"box_{index}", BOX, 1.0, BodyState((0.5 * (index % 5) - 1.0, 0.5 * (index // 5), 0.1)))
+        world.step(RATE)
+        assert len(asleep(world)) == 20
+        world.client.resetBasePositionAndOrientation(world.bodies["box_13"].uid, (2.0, 0.0, 0.5), (0.0, 0.0, 0.0, 1.0))
+        world.step(RATE + 8)
+        assert asleep(world) == {f"box_{index}" for index in range(20)} - {"box_13"}
+        world.step(2 * RATE)
+        assert world.state("box_13").position == pytest.approx((2.0, 0.0, 0.1), abs=1e-3)
+
+
 def test_robots_sleep_whole_and_wake_by_a_command() -> None:
     with flat_world() as world:
         world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
