@@ -352,10 +352,11 @@ class Ground:
             self._whole.update(config.kind, time)
         else:
             self._whole.release()
+        meshes = is_mesh(config.grid_kind) or bool(self._selector.mesh_patches)
+        batches = self.batches if meshes else []
+        self.colliders.release_meshes(batches)
         self.colliders.apply(self._selector, time, config, exact=exact)
-        general = bool(self._selector.mesh_patches) or self.colliders.meshes.count > 0
-        if general or is_mesh(config.grid_kind):
-            self.colliders.apply_meshes(self.batches, self.supports, config)
+        self.colliders.apply_meshes(batches, self.supports, config)
         self._waking.note(self.colliders.changed)
 
     def _read_states(self, dt: float) -> None:

@@ -91,6 +91,7 @@ class RestingGround:
         self._seen: IntArray = np.empty(0, np.int64)
         self._layout = -1
         self._revision = -1
+        self._time = 0.0  # of the last check [s]
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
@@ -126,7 +127,7 @@ class RestingGround:
     def changed(self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> IntArray:
         """Return the slots of those sleeping bodies (n,) whose ground differs by more than ``limit`` [m], or will
         within the ``duration`` [s] from ``time`` [s] on."""
-        terrain = self._terrain
+        terrain, self._time = self._terrain, time
         moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
         if not asleep.size or not (moving or terrain.changed_since(self._revision)):
             return asleep[:0]
@@ -145,6 +146,17 @@ class RestingGround:
         same |= np.isnan(found.heights) & np.isnan(known)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]
         return differ
+
+    def corrections(self, slots: IntArray) -> FloatArray:
+        """Return by how much the ground under sleeping bodies was corrected since they fell asleep, on average (n,)
+        [m]; zero where it is no correction."""
+        if not any(isinstance(mesh, HeightMap) and mesh.motion.corrects for mesh in self._terrain.tiles.values()):
+            return np.zeros(len(slots))
+        places, firsts = self._places(slots)
+        change = np.nan_to_num(self._terrain.at(self._points[places], self._time).heights - self._heights[places])
+        total = np.concatenate([[0.0], np.cumsum(change)])
+        means: FloatArray = (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
+        return means
 
     def _places(self, slots: IntArray) -> tuple[IntArray, IntArray]:
         """Return the places of the points under bodies, one body after another, and where each body's begin (n + 1)."""

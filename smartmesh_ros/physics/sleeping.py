@@ -268,7 +268,12 @@ class Sleeping:
         self._wake_slots(asleep[marked[asleep]])
 
     def _wake_slots(self, slots: IntArray) -> None:
-        for owner in set(self._owners[slots].tolist()):
+        """Wake bodies, after moving them with the corrections that they slept through."""
+        owners, corrections = self._owners[slots], self._ground.corrections(slots)
+        for owner in set(owners.tolist()):
+            if lift := float(corrections[owners == owner].mean()):
+                (x, y, z), orientation = self._client.getBasePositionAndOrientation(owner)
+                self._client.resetBasePositionAndOrientation(owner, (x, y, z + lift), orientation)
             for state in _WAKE:
                 self._client.changeDynamics(owner, -1, activationState=state)
         self._forget(slots)

@@ -31,7 +31,6 @@ class Shape(NamedTuple):
     kind: int
     dimensions: tuple[float, ...]
     tracked: bool
-    asleep: bool = False
 
 
 class Scene:
@@ -115,25 +114,30 @@ class Scene:
         for name, appearance in sight.appearances.items():
             robot = self._robots.get(name)
             if name in sight.poses and (not appearance.urdf or (robot is not None and not robot.readable)):
-                groups[_shape_of(appearance)._replace(asleep=name in sight.asleep)].append(name)
+                groups[_shape_of(appearance)].append(name)
         for shape in set(self._bodies) - set(groups):
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():
             poses = [sight.poses[name] for name in names]
             positions = np.array([pose.position for pose in poses], np.float32)
             turns = np.array([pose.wxyz for pose in poses], np.float32)
+            colours = np.array([_colour_of(shape, asleep=name in sight.asleep) for name in names], np.uint8)
             known = self._bodies.get(shape)
             if known is not None and len(known.batched_positions) == len(names):
                 known.batched_positions, known.batched_wxyzs = positions, turns
+                if not np.array_equal(known.batched_colors, colours):
+                    known.batched_colors = colours
             else:
-                self._bodies[shape] = self._add_bodies(shape, positions, turns)
+                self._bodies[shape] = self._add_bodies(shape, positions, turns, colours)
 
-    def _add_bodies(self, shape: Shape, positions: NDArray[np.float32], turns: NDArray[np.float32]) -> Any:
+    def _add_bodies(
+        self, shape: Shape, positions: NDArray[np.float32], turns: NDArray[np.float32], colours: NDArray[np.uint8]
+    ) -> Any:
         mesh = looks.with_edges(looks.shape_mesh(shape.kind, shape.dimensions))
         sizes = "_".join(f"{value:g}" for value in shape.dimensions)
         return self._scene.add_batched_meshes_simple(
-            f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}{'_asleep' * shape.asleep}", mesh.vertices,
-            mesh.faces, turns, positions, batched_colors=_colour_of(shape), flat_shading=False, lod="off",
+            f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}", mesh.vertices, mesh.faces, turns, positions,
+            batched_colors=colours, flat_shading=False, lod="off",
         )  # fmt: skip
 
     def _show_robots(self, sight: Sight) -> None:
@@ -187,10 +191,10 @@ def merged(patches: list[Patch]) -> tuple[NDArray[np.float32], NDArray[np.uint32
     return vertices, np.concatenate(triangles).astype(np.uint32)
 
 
-def _colour_of(shape: Shape) -> looks.Colour:
-    """Return the colour of bodies; sleeping ones are greyed."""
+def _colour_of(shape: Shape, *, asleep: bool) -> looks.Colour:
+    """Return the colour of a body; a sleeping one is greyed."""
     colour = looks.TRACKED if shape.tracked else looks.BODY_COLOURS.get(shape.kind, looks.TRACKED)
-    return looks.greyed(colour) if shape.asleep else colour
+    return looks.greyed(colour) if asleep else colour
 
 
 def _shape_of(appearance: Appearance) -> Shape:

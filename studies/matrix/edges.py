@@ -34,7 +34,7 @@ def _seldom(method: PatchConfig) -> PatchConfig:
 
 def hit_on_flat_ground(method: PatchConfig) -> float:
     """Error [mm] of where a box without friction is at any time within half a second of a blow to 6 m/s."""
-    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0)) as arena:
+    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
         _hit_sideways(arena, Box(0.4, 0.4, 0.2), 0.1)
         start, worst = arena.positions()[0], 0.0
         for step, _ in enumerate(arena.run(0.5)):
@@ -44,7 +44,7 @@ def hit_on_flat_ground(method: PatchConfig) -> float:
 
 def hit_over_an_edge(method: PatchConfig) -> float:
     """Error [mm] of the height of a ball that a blow to 6 m/s drives over an edge, beyond which it falls freely."""
-    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0)) as arena:
+    with Arena(_seldom(method), size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
         arena.form(lambda x, y: np.where(x > 0.6, -1.0, 0.0))  # level up to the sample at 0.5 m
         _hit_sideways(arena, Sphere(0.2), 0.2)
         worst, fall = 0.0, 0.0
@@ -57,7 +57,7 @@ def hit_over_an_edge(method: PatchConfig) -> float:
 
 def hit_against_a_step(method: PatchConfig) -> float:
     """Deepest penetration [mm] of a ball of 0.2 m that a blow to 6 m/s drives against a step of twice its radius."""
-    with Arena(method, size=61, physics=PhysicsConfig(friction=0.0)) as arena:
+    with Arena(method, size=61, physics=PhysicsConfig(friction=0.0, sleep=False)) as arena:
         arena.form(lambda x, y: np.where(x > 0.6, 0.4, 0.0))
         _hit_sideways(arena, Sphere(0.2), 0.2)
         return deepest(arena, 0.35, 0.0, every=1, share=100.0)

@@ -18,6 +18,7 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from smartmesh_ros.testing import TIMEOUT, Probe, Process
 from smartmesh_ros.testing.messages import pose_message
 from smartmesh_ros.view.looks import BODY_COLOURS, PatchLook
+from tests.node.shared import changed
 
 WIDTH, HEIGHT = 860, 560
 CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
@@ -123,6 +124,9 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Pr
         assert count(seen, purple, position(probe, name)) > 30
     for colour in (purple, PatchLook.PLANE.colour, PatchLook.FIELD_1.colour):
         assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
+    with changed(probe, {"physics.sleep": True}):
+        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name)) < 5 for name in kinds))
+    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name)) > 30 for name in kinds))
     spawn(probe, "later", BARE)
     place = position(probe, "later")
     wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)

@@ -138,29 +138,27 @@ class Colliders:
         self.pool.trim(self._followers, time)
 
     def apply_meshes(self, batches: list[PatchBatch], supports: Any, config: PatchConfig) -> None:
-        """Update the mesh colliders of the patches in ``batches``, and remove those of awake followers without one."""
-        served = set()
+        """Update the mesh colliders of the awake followers whose patches are in ``batches``."""
         for batch in batches:
             if is_mesh(batch.kind):
-                followers = [(row, self._followers[slot]) for row, slot in enumerate(batch.bodies.tolist())]
-                rows = [row for row, follower in followers if follower.solid and self._is_awake(follower)]
-                served.update(batch.bodies[rows].tolist())
+                rows = np.flatnonzero(np.isin(batch.bodies, self._followers.solid)).tolist()
                 self.meshes.apply_batch(batch, rows, supports, self._followers, config)
+        self.changed[self.meshes.changed] = True
+        self.meshes.changed.clear()
+
+    def release_meshes(self, batches: list[PatchBatch]) -> None:
+        """Remove the mesh colliders of awake followers without a mesh patch in ``batches``."""
         if self.meshes.count:
+            served = {slot for batch in batches if is_mesh(batch.kind) for slot in batch.bodies.tolist()}
             for slot in self._followers.solid.tolist():
                 if slot not in served and self.meshes.release(self._followers[slot]):
                     self.meshes.changed.append(slot)
-        self.changed[self.meshes.changed] = True
-        self.meshes.changed.clear()
 
     def release(self, follower: Follower, time: float) -> None:
         """Remove a follower's colliders."""
         self.pool.release(follower, time)
         self.meshes.release(follower)
         follower.collider = None
-
-    def _is_awake(self, follower: Follower) -> bool:
-        return bool(self._followers.table["awake"][follower.slot])
 
     def _plan_tile(
         self, grid: MovingGrid, tile: int, chosen: IntArray, selector: Selector, time: float, limits: Limits
