@@ -91,12 +91,13 @@ class RestingGround:
         self._seen: IntArray = np.empty(0, np.int64)
         self._layout = -1
         self._revision = -1
-        self._time = 0.0  # of the last check [s]
+        self._corrected: FloatArray = np.empty(0)  # see `corrections`, by slot
+        self._found = (np.empty(0, np.int64), np.empty(0))  # slots and mean changes of the last check
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
         self._first, self._end = with_rows(self._first, slots, 0), with_rows(self._end, slots, 0)
-        self._seen = with_rows(self._seen, slots, -1)
+        self._seen, self._corrected = with_rows(self._seen, slots, -1), with_rows(self._corrected, slots, 0.0)
 
     def forget(self, slots: IntArray) -> None:
         """Discard the heights under bodies that woke or went."""
@@ -120,14 +121,14 @@ class RestingGround:
         self._end[chosen] = len(self._heights) + firsts[1:]
         self._points = np.concatenate([self._points, points])
         self._heights = np.concatenate([self._heights, found.heights])
-        self._seen[chosen] = -1
+        self._seen[chosen], self._corrected[chosen] = -1, 0.0
         moves = np.abs(found.velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
 
     def changed(self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> IntArray:
         """Return the slots of those sleeping bodies (n,) whose ground differs by more than ``limit`` [m], or will
         within the ``duration`` [s] from ``time`` [s] on."""
-        terrain, self._time = self._terrain, time
+        terrain = self._terrain
         moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
         if not asleep.size or not (moving or terrain.changed_since(self._revision)):
             return asleep[:0]
@@ -144,19 +145,23 @@ class RestingGround:
         limits = np.maximum(limit, self._noise * terrain.deviations_at(points))
         same = np.abs(found.heights - known) + np.abs(found.velocities) * duration <= limits
         same |= np.isnan(found.heights) & np.isnan(known)
+        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(found.heights - known))])
+        self._found = touched, (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]
         return differ
 
     def corrections(self, slots: IntArray) -> FloatArray:
         """Return by how much the ground under sleeping bodies was corrected since they fell asleep, on average (n,)
-        [m]; zero where it is no correction."""
-        if not any(isinstance(mesh, HeightMap) and mesh.motion.corrects for mesh in self._terrain.tiles.values()):
-            return np.zeros(len(slots))
-        places, firsts = self._places(slots)
-        change = np.nan_to_num(self._terrain.at(self._points[places], self._time).heights - self._heights[places])
-        total = np.concatenate([[0.0], np.cumsum(change)])
-        means: FloatArray = (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
-        return means
+        [m], as of the last `keep_corrections`."""
+        corrections: FloatArray = self._corrected[slots]
+        return corrections
+
+    def keep_corrections(self) -> None:
+        """Note the corrections that the last check found. Bodies that this check woke move with its correction in the
+        same update, so their sum ends before it."""
+        slots, means = self._found
+        if any(isinstance(mesh, HeightMap) and mesh.motion.corrects for mesh in self._terrain.tiles.values()):
+            self._corrected[slots] = means
 
     def _places(self, slots: IntArray) -> tuple[IntArray, IntArray]:
         """Return the places of the points under bodies, one body after another, and where each body's begin (n + 1)."""

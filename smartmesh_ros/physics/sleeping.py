@@ -175,6 +175,7 @@ class Sleeping:
         changed = self._ground.changed(asleep, self._boxes, time, duration, self.config.ground * tolerance)
         if changed.size:
             self.wake(changed)
+        self._ground.keep_corrections()
 
     def wake_moved(self, duration: float) -> None:
         """Wake bodies that moved although they sleep, because their user moved them through PyBullet. Reads as many as
