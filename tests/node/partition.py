@@ -142,13 +142,13 @@ def cut_and_join(probe: Probe, link: Cable, *, past_lease: bool) -> dict[str, An
         assert abs(box_height(probe) - 0.2 - max(kept)) < 0.002
     assert probe.diagnostics("terrain")["updates of ''"] == updates
 
-    def in_real_time() -> bool:
+    def in_real_time() -> list[float] | None:
         factors = [float(pair.value) for message in probe.received["/diagnostics"][said:] for status in message.status
                    for pair in status.values if pair.key == "real-time factor"]  # fmt: skip
-        return len(factors) > 2 and min(factors[-2:]) > 0.5
+        return factors if len(factors) > 2 and min(factors[-2:]) > 0.5 else None
 
     # On this side a send waits for a peer that is not there as long as the kernel looks for it, unless told not to.
-    probe.wait_for(in_real_time)
+    factors = probe.wait_for(in_real_time)
     cut = monotonic() - start
 
     link.join()
