@@ -28,6 +28,8 @@ from studies.load.terrain_messages import FRAME, TerrainMessages, naive_map
 
 # How long the node may take to start and take the first map, and then to settle [s].
 START_LIMIT, SETTLE = 90.0, 2.0
+# Longest time that bodies have to fall asleep [s].
+FALL_ASLEEP = 60.0
 # What the first map may take to arrive before it is sent again, for each of its samples: 27 s for 16384 x 16384 [s].
 SECONDS_PER_SAMPLE = 1e-7
 
@@ -105,6 +107,7 @@ class Driver(Node):
     def measure(self) -> dict[str, Any]:
         """Runs the case; what was sent, taken, seen and timed meanwhile."""
         self.run(SETTLE)
+        self._come_to_rest()
         self._quiet()
         before, sent = self.taken(), self.sent
         self.windows.clear()
@@ -121,6 +124,12 @@ class Driver(Node):
             "windows": windows,
             "below_ground": int(self.health.get("below ground", 0)),
         }
+
+    def _come_to_rest(self) -> None:
+        """Runs the case until the bodies on ground at rest sleep, a minute at most."""
+        end = monotonic() + FALL_ASLEEP
+        while int(self.health.get("asleep", 0)) < self._case.resting and monotonic() < end:
+            self.run(1.0)
 
     def taken(self) -> int:
         """Maps and regions that the node has taken."""
