@@ -46,6 +46,9 @@ def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself
 def own_topics(probe: Probe) -> set[str]:
     """Topics that the collider both publishes and subscribes to."""
     node, name = probe.node, COLLIDER.strip("/")
+    topics = {f"{COLLIDER}/body_states", f"{COLLIDER}/heightmap"}
+    # The node's endpoints may be known before its name is.
+    probe.wait_for(lambda: name in node.get_node_names() and topics <= dict(node.get_topic_names_and_types()).keys())
     published = dict(node.get_publisher_names_and_types_by_node(name, "/"))
     taken = dict(node.get_subscriber_names_and_types_by_node(name, "/"))
     assert f"{COLLIDER}/body_states" in published
