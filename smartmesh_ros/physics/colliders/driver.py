@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
-from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch
@@ -19,7 +18,7 @@ from smartmesh_ros.physics.colliders.kinds import Kind
 from smartmesh_ros.physics.colliders.mesh import MeshColliders
 from smartmesh_ros.physics.colliders.pairs import Pairs
 from smartmesh_ros.physics.colliders.plane import plan_plane
-from smartmesh_ros.physics.colliders.pool import ColliderPool
+from smartmesh_ros.physics.colliders.pool import Collider, ColliderPool
 from smartmesh_ros.physics.colliders.table import (
     COLLIDERS,
     MISFIT,
@@ -187,7 +186,7 @@ class Colliders:
         if not changed.size:
             return
         pool, client = self.pool, self._client_id
-        places = pool.active[changed]
+        colliders, places = pool.colliders, pool.active[changed]
         turned = pool.table.view(np.ndarray)["turned"][places].tolist()
         still = moves_nowhere(supports.view(np.ndarray)[changed])
         poses, velocities = self._plan.poses[changed].tolist(), self._plan.velocities[changed].tolist()
@@ -195,24 +194,22 @@ class Colliders:
         for row, (slot, change, place) in enumerate(
             zip(changed.tolist(), self._plan.changes[changed].tolist(), places.tolist(), strict=True)
         ):
-            uid = pool.uid(place)
+            collider = colliders[place]
             if change & SAMPLES:
                 filtered = edge_filter and (still[row] or not self._followers[slot].ball)
-                self._replace_samples(place, turned[row], filtered=filtered)
+                self._replace_samples(collider, turned[row], filtered)
             if change & POSE:
                 pose = poses[row]
-                set_pose(uid, pose[:3], pose[3:], client)
+                set_pose(collider.uid, pose[:3], pose[3:], client)
             if change & VELOCITY:
                 velocity = velocities[row]
-                set_velocity(uid, velocity[:3], velocity[3:], client)
+                set_velocity(collider.uid, velocity[:3], velocity[3:], client)
 
-    def _replace_samples(self, place: int, turned: int, *, filtered: bool) -> None:
+    def _replace_samples(self, collider: Collider, turned: int, filtered: bool) -> None:
         """Replace the heights of a field."""
         self.replacements += 1
-        collider = self.pool.colliders[place]
-        rows, columns = int(collider.key[0]), int(collider.key[1])
-        heights: NDArray[np.float64] = self.pool.memory.heights[collider.first : collider.first + rows * columns]
-        values = heights.tolist()
+        rows, columns, _ = collider.key
+        values = self.pool.memory.heights[collider.first : collider.first + rows * columns].tolist()
         if turned:
             values.reverse()
         replace_field(self._client_id, collider.shape, rows, columns, values, filtered=filtered)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 from smartmesh_ros.physics.colliders.field import describe_field, field_key, make_field
 from smartmesh_ros.physics.colliders.plane import describe_box, make_box, plane_key
 
-Key = tuple[float, ...]
+Key = tuple[Any, ...]
 
 
 class Kind(IntEnum):
