@@ -17,6 +17,7 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Points on each side of the lattice under a body on a general mesh.
 LATTICE = 5
+NOTHING_FOUND: tuple[IntArray, FloatArray] = np.empty(0, np.int64), np.empty(0)
 
 
 @compiled
@@ -92,7 +93,7 @@ class RestingGround:
         self._layout = -1
         self._revision = -1
         self._corrected: FloatArray = np.empty(0)  # see `corrections`, by slot
-        self._found = (np.empty(0, np.int64), np.empty(0))  # slots and mean changes of the last check
+        self._found = NOTHING_FOUND  # slots and mean changes of a check, until they are kept
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
@@ -159,7 +160,7 @@ class RestingGround:
     def keep_corrections(self) -> None:
         """Note the corrections that the last check found. Bodies that this check woke move with its correction in the
         same update, so their sum ends before it."""
-        slots, means = self._found
+        (slots, means), self._found = self._found, NOTHING_FOUND
         if any(isinstance(mesh, HeightMap) and mesh.motion.corrects for mesh in self._terrain.tiles.values()):
             self._corrected[slots] = means
 

@@ -131,6 +131,25 @@ def test_what_is_changed_elsewhere_wakes_none() -> None:
             assert asleep(world) == {"box"}
 
 
+def test_a_correction_moves_a_body_once_however_often_it_sleeps() -> None:
+    """A body that was woken by a correction and sleeps again stays where it is when it is woken for another reason."""
+    motion = MotionConfig(changes="correction")
+    ground = HeightMap(FLAT, resolution=SPACING, origin=(-3.0, -3.0), motion=motion)
+    with World(ground) as world:
+        world.spawn("box", BOX, 1.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(RATE)
+        ground.replace(FLAT + np.float32(0.0002), time=world.time)  # too small to wake it, and moved with in the next
+        world.step(60)
+        assert asleep(world) == {"box"}
+        ground.replace(FLAT + np.float32(0.05), time=world.time)
+        world.step(2 * RATE)
+        assert asleep(world) == {"box"}
+        world.wake("box")
+        heights = [world.state("box").position[2] for _ in range(60) if world.step() is None]
+        assert max(heights) < 0.1505
+        assert min(heights) > 0.1495
+
+
 def test_a_sleeping_body_is_awake_before_it_is_touched() -> None:
     """A ball rolls towards a box: as it comes near the box has its collider again, and is no deeper for it."""
     with flat_world() as world:
