@@ -8,14 +8,14 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any, Literal
 
 import rclpy
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
@@ -44,6 +44,23 @@ def executor_of(kind: ExecutorKind) -> Executor:
         "multi_threaded": partial(MultiThreadedExecutor, num_threads=2),
     }
     return makers[kind]()
+
+
+def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
+    """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with the reason if
+    the node refuses its settings."""
+    rclpy.init(args=args)
+    executor = SingleThreadedExecutor()
+    try:
+        executor.add_node(make_node())
+        executor.spin()
+    except InputError as error:
+        raise SystemExit(f"cannot start: {error}") from None
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        try_shutdown()
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:

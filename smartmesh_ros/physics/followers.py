@@ -96,7 +96,7 @@ class Followers:
         """Names by slot, empty for unused slots."""
         return ["" if follower is None else follower.name for follower in self._items]
 
-    def add(self, follower: Follower, *, free: bool, own: bool, remote: bool = False) -> None:
+    def add(self, follower: Follower, *, free: bool, own: bool) -> None:
         """Give a follower a slot. Raises `InputError` if its body or link has one already."""
         slots = self._slots.setdefault(follower.body, [])
         if any(self[slot].link == follower.link for slot in slots):
@@ -112,7 +112,7 @@ class Followers:
         follower.slot = slot
         slots.append(slot)
         self._items[slot] = follower
-        self.table[slot] = (True, True, follower.solid, free, own, remote)
+        self.table[slot] = (True, True, follower.solid, free, own, False)
         self.shapes[slot] = follower.shape
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
         self._changed()

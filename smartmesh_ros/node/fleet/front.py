@@ -12,13 +12,10 @@ from functools import partial
 from time import monotonic
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import BodyFailure, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
@@ -33,6 +30,7 @@ from smartmesh_ros.node.fleet.polling import Polled
 from smartmesh_ros.node.fleet.requests import place_of, specification_of
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
 _D = LedgerConfig()
@@ -262,16 +260,4 @@ def _listed(names: Sequence[str]) -> str:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the front until SIGINT or SIGTERM."""
     answer("fleet_front", __doc__, SPECS, None if args is None else list(args))
-    rclpy.init(args=args)
-    executor = SingleThreadedExecutor()
-    try:
-        node = Front()
-        executor.add_node(node)
-        executor.spin()
-    except InputError as error:
-        raise SystemExit(f"cannot start: {error}") from None
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        executor.shutdown()
-        try_shutdown()
+    spin(Front, args)

@@ -11,12 +11,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from smartmesh_msgs.srv import CastRays
 from std_msgs.msg import Header
@@ -26,6 +23,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
 from smartmesh_ros.node.sensor.sensor_messages import camera_info, cloud_message, depth_image
 from smartmesh_ros.physics.quaternions import product
@@ -179,16 +177,4 @@ class TerrainSensor(Node):
 def main(args: Sequence[str] | None = None) -> None:
     """Run the sensor until SIGINT or SIGTERM."""
     answer(NAME, __doc__, SPECS, None if args is None else list(args))
-    rclpy.init(args=args)
-    executor = SingleThreadedExecutor()
-    try:
-        node = TerrainSensor()
-        executor.add_node(node)
-        executor.spin()
-    except InputError as error:
-        raise SystemExit(f"cannot start: {error}") from None
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        executor.shutdown()
-        try_shutdown()
+    spin(TerrainSensor, args)

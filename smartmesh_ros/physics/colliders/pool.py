@@ -26,15 +26,14 @@ STILL = (0.0, 0.0, 0.0)
 
 @dataclass(eq=False)
 class Collider:
-    """Constant data of a collider: its ``key`` and kind, PyBullet's ``shape``, and the index of its ``first`` height in
-    the `FieldMemory`. ``uid``: its PyBullet body, None while it has none."""
+    """A collider: its ``key``, PyBullet's ``shape``, and the index of its ``first`` height in the `FieldMemory`.
+    ``uid``: its PyBullet body, None while it has none. ``unused_since`` [s]: when it was last parked."""
 
     key: Key
-    kind: Kind
     shape: int
     first: int
     uid: int | None = None
-    unused_since: float = 0.0  # [s]
+    unused_since: float = 0.0
 
 
 class ColliderPool:
@@ -139,7 +138,7 @@ class ColliderPool:
         else:
             shape = functions.make(self._client, key)
         first = len(self.memory.heights)
-        self.colliders.append(Collider(key, kind, shape, first))
+        self.colliders.append(Collider(key, shape, first))
         self.table = with_rows(self.table, place + 1, np.zeros(1, COLLIDER)[0])
         record = self.table[place]
         functions.describe(record, key)
