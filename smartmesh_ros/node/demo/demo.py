@@ -147,10 +147,18 @@ class Demo(Node):
         """Return the number of bodies and links below the ground or put back onto it, from the node's diagnostics."""
         return int(self._value("bodies", "below ground")) + int(self._value("bodies", "put back onto the ground"))
 
+    def summary(self, task: str) -> str:
+        """Return the summary of a task of the node's diagnostics."""
+        return str(self._status(task).message)
+
     def _value(self, task: str, key: str) -> str:
         """Return the value of a key in a task of the node's diagnostics."""
+        return next(str(pair.value) for pair in self._status(task).values if pair.key == key)
+
+    def _status(self, task: str) -> Any:
+        """Return a task of the node's diagnostics."""
         [status] = [status for status in self.latest("diagnostics").status if status.name.endswith(f": {task}")]
-        return next(str(pair.value) for pair in status.values if pair.key == key)
+        return status
 
     def line(self) -> str:
         """Return numbers of bodies and patches, real-time factor and stage times in one line."""
@@ -207,6 +215,8 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Snapshot], int]:
             next_line += 1.0
             lost = max(lost, demo.lost())
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
+            if demo.lost():
+                print(f"         {demo.summary('bodies')}", flush=True)
     return snapshots, max(lost, demo.lost())
 
 
