@@ -15,18 +15,18 @@ with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     from smartmesh_ros import HeightMap, Terrain, PatchConfig
     from smartmesh_ros.patches.selector import Selector
-    from smartmesh_ros.patches.shapes import SHAPE
+    from smartmesh_ros.patches.shapes import ShapeTable, box
     import numpy as np
-    shape = np.zeros(2, SHAPE).view(np.recarray)
-    for name in ("half_x", "half_y", "half_z", "radius"):
-        shape[name] = 0.2
-    shape["turn"] = (0.0, 0.0, 0.0, 1.0)
+    table = ShapeTable()
+    table.reserve(2)
+    for slot in range(2):
+        table.put(slot, box((0.4, 0.4, 0.4)))
     heights = 0.1 * np.sin(np.arange(400.0)).reshape(20, 20)
     selector = Selector(Terrain(HeightMap(heights, resolution=0.1)), PatchConfig())
     selector.reserve(2)
     bodies = np.zeros((2, 13))
     bodies[:, :3], bodies[:, 6] = [(1.0, 1.0, 0.2), (1.0, 1.0, 3.0)], 1.0
-    selector.update(np.arange(2), shape, bodies, 0.0, 0.02, 9.81)
+    selector.update(np.arange(2), table.shapes, bodies, 0.0, 0.02, 9.81)
 print(selector.supports["state"].tolist())
 for warning in caught:
     if issubclass(warning.category, RuntimeWarning):

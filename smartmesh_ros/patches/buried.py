@@ -6,7 +6,9 @@ import math
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.contact_candidates import Candidates, Window, nearest_planes, surface_at
-from smartmesh_ros.patches.facets import Gap, Point, Solid, height_of, plane_normal, reach_along
+from smartmesh_ros.patches.facets import Point, height_of, plane_normal, scaled
+from smartmesh_ros.patches.gaps import Gap
+from smartmesh_ros.patches.solids import Solid, reach_along
 
 
 @compiled
@@ -37,7 +39,7 @@ def candidate_above(window: Window, solid: Solid, candidates: Candidates) -> Can
     normal = plane_normal(plane)
     foot = Point(solid.centre.x, solid.centre.y, height_of(plane, solid.centre.x, solid.centre.y))
     depth = (foot.z - solid.centre.z) * normal.z
-    gap = Gap(-depth - reach_along(solid, normal), normal, foot)
+    gap = Gap(-depth - reach_along(solid, scaled(normal, -1.0)), normal, foot)
     return Candidates(
         candidates.facets,
         candidates.top,

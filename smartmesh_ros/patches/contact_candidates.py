@@ -11,21 +11,17 @@ from numpy.typing import NDArray
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.facets import (
     Facet,
-    Gap,
     Plane,
     Point,
-    Solid,
-    deviation_near,
     dot,
-    gap_to,
     height_of,
-    in_frame,
     minus,
-    out_of_frame,
     plane_normal,
     plane_of,
-    reach_along,
+    scaled,
 )
+from smartmesh_ros.patches.gaps import Gap, deviation_near, gap_to
+from smartmesh_ros.patches.solids import ShapeKind, Solid, extents, in_frame, out_of_frame, part_of, reach_along
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import triangle_weights
 
@@ -110,27 +106,23 @@ def margin_of(rises: Facet, travel: Travel) -> float:
 
 
 @compiled
-def extents(solid: Solid) -> Point:
-    """Half extents of a solid's axis-aligned bounding box."""
-    return Point(
-        reach_along(solid, Point(1.0, 0.0, 0.0)), reach_along(solid, Point(0.0, 1.0, 0.0)), reach_along(solid, UP)
-    )
-
-
-@compiled
 def out_of_reach(
     solid: Solid, extent: Point, x: float, y: float, spacing: float, low: float, high: float, margin: float
 ) -> bool:
     """Return True if a cell at (x, y), between the heights ``low`` and ``high``, is certainly farther than ``margin``
     from a solid with half extents ``extent``. The test is conservative: False proves nothing."""
     centre = solid.centre
-    away_x = max(x - centre.x, centre.x - x - spacing, 0.0)
-    away_y = max(y - centre.y, centre.y - y - spacing, 0.0)
-    away_z = max(low - centre.z, centre.z - high, 0.0)
-    if solid.ball:
-        reach = solid.radius + margin
-        return away_x * away_x + away_y * away_y + away_z * away_z > reach * reach
-    return away_x > extent.x + margin or away_y > extent.y + margin or away_z > extent.z + margin
+    away = Point(
+        max(x - centre.x, 0.0) - max(centre.x - x - spacing, 0.0),
+        max(y - centre.y, 0.0) - max(centre.y - y - spacing, 0.0),
+        max(low - centre.z, 0.0) - max(centre.z - high, 0.0),
+    )
+    if abs(away.x) > extent.x + margin or abs(away.y) > extent.y + margin or abs(away.z) > extent.z + margin:
+        return True
+    if solid.kind == ShapeKind.COMPOUND:
+        return False
+    distance = math.sqrt(dot(away, away))  # of the box around the cell from the solid's centre
+    return distance > margin and distance - reach_along(solid, scaled(away, 1.0 / distance)) > margin
 
 
 @compiled
@@ -145,18 +137,36 @@ def largest_margin(window: Window, travel: Travel) -> float:
 
 
 @compiled
-def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArray[np.uint8]) -> Candidates:
-    """Find the facets that a solid can touch, and write them to ``marks`` (h - 1, w - 1): bit 1 for the facet below a
-    cell's diagonal, bit 2 for the one above. The result is conservative: it may contain too many facets, never too
-    few."""
+def no_candidates(window: Window, solid: Solid) -> Candidates:
+    """The candidates of a solid that reaches no facet of a window."""
     high, wide = window.heights.shape
-    extent, most = extents(solid), largest_margin(window, travel)
-    count, top, bottom, left, right = 0, high, -1, wide, -1
-    best, best_a, best_b, best_upper, widest = math.inf, 0, 0, 0, 0.0
-    nearest = Gap(math.inf, UP, solid.centre)
-    for a in range(high - 1):
-        for b in range(wide - 1):
-            marks[a, b] = 0
+    return Candidates(0, high, -1, wide, -1, 0, 0, 0, Gap(math.inf, UP, solid.centre), 0.0)
+
+
+@compiled
+def cells_near(window: Window, solid: Solid, extent: Point, margin: float) -> tuple[int, int, int, int]:
+    """Return the rows (first, end) and columns (first, end) of the cells within ``margin`` [m] of a solid's bounds."""
+    high, wide = window.heights.shape
+    x, y, spacing = solid.centre.x, solid.centre.y, window.spacing
+    return (
+        max(math.floor((y - extent.y - margin) / spacing), 0),
+        min(math.floor((y + extent.y + margin) / spacing) + 1, high - 1),
+        max(math.floor((x - extent.x - margin) / spacing), 0),
+        min(math.floor((x + extent.x + margin) / spacing) + 1, wide - 1),
+    )
+
+
+@compiled
+def with_facets_of(
+    window: Window, solid: Solid, travel: Travel, most: float, found: Candidates, marks: NDArray[np.uint8]
+) -> Candidates:
+    """Return the candidates ``found`` so far and those of a convex solid, which moves by up to ``most`` [m] relative to
+    the ground; marks them as `candidate_facets` does."""
+    count, top, bottom, left, right, best_a, best_b, best_upper, nearest, widest = found
+    extent, best = extents(solid), rank_of(nearest, solid)
+    first_row, end_row, first_column, end_column = cells_near(window, solid, extent, most)
+    for a in range(first_row, end_row):
+        for b in range(first_column, end_column):
             x, y = b * window.spacing, a * window.spacing
             low, top_z = heights_of_cell(window.heights, a, b)
             if out_of_reach(solid, extent, x, y, window.spacing, low, top_z, most):
@@ -166,18 +176,42 @@ def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArra
                 if not is_ground(facet):
                     continue
                 margin = margin_of(facet_of(window.rises, window.spacing, a, b, upper), travel)
-                gap = gap_to(facet, solid)
+                gap = gap_to(facet, solid, margin)
                 if gap.distance > margin:
                     continue
-                marks[a, b] |= 1 + upper
-                count += 1
+                if not marks[a, b] & (1 + upper):
+                    marks[a, b] |= 1 + upper
+                    count += 1
                 top, bottom, left, right = min(top, a), max(bottom, a), min(left, b), max(right, b)
                 widest = max(widest, margin)
-                away = minus(gap.nearest, solid.centre)
-                rank = gap.distance + TIE * math.sqrt(dot(away, away))
+                rank = rank_of(gap, solid)
                 if rank < best:
                     best, best_a, best_b, best_upper, nearest = rank, a, b, upper, gap
     return Candidates(count, top, bottom, left, right, best_a, best_b, best_upper, nearest, widest)
+
+
+@compiled
+def rank_of(gap: Gap, solid: Solid) -> float:
+    """Return the rank of a gap, smallest for the nearest facet: its distance, and a little of that to the centre."""
+    away = minus(gap.nearest, solid.centre)
+    return gap.distance + TIE * math.sqrt(dot(away, away))
+
+
+@compiled
+def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArray[np.uint8]) -> Candidates:
+    """Find the facets that a solid can touch, and write them to ``marks`` (h - 1, w - 1): bit 1 for the facet below a
+    cell's diagonal, bit 2 for the one above. The result is conservative: it may contain too many facets, never too
+    few."""
+    high, wide = window.heights.shape
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            marks[a, b] = 0
+    found, most = no_candidates(window, solid), largest_margin(window, travel)
+    if solid.kind != ShapeKind.COMPOUND:
+        return with_facets_of(window, solid, travel, most, found, marks)
+    for k in range(solid.first, solid.first + solid.size):
+        found = with_facets_of(window, part_of(solid, k), travel, most, found, marks)
+    return found
 
 
 @compiled
@@ -202,11 +236,10 @@ def nearest_planes(window: Window, candidates: Candidates) -> tuple[Plane, Plane
 
 @compiled
 def nearest_in_box(solid: Solid, p: Point) -> Point:
-    """The point of a box nearest to ``p``."""
-    own, half = in_frame(solid, p), solid.half
-    clamped = Point(
-        min(max(own.x, -half.x), half.x), min(max(own.y, -half.y), half.y), min(max(own.z, -half.z), half.z)
-    )
+    """The point nearest to ``p`` of the box around a solid, along the solid's axes."""
+    own = in_frame(solid, p)
+    x, y, z = solid.half.x + solid.rounding, solid.half.y + solid.rounding, solid.half.z + solid.rounding
+    clamped = Point(min(max(own.x, -x), x), min(max(own.y, -y), y), min(max(own.z, -z), z))
     away = out_of_frame(solid, clamped)
     return Point(solid.centre.x + away.x, solid.centre.y + away.y, solid.centre.z + away.z)
 
@@ -225,10 +258,10 @@ def fitted_slopes(sxx: float, sxy: float, syy: float, sxz: float, syz: float) ->
 def fitted_planes(
     window: Window, solid: Solid, candidates: Candidates, marks: NDArray[np.uint8]
 ) -> tuple[Plane, Plane]:
-    """Least-squares plane of the ground that a box can touch, and the least-squares plane of its rise.
+    """Least-squares plane of the ground that a solid can touch, and the least-squares plane of its rise.
 
-    Each candidate facet contributes one point: the ground below the point of the box nearest to the facet's middle. If
-    these points determine no plane, the planes of the nearest facet are returned.
+    Each candidate facet contributes one point: the ground below the point nearest to the facet's middle of the box
+    around the solid. If these points determine no plane, the planes of the nearest facet are returned.
     """
     n = sx = sy = sz = sr = sxx = sxy = syy = sxz = syz = sxr = syr = 0.0
     x0, y0 = solid.centre.x, solid.centre.y
@@ -312,7 +345,7 @@ def plane_deviation(
                 facet = facet_of(window.heights, window.spacing, a, b, upper)
                 flat = on_plane(facet, plane)
                 if not is_ground(facet):
-                    if gap_to(flat, solid).distance <= candidates.margin:
+                    if gap_to(flat, solid, candidates.margin).distance <= candidates.margin:
                         return math.inf
                     continue
                 rises = facet_of(window.rises, window.spacing, a, b, upper)
@@ -323,8 +356,8 @@ def plane_deviation(
                 margin = max(margin_of(rises, travel), candidates.margin)
                 bound = 0.0
                 if marks[a, b] & (1 + upper):
-                    bound = deviation_near(facet, plane, solid, gap_to(facet, solid), margin) + drift
-                gap = gap_to(flat, solid)
+                    bound = deviation_near(facet, plane, solid, gap_to(facet, solid, margin), margin) + drift
+                gap = gap_to(flat, solid, margin)
                 if gap.distance <= margin:
                     bound = max(bound, deviation_near(facet, plane, solid, gap, margin) + drift)
                 worst = max(worst, min(bound, off))

@@ -19,9 +19,11 @@ from smartmesh_ros.patches.contact_candidates import (
     nearest_planes,
     plane_deviation,
 )
-from smartmesh_ros.patches.facets import Plane, Point, Solid, height_of, moved_by, plane_normal, reach_along
+from smartmesh_ros.patches.facets import Plane, Point, cross, dot, height_of, plane_normal
 from smartmesh_ros.patches.rectangles import Rectangle, smallest_rectangle
-from smartmesh_ros.patches.shapes import product, solid_of
+from smartmesh_ros.patches.rotations import product
+from smartmesh_ros.patches.shapes import Shapes, solid_of
+from smartmesh_ros.patches.solids import ShapeKind, Solid, extents, is_round, moved_by
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, read_window, slide_at, to_grid
@@ -89,26 +91,38 @@ def acceleration_by_turning(grid: MovingGrid, body: FloatArray) -> float:
 
 
 @compiled
-def travel_of(
-    body: FloatArray, solid: Solid, radius: float, duration: float, rules: Rules, bend: float = 0.0
-) -> Travel:
-    """Predicted motion of a body (13,) with a bounding ``radius`` [m] in a ``duration`` [s], from its velocity, spin
-    and fall, and from ``bend`` [m/s^2], the apparent acceleration in a rotating grid."""
+def swing_of(body: FloatArray, solid: Solid, duration: float) -> float:
+    """Bound on the motion of a solid's surface in a ``duration`` [s] by the spin of its body (13,) [m].
+
+    The spin carries the solid's centre around, and turns the solid about it. A turn of a body of revolution about its
+    own axis moves no surface, so only the turn of the axis counts.
+    """
+    spin = Point(body[10], body[11], body[12])
+    away = Point(solid.centre.x - body[0], solid.centre.y - body[1], solid.centre.z - body[2])
+    carried = cross(spin, away)
+    arc = min(math.sqrt(dot(carried, carried)) * duration, 2.0 * math.sqrt(dot(away, away)))
+    if solid.kind == ShapeKind.BALL:
+        return arc
+    turning = cross(spin, solid.w) if is_round(solid.kind) else spin
+    return arc + min(math.sqrt(dot(turning, turning)) * duration, 2.0) * solid.reach
+
+
+@compiled
+def travel_of(body: FloatArray, solid: Solid, duration: float, rules: Rules, bend: float = 0.0) -> Travel:
+    """Predicted motion of a solid on a body (13,) in a ``duration`` [s], from the body's velocity, spin and fall, and
+    from ``bend`` [m/s^2], the apparent acceleration in a rotating grid."""
     speed = math.sqrt(body[7] * body[7] + body[8] * body[8] + body[9] * body[9])
     share = duration if speed <= rules.fastest else duration * rules.fastest / speed
-    spin = math.sqrt(body[10] * body[10] + body[11] * body[11] + body[12] * body[12])
-    away_x, away_y, away_z = solid.centre.x - body[0], solid.centre.y - body[1], solid.centre.z - body[2]
-    arm = math.sqrt(away_x * away_x + away_y * away_y + away_z * away_z) if solid.ball else radius
-    swing = min(spin * duration, 2.0) * arm
     fall = 0.5 * (rules.gravity + bend) * duration * duration
-    return Travel(body[7] * share, body[8] * share, body[9] * share, fall + swing)
+    return Travel(body[7] * share, body[8] * share, body[9] * share, fall + swing_of(body, solid, duration))
 
 
 @compiled
 def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) -> Place:
     """Return the window of samples that a solid can reach."""
-    reach_x = reach_along(solid, Point(1.0, 0.0, 0.0)) + abs(travel.x) + travel.more + rules.leave
-    reach_y = reach_along(solid, Point(0.0, 1.0, 0.0)) + abs(travel.y) + travel.more + rules.leave
+    extent = extents(solid)
+    reach_x = extent.x + abs(travel.x) + travel.more + rules.leave
+    reach_y = extent.y + abs(travel.y) + travel.more + rules.leave
     row = math.floor((solid.centre.y - reach_y) / resolution)
     column = math.floor((solid.centre.x - reach_x) / resolution)
     high = math.ceil((solid.centre.y + reach_y) / resolution) + 1 - row
@@ -121,7 +135,7 @@ def window_place(resolution: float, solid: Solid, travel: Travel, rules: Rules) 
 def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, heights, rises, marks):
     """Choose the supports of the bodies in ``chosen`` (n,) on a tile, for ``duration`` [s] from ``time`` [s] on.
 
-    ``shapes`` (N,): records of ``SHAPE``; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, read and
+    ``shapes``: `Shapes` of N slots; ``bodies`` (N, 13); ``supports`` (N,): records of ``SUPPORT``, read and
     written. ``heights``, ``rises``, ``marks``: scratch memory for windows (S, S).
     """
     local = np.empty(13)
@@ -132,9 +146,8 @@ def select(grid, tile, shapes, bodies, chosen, duration, time, rules, supports, 
             supports[i].state = Support.NONE
             continue
         local_body(grid, bodies[i], local)
-        solid = solid_of(shapes[i], local)
-        bend = acceleration_by_turning(grid, bodies[i])
-        travel = travel_of(local, solid, shapes[i].radius, duration, rules, bend)
+        solid = solid_of(shapes, i, local)
+        travel = travel_of(local, solid, duration, rules, acceleration_by_turning(grid, bodies[i]))
         place = window_place(grid.resolution, solid, travel, rules)
         if rules.across and leaves_map(grid, place):
             supports[i].state = Support.ACROSS
@@ -163,23 +176,26 @@ def leaves_map(grid: MovingGrid, place: Place) -> bool:
 
 
 @compiled
-def select_across(grid, place, heights, rises, shape, body, duration, rules, support, marks):
-    """Choose the support of one body from a window (h, w) at ``place`` that was read from several tiles."""
+def predicted(grid: MovingGrid, shapes: Shapes, slot: int, body: FloatArray, duration: float, rules: Rules):
+    """Return the solid of a body (13,) in the frame of the grid, and its travel."""
     local = np.empty(13)
     local_body(grid, body, local)
-    solid = solid_of(shape[0], local)
-    travel = travel_of(local, solid, shape[0].radius, duration, rules, acceleration_by_turning(grid, body))
+    solid = solid_of(shapes, slot, local)
+    return solid, travel_of(local, solid, duration, rules, acceleration_by_turning(grid, body))
+
+
+@compiled
+def select_across(grid, place, heights, rises, shapes, slot, body, duration, rules, support, marks):
+    """Choose the support of one body from a window (h, w) at ``place`` that was read from several tiles."""
+    solid, travel = predicted(grid, shapes, slot, body, duration, rules)
     h, r = heights[: place.high, : place.wide], rises[: place.high, : place.wide]  # slices: the array type of `select`
     choose(grid, place, h, r, solid, travel, duration, rules, support[0], marks)
 
 
 @compiled
-def window_of(grid, shape, body, duration, rules):
+def window_of(grid, shapes, slot, body, duration, rules):
     """Return the place of a body's window on the grid."""
-    local = np.empty(13)
-    local_body(grid, body, local)
-    solid = solid_of(shape[0], local)
-    travel = travel_of(local, solid, shape[0].radius, duration, rules, acceleration_by_turning(grid, body))
+    solid, travel = predicted(grid, shapes, slot, body, duration, rules)
     return window_place(grid.resolution, solid, travel, rules)
 
 
@@ -208,7 +224,7 @@ def choose(grid, place, heights, rises, solid, travel, duration, rules, support,
     buried = rules.planes and is_buried(window, own)
     if buried:
         candidates = candidate_above(window, own, candidates)
-    if own.ball or buried:
+    if own.kind == ShapeKind.BALL or buried:
         plane, rise = nearest_planes(window, candidates)
     else:
         plane, rise = fitted_planes(window, own, candidates, marks)
@@ -277,7 +293,7 @@ def describe(
 ) -> None:
     """Write the foot, the normals and the motion of the ground under a solid, in the terrain's frame."""
     facet = plane_normal(plane)
-    if solid.ball and candidates.gap.distance < math.inf:
+    if solid.kind == ShapeKind.BALL and candidates.gap.distance < math.inf:
         foot = candidates.gap.nearest
     else:
         above = (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * facet.z

@@ -19,7 +19,7 @@ from smartmesh_ros.patches.config import SELECTION, PatchConfig, SelectionConfig
 from smartmesh_ros.patches.report.fixed import FixedPatches
 from smartmesh_ros.patches.report.mesh import MeshPatches
 from smartmesh_ros.patches.selection import Place, Rules, select, select_across, window_memory, window_of
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, Shapes, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support, no_supports
 from smartmesh_ros.stopwatch import Stopwatch
@@ -60,7 +60,7 @@ class Selector:
         self.supports = no_supports(0)
         self.samples = NO_SAMPLES
         self.mesh_patches: dict[int, MeshPatch] = {}
-        self._shapes = np.zeros(0, SHAPE).view(np.recarray)
+        self._shapes = ShapeTable().shapes
         self._bodies, self._time, self._duration = np.empty((0, BODY_COLUMNS)), 0.0, 1.0
         self._gravity = 9.81  # [m/s^2]
         self._layout = -1
@@ -100,11 +100,11 @@ class Selector:
         self._batches = None
 
     def update(
-        self, chosen: IntArray, shapes: Any, bodies: FloatArray, time: float, duration: float, gravity: float
+        self, chosen: IntArray, shapes: Shapes, bodies: FloatArray, time: float, duration: float, gravity: float
     ) -> None:
         """Choose the supports of the bodies in the slots ``chosen`` (n,) for the ``duration`` [s] from ``time`` [s] on.
 
-        ``shapes`` (S,): records of ``SHAPE``; ``bodies`` (S, 13), of all slots. ``gravity`` [m/s^2]: predicts falling.
+        ``shapes`` and ``bodies`` (S, 13): of all slots. ``gravity`` [m/s^2]: predicts falling.
         The supports of other bodies stay as they are.
         """
         before = self.batches() if self.config.search == "ray_cast" else []
@@ -176,8 +176,8 @@ class Selector:
 
     def _choose_across(self, heightmap: HeightMap, grid: Any, body: int, rules: Rules) -> None:
         """Choose the support of a body whose window extends beyond the edge of its tile."""
-        one, support = self._shapes[body : body + 1], self.supports[body : body + 1]
-        place = window_of(grid, one, self._bodies[body], self._duration, rules)
+        shapes, support = self._shapes, self.supports[body : body + 1]
+        place = window_of(grid, shapes, body, self._bodies[body], self._duration, rules)
         r, c = np.divmod(np.arange(place.high * place.wide), place.wide)
         rows, columns = place.row + r[None] * place.stride, place.column + c[None] * place.stride
         samples = samples_across(self.terrain, heightmap, rows, columns, self._time, self._duration)
@@ -185,8 +185,8 @@ class Selector:
         rises = (samples.velocities * self._duration).reshape(shape)
         support["state"] = Support.FIELD
         select_across(
-            grid, Place(*place), samples.heights.reshape(shape), rises, one, self._bodies[body], self._duration, rules,
-            support, self._memory[2],
+            grid, Place(*place), samples.heights.reshape(shape), rises, shapes, body, self._bodies[body],
+            self._duration, rules, support, self._memory[2],
         )  # fmt: skip
         if support["state"][0] == Support.FIELD:
             self._add_samples(body, self._rectangle_heights(heightmap, body))
@@ -225,7 +225,7 @@ class Selector:
     def _reach(self, chosen: IntArray) -> FloatArray:
         """Return the radius within which each body can touch ground until the next update, from its speed (n,) [m]."""
         speeds = np.linalg.norm(self._bodies[chosen, 7:10], axis=1)
-        return np.asarray(self._shapes["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration)
+        return np.asarray(self._shapes.table["radius"][chosen] + np.minimum(speeds, SELECTION.fastest) * self._duration)
 
     def _update_tiles(self) -> None:
         """Handle tiles that were added, removed or replaced."""
@@ -260,7 +260,9 @@ class Selector:
         now = (supports["tile"][chosen] == numbers[:-1, None]).argmax(axis=0)  # places in `_tiles`
         stray = (numbers[now] != supports["tile"][chosen]) | (beyond[now, columns] > 0.0)
         # A body further from a tile than its radius cannot touch it, but a gap of one cell between tiles is ground.
-        least = np.maximum(self._shapes["radius"][chosen], self.terrain.widest_cell if len(self._tiles) > 1 else 0.0)
+        least = np.maximum(
+            self._shapes.table["radius"][chosen], self.terrain.widest_cell if len(self._tiles) > 1 else 0.0
+        )
         over = np.where(beyond <= 0.0, 0.0, beyond)
         nearest = over.argmin(axis=0)
         nearest[over[nearest, columns] > least] = -1

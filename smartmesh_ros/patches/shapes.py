@@ -1,78 +1,261 @@
-"""Shapes and poses of bodies for compiled functions."""
+"""Shapes of bodies: constructors, and the tables in which compiled functions find them."""
 
 from __future__ import annotations
 
 import math
-from enum import IntEnum
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Point, Solid, along, cross, scaled
+from smartmesh_ros.patches.facets import Facet, Point, along
+from smartmesh_ros.patches.gaps import gap_to
+from smartmesh_ros.patches.rotations import product, rotated
+from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.patches.solids import ShapeKind, Solid, is_round
+from smartmesh_ros.terrain.grid import FloatArray
 
-
-class ShapeKind(IntEnum):
-    """Kind of a shape: a ball; a box; or a body of revolution about its z axis (cylinder, capsule). ROUND is treated as
-    a box that is rotated about this axis until one of its sides is as level as possible."""
-
-    BALL = 0
-    BOX = 1
-    ROUND = 2
-
-
-# ``kind``: a `ShapeKind`; ``half``: half extents along the shape's axes [m], a ball's radius in all three; ``offset``
-# [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``radius`` [m]: bounding
-# radius about the centre of mass.
+# ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
+# [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
+# radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``size``: first
+# row and number of a hull's vertices, or of a compound's parts.
 SHAPE = np.dtype(
     [
         ("kind", np.int64),
-        ("half_x", np.float64),
-        ("half_y", np.float64),
-        ("half_z", np.float64),
+        ("half", np.float64, (3,)),
+        ("rounding", np.float64),
         ("offset", np.float64, (3,)),
         ("turn", np.float64, (4,)),
+        ("reach", np.float64),
         ("radius", np.float64),
+        ("first", np.int64),
+        ("size", np.int64),
     ]
 )
 
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].
 BODY_COLUMNS = 13
+# A hull keeps this many vertices, or up to 16 times as many if it would otherwise grow by more than `MOST_GROWTH` [m].
+HULL_VERTICES, MOST_GROWTH = 128, 1e-3
+HULL = int(ShapeKind.HULL)  # for compiled functions
+
+CENTRE = (0.0, 0.0, 0.0)
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
+
+
+class Shapes(NamedTuple):
+    """Shapes by slot for compiled functions: ``table`` (S,), records of ``SHAPE``; ``parts`` (P,) of compounds, records
+    of ``SHAPE``; ``vertices`` (V, 3) of hulls [m]."""
+
+    table: Any
+    parts: Any
+    vertices: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """One shape: a ``record`` of ``SHAPE``, whose ``first`` is not yet known; a hull's ``vertices`` (n, 3) about its
+    middle [m]; a compound's ``parts``."""
+
+    record: Any
+    vertices: FloatArray | None = None
+    parts: tuple[BodyShape, ...] = ()
+
+    @property
+    def kind(self) -> ShapeKind:
+        """Kind of the shape."""
+        return ShapeKind(int(self.record["kind"]))
+
+    @property
+    def radius(self) -> float:
+        """Bounding radius about the body's centre of mass [m]."""
+        return float(self.record["radius"])
+
+
+def ball(radius: float, offset: Sequence[float] = CENTRE) -> BodyShape:
+    """A ball whose middle is at ``offset`` from the body's centre of mass [m]."""
+    return _shape(ShapeKind.BALL, CENTRE, radius, 0.0, offset, UNTURNED)
+
+
+def capsule(
+    radius: float, height: float, offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED
+) -> BodyShape:
+    """A capsule along z, whose half balls are ``height`` [m] apart."""
+    return _shape(ShapeKind.CAPSULE, (0.0, 0.0, 0.5 * height), radius, 0.5 * height, offset, turn)
+
+
+def box(edges: Sequence[float], offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED) -> BodyShape:
+    """A box of three edge lengths [m]."""
+    half = [0.5 * edge for edge in edges]
+    return _shape(ShapeKind.BOX, half, 0.0, math.hypot(*half), offset, turn)
+
+
+def cylinder(
+    radius: float, height: float, offset: Sequence[float] = CENTRE, turn: Sequence[float] = UNTURNED
+) -> BodyShape:
+    """A cylinder along z."""
+    half = (radius, radius, 0.5 * height)
+    return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, turn)
+
+
+def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
+    """The convex hull of points (n, 3) [m] in the frame of the centre of mass, grown by ``rounding`` [m].
+
+    Of many points only those are kept that are farthest along evenly spread directions. The hull then grows by as much
+    as the other points stick out.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    vertices, growth = _fewer(np.ascontiguousarray(points - middle))
+    reach = float(np.linalg.norm(vertices, axis=1).max())
+    shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, reach, middle.tolist(), UNTURNED)
+    shape.record["size"] = len(vertices)
+    return BodyShape(shape.record, vertices)
+
+
+def compound(parts: Sequence[BodyShape]) -> BodyShape:
+    """Several shapes on one body, or the shape itself if there is only one."""
+    if len(parts) == 1:
+        return parts[0]
+    low = np.min([part.record["offset"] - _extent(part.record) for part in parts], axis=0)
+    high = np.max([part.record["offset"] + _extent(part.record) for part in parts], axis=0)
+    middle = 0.5 * (low + high)
+    inner = []
+    for part in parts:
+        record = part.record.copy()
+        record["offset"] -= middle
+        record["radius"] = record["reach"] + math.hypot(*record["offset"])
+        inner.append(BodyShape(record, part.vertices))
+    reach = max(part.radius for part in inner)
+    shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, reach, middle.tolist(), UNTURNED)
+    shape.record["size"] = len(inner)
+    return BodyShape(shape.record, None, tuple(inner))
+
+
+def _shape(
+    kind: ShapeKind, half: Sequence[float], rounding: float, core: float, offset: Sequence[float],
+    turn: Sequence[float],
+) -> BodyShape:  # fmt: skip
+    """A shape whose core has a bounding radius ``core`` [m] about its middle."""
+    reach = core + rounding
+    values = (kind, half, rounding, offset, turn, reach, reach + math.hypot(*offset), 0, 0)
+    return BodyShape(np.array(values, SHAPE))
+
+
+def _extent(record: Any) -> FloatArray:
+    """Half extents of a shape along the body's axes (3,) [m], or more."""
+    x, y, z, w = record["turn"].tolist()
+    axes = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    return np.asarray(np.abs(axes) @ record["half"] + record["rounding"])
+
+
+def _fewer(vertices: FloatArray) -> tuple[FloatArray, float]:
+    """Return the vertices (n, 3) of a hull that are kept, and how far the others are outside their hull [m]."""
+    count = HULL_VERTICES
+    while count < len(vertices):
+        rows = np.unique((_evened(vertices) @ _directions(count).T).argmax(axis=0))
+        kept = np.ascontiguousarray(vertices[rows])
+        growth = outside(kept, vertices)
+        if growth <= MOST_GROWTH or count >= 16 * HULL_VERTICES:
+            return kept, growth
+        count *= 2
+    return vertices, 0.0
+
+
+def _evened(vertices: FloatArray) -> FloatArray:
+    """Return points (n, 3) scaled to equal extents along each axis, so that thin parts keep as many as others."""
+    extents = np.ptp(vertices, axis=0)
+    return vertices / np.where(extents > 0.0, extents, 1.0)
+
+
+def _directions(count: int) -> FloatArray:
+    """Return unit directions (count, 3), evenly spread (a Fibonacci lattice)."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    aside = np.sqrt(1.0 - z * z)
+    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
 
 
 @compiled
-def product(a, b):
-    """The rotation ``b`` followed by ``a``, as unit quaternions (x, y, z, w)."""
-    return (
-        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
-        a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
-        a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
-        a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
-    )
+def outside(kept: FloatArray, vertices: FloatArray) -> float:
+    """Return how far points (n, 3) are outside the hull of the points ``kept`` (k, 3) [m]; zero if none is."""
+    x, y, z, zero = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0), Point(0.0, 0.0, 0.0)
+    solid = Solid(HULL, zero, x, y, z, zero, 0.0, 0.0, 0, len(kept), kept, np.zeros(0, SHAPE))
+    most = 0.0
+    for k in range(len(vertices)):
+        p = Point(vertices[k, 0], vertices[k, 1], vertices[k, 2])
+        most = max(most, gap_to(Facet(p, p, p), solid).distance)
+    return most
+
+
+class ShapeTable:
+    """The shapes of all bodies by slot. Vertices and parts that are equal are stored once, and kept."""
+
+    def __init__(self) -> None:
+        self.shapes = Shapes(_records(0), _records(0), np.empty((0, 3)))
+        self._vertices: dict[bytes, int] = {}  # first rows by content
+        self._parts: dict[bytes, int] = {}
+
+    def reserve(self, slots: int) -> None:
+        """Make room for shapes in ``slots`` slots."""
+        self.shapes = self.shapes._replace(table=with_rows(self.shapes.table, slots, 0))
+
+    def put(self, slot: int, shape: BodyShape) -> None:
+        """Set the shape of a slot."""
+        record = self._stored(shape)
+        self.shapes.table[slot] = record
+
+    def _stored(self, shape: BodyShape) -> Any:
+        """Return a shape's record, after storing its vertices or parts."""
+        record = shape.record.copy()
+        if shape.vertices is not None:
+            record["first"] = self._first_vertex(shape.vertices)
+        elif shape.parts:
+            parts = np.array([self._stored(part) for part in shape.parts], SHAPE)
+            key = parts.tobytes()
+            if key not in self._parts:
+                self._parts[key] = len(self.shapes.parts)
+                together = np.concatenate([self.shapes.parts, parts]).view(np.recarray)
+                self.shapes = self.shapes._replace(parts=together)
+            record["first"] = self._parts[key]
+        return record
+
+    def _first_vertex(self, vertices: FloatArray) -> int:
+        key = vertices.tobytes()
+        if key not in self._vertices:
+            self._vertices[key] = len(self.shapes.vertices)
+            self.shapes = self.shapes._replace(vertices=np.concatenate([self.shapes.vertices, vertices]))
+        return self._vertices[key]
+
+
+def _records(count: int) -> Any:
+    return np.zeros(count, SHAPE).view(np.recarray)
 
 
 @compiled
-def rotated(q, p: Point) -> Point:
-    """Rotate a vector by a unit quaternion (x, y, z, w)."""
-    axis = Point(q[0], q[1], q[2])
-    twice = scaled(cross(axis, p), 2.0)
-    return along(along(p, q[3], twice), 1.0, cross(axis, twice))
-
-
-@compiled
-def solid_of(shape, body) -> Solid:
-    """The solid of a record of ``SHAPE`` on a body (13,), in the frame of the body's pose."""
+def solid_of(shapes: Shapes, slot: int, body) -> Solid:
+    """The solid of a shape on a body (13,), in the frame of the body's pose."""
+    shape = shapes.table[slot]
     orientation = (body[3], body[4], body[5], body[6])
     offset = Point(shape.offset[0], shape.offset[1], shape.offset[2])
     centre = along(Point(body[0], body[1], body[2]), 1.0, rotated(orientation, offset))
-    half = Point(shape.half_x, shape.half_y, shape.half_z)
-    x, y, z = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)
-    if shape.kind == ShapeKind.BALL:
-        return Solid(True, half.x, centre, x, y, z, half)
-    turn = product(orientation, (shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]))
-    w = rotated(turn, z)
-    level = math.hypot(w.x, w.y)
-    if shape.kind == ShapeKind.ROUND and level > 1e-6:
-        u = Point(-w.y / level, w.x / level, 0.0)  # level, and across the axis
-        return Solid(False, 0.0, centre, u, cross(w, u), w, half)
-    return Solid(False, 0.0, centre, rotated(turn, x), rotated(turn, y), w, half)
+    half = Point(shape.half[0], shape.half[1], shape.half[2])
+    u, v, w = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)
+    if shape.kind != ShapeKind.BALL:
+        turn = product(orientation, (shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]))
+        u, v, w = rotated(turn, u), rotated(turn, v), rotated(turn, w)
+        level = math.hypot(w.x, w.y)
+        if is_round(shape.kind) and level > 1e-6:  # choose the axes across so that one of them is level
+            u = Point(-w.y / level, w.x / level, 0.0)
+            v = Point(w.y * u.z - w.z * u.y, w.z * u.x - w.x * u.z, w.x * u.y - w.y * u.x)
+    return Solid(
+        shape.kind, centre, u, v, w, half, shape.rounding, shape.reach, shape.first, shape.size, shapes.vertices,
+        shapes.parts,
+    )  # fmt: skip

@@ -1,44 +1,41 @@
-"""Shapes of PyBullet's bodies and links as records of ``SHAPE``."""
+"""Shapes of bodies and links, as users give them or as PyBullet reports them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.shapes import SHAPE, ShapeKind
+from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, compound, cylinder, hull
+from smartmesh_ros.patches.solids import ShapeKind
+from smartmesh_ros.physics.obj_parts import obj_parts
 from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
 from smartmesh_ros.physics.state import Quaternion, Vector
 from smartmesh_ros.terrain.grid import FloatArray
 
-CENTRE: Vector = (0.0, 0.0, 0.0)
-UNTURNED: Quaternion = (0.0, 0.0, 0.0, 1.0)
+# Margin by which PyBullet's loader grows the hulls of links [m]; ``changeDynamics`` changes that of base links only.
+HULL_MARGIN = 1e-3
 
 
-def ball(radius: float, offset: Vector = CENTRE) -> Any:
-    """A ball whose middle is at ``offset`` from the body's centre of mass."""
-    return _record(ShapeKind.BALL, (radius,) * 3, offset, UNTURNED, radius)
-
-
-def shape_record(shape: Shape) -> Any:
+def body_shape(shape: Shape) -> BodyShape:
     """A shape about the body's centre of mass."""
     if isinstance(shape, Sphere):
         return ball(shape.radius)
     if isinstance(shape, Box):
-        return _box((shape.x, shape.y, shape.z), shape.centre, UNTURNED)
-    return _round(shape.radius, shape.height, CENTRE, UNTURNED, capped=isinstance(shape, Capsule))
+        return box((shape.x, shape.y, shape.z), shape.centre)
+    make = capsule if isinstance(shape, Capsule) else cylinder
+    return make(shape.radius, shape.height)
 
 
-def read_shape(client: Any, body: int, link: int = -1) -> Any:
-    """Read the shape of a body or link from PyBullet.
+def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
+    """Read the shape of a body or link from PyBullet: what PyBullet collides, meshes as their convex hulls.
 
-    Several shapes become the box around all of them, a mesh becomes the box around it. If PyBullet does not report the
-    shape, the result is the bounding ball. If the body has no shape, the radius is zero.
+    If PyBullet does not report the shape, or the file of a mesh cannot be read, the result is the bounding ball. If the
+    body has no shape, the radius is zero.
     """
     try:
         found = client.getCollisionShapeData(body, link)
@@ -46,82 +43,79 @@ def read_shape(client: Any, body: int, link: int = -1) -> Any:
         return ball(_radius_of_bounds(client, body, link))
     if not found:
         return ball(0.0)
-    parts = [_part(kind, size, file, position, turn) for _, _, kind, size, file, position, turn in found]
-    known = [part for part in parts if part is not None]
-    if len(known) < len(parts):
-        return ball(_radius_of_bounds(client, body, link))
-    return known[0] if len(known) == 1 else _box_around(known)
+    parts: list[BodyShape] = []
+    for index, (_, _, kind, size, file, position, turn) in enumerate(found):
+        if kind == pb.GEOM_MESH:
+            margin = _margin(client, body, link, alone=len(found) == 1)
+            hulls = _hulls(client, body, link, index, (size, file, position, turn))
+            known = [hull(points, margin) for points in hulls]
+        else:
+            known = _simple(kind, size, position, turn)
+        if not known:
+            return ball(_radius_of_bounds(client, body, link))
+        parts += known
+    return compound(parts)
 
 
-def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> Any:
+def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> BodyShape:
     """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
     raises `InputError` if it has no size."""
     if shape is not None:
-        record = shape_record(shape)
+        made = body_shape(shape)
     else:
-        record = read_shape(client, body, link) if radius is None else ball(radius)
-    size = float(record["radius"])
-    if not (math.isfinite(size) and size > 0.0):
-        raise InputError("geometry", f"the radius of body {body}, link {link} is {size} m; it must be above zero")
-    return record
+        made = read_shape(client, body, link) if radius is None else ball(radius)
+    if not (math.isfinite(made.radius) and made.radius > 0.0):
+        raise InputError(
+            "geometry", f"the radius of body {body}, link {link} is {made.radius} m; it must be above zero"
+        )
+    return made
 
 
-def is_ball(shape: Any) -> bool:
+def is_ball(shape: BodyShape) -> bool:
     """Return True if a shape is a ball about the body's centre: inner edges take little of a ball's speed."""
-    return bool(shape["kind"] == ShapeKind.BALL and not np.any(shape["offset"]))
+    return shape.kind == ShapeKind.BALL and not np.any(shape.record["offset"])
 
 
-def is_round(shape: Any) -> bool:
+def is_round(shape: BodyShape) -> bool:
     """Return True if a shape is a cylinder or a capsule."""
-    return bool(shape["kind"] == ShapeKind.ROUND)
+    return shape.kind in (ShapeKind.CYLINDER, ShapeKind.CAPSULE)
 
 
-def _box(edges: Iterable[float], offset: Vector, turn: Quaternion) -> Any:
-    half = [0.5 * edge for edge in edges]
-    return _record(ShapeKind.BOX, half, offset, turn, math.hypot(*half))
-
-
-def _round(radius: float, height: float, offset: Vector, turn: Quaternion, *, capped: bool) -> Any:
-    """A cylinder, or a ``capped`` capsule, whose ``height`` [m] excludes its half balls."""
-    half = (radius, radius, 0.5 * height + (radius if capped else 0.0))
-    return _record(ShapeKind.ROUND, half, offset, turn, half[2] if capped else math.hypot(*half[1:]))
-
-
-def _record(kind: ShapeKind, half: Iterable[float], offset: Vector, turn: Quaternion, radius: float) -> Any:
-    """A record of a shape with a bounding ``radius`` [m] about its own middle."""
-    return np.array((kind, *half, offset, turn, radius + math.hypot(*offset)), SHAPE)
-
-
-def _part(kind: int, size: Any, file: bytes, position: Vector, turn: Quaternion) -> Any:
-    """One of a link's shapes; None if its size is unknown."""
+def _simple(kind: int, size: Any, position: Vector, turn: Quaternion) -> list[BodyShape]:
+    """One of a link's shapes as PyBullet reports it; none if its kind is unknown."""
     if kind == pb.GEOM_SPHERE:
-        return ball(size[0], position)
+        return [ball(size[0], position)]
     if kind == pb.GEOM_BOX:
-        return _box(size, position, turn)
+        return [box(size, position, turn)]
     if kind in (pb.GEOM_CYLINDER, pb.GEOM_CAPSULE):
-        height, radius = size[0], size[1]
-        return _round(radius, height, position, turn, capped=kind == pb.GEOM_CAPSULE)
-    return None
+        make = capsule if kind == pb.GEOM_CAPSULE else cylinder
+        return [make(size[1], size[0], position, turn)]
+    return []
 
 
-def _box_around(parts: list[Any]) -> Any:
-    """The box around several shapes, along the body's axes."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for part in parts:
-        extent = _extent(part)
-        low, high = np.minimum(low, part["offset"] - extent), np.maximum(high, part["offset"] + extent)
-    x, y, z = (0.5 * (high + low)).tolist()
-    return _box((high - low).tolist(), (x, y, z), UNTURNED)
+def _hulls(
+    client: Any, body: int, link: int, index: int, mesh: tuple[Vector, bytes, Vector, Quaternion]
+) -> list[FloatArray]:
+    """Return the points (n, 3) [m] of the hulls that PyBullet makes of a mesh, in the frame of the centre of mass; none
+    if they are unknown.
+
+    PyBullet makes a hull of each object of an OBJ file, but returns the points of the last one only, so such files are
+    read here. All other meshes, and cylinders that are no primitives in PyBullet, are one hull.
+    """
+    scale, file, position, turn = mesh
+    path = file.decode(errors="replace")
+    objects = obj_parts(path) if path.lower().endswith(".obj") else [np.empty((0, 3))]
+    if len(objects) != 1:
+        axes = np.array([rotate(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+        return [points * scale @ axes + position for points in objects]
+    count, points = client.getMeshData(body, link, index)
+    return [np.array(points, np.float64)] if count else []
 
 
-def _extent(part: Any) -> FloatArray:
-    """Half extents of a shape along the body's axes (3,) [m]."""
-    half = np.array([part["half_x"], part["half_y"], part["half_z"]])
-    if part["kind"] == ShapeKind.BALL:
-        return half
-    x, y, z, w = part["turn"].tolist()
-    axes = np.array([rotate((x, y, z, w), axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
-    return np.asarray(np.abs(axes).T @ half)
+def _margin(client: Any, body: int, link: int, *, alone: bool) -> float:
+    """Return the margin by which PyBullet grows a hull [m]."""
+    told = float(client.getDynamicsInfo(body, link)[11])
+    return told if link < 0 and alone else max(told, HULL_MARGIN)
 
 
 def _radius_of_bounds(client: Any, body: int, link: int) -> float:

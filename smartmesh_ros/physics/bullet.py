@@ -32,6 +32,16 @@ class BulletCalls:
         numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
 
+    def link_positions(self, body: int, links: list[int]) -> list[Vector]:
+        """Return the centres of mass of a robot's links [m]."""
+        return [state[0] for state in pb.getLinkStates(body, links, 0, 0, self._client)]
+
+    def link_states(self, body: int, links: list[int]) -> FloatArray:
+        """Return the states of a robot's links (n, 13), as `states` does."""
+        found = pb.getLinkStates(body, links, 1, 0, self._client)
+        numbers = chain.from_iterable(chain(state[0], state[1], state[6], state[7]) for state in found)
+        return np.fromiter(numbers, np.float64, 13 * len(links)).reshape(-1, 13)
+
     def add_velocities(self, bodies: list[int], changes: list[list[float]]) -> list[list[float]]:
         """Add ``changes`` to the linear velocities of bodies; returns the new velocities, three numbers each [m/s]."""
         get, reset, client = pb.getBaseVelocity, pb.resetBaseVelocity, self._client

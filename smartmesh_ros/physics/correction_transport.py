@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.contact_candidates import extents, fitted_slopes
+from smartmesh_ros.patches.contact_candidates import fitted_slopes
+from smartmesh_ros.patches.facets import Point, scaled
+from smartmesh_ros.patches.rotations import product
 from smartmesh_ros.patches.selection import local_body
-from smartmesh_ros.patches.shapes import product, solid_of
+from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.solids import Solid, extents
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
@@ -26,8 +29,9 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_
 HIGHEST_MOVED = 1.0
 # Points on a side of the sampling grid under a shape.
 POINTS = 5
-# Half width of the sampling grid under a ball [radii]. Small, because a ball touches the ground at one point.
-BALL_GRID = 0.25
+# Share of a shape's rounding radius by which the sampling grid is wider than its core. Small, because a ball touches
+# the ground at one point.
+ROUNDED_SHARE = 0.25
 # Weight of links that do not stand on the ground, relative to links that do.
 AIRBORNE_WEIGHT = 1e-6
 # Sums over the points under a body: weights, and products with x, y, the height before and the correction.
@@ -81,6 +85,20 @@ def height_on(grid, row, column):
 
 
 @compiled
+def level_axes(solid: Solid) -> tuple[Point, Point]:
+    """Return the two most level axes of a solid, as long as the half extents of the sampling grid along them [m]."""
+    wider = ROUNDED_SHARE * solid.rounding
+    u = scaled(solid.u, solid.half.x + wider)
+    v = scaled(solid.v, solid.half.y + wider)
+    w = scaled(solid.w, solid.half.z + wider)
+    if abs(solid.u.z) > abs(solid.v.z) and abs(solid.u.z) > abs(solid.w.z):
+        return v, w
+    if abs(solid.v.z) > abs(solid.w.z):
+        return u, w
+    return u, v
+
+
+@compiled
 def gather(before, after, tile, chosen, owners, shapes, states, supports, poses, sums):
     """Add the points under the followers in the slots ``chosen`` (n,) on a tile to the ``sums`` (B, SUMS) of their
     PyBullet bodies.
@@ -95,27 +113,21 @@ def gather(before, after, tile, chosen, owners, shapes, states, supports, poses,
         if stands and supports[i].tile != tile:
             continue
         local_body(before, states[i], local)
-        solid = solid_of(shapes[i], local)
+        solid = solid_of(shapes, i, local)
         spacing = before.resolution
         ground = height_on(before, solid.centre.y / spacing, solid.centre.x / spacing)
         if not stands and not solid.centre.z - extents(solid).z - ground <= HIGHEST_MOVED:
             continue
-        share = BALL_GRID * solid.radius
-        ax, ay, bx, by = share, 0.0, 0.0, share
-        if not solid.ball:  # the two most level axes
-            u, v, w, half = solid.u, solid.v, solid.w, solid.half
-            if abs(u.z) >= abs(v.z) and abs(u.z) >= abs(w.z):
-                ax, ay, bx, by = v.x * half.y, v.y * half.y, w.x * half.z, w.y * half.z
-            elif abs(v.z) >= abs(w.z):
-                ax, ay, bx, by = u.x * half.x, u.y * half.x, w.x * half.z, w.y * half.z
-            else:
-                ax, ay, bx, by = u.x * half.x, u.y * half.x, v.x * half.y, v.y * half.y
+        a, b = level_axes(solid)
         weight = 1.0 if stands else AIRBORNE_WEIGHT
         total, pose = sums[owners[k]], poses[owners[k]]
         for m in range(POINTS):
             for n in range(POINTS):
                 s, t = 2.0 * m / (POINTS - 1) - 1.0, 2.0 * n / (POINTS - 1) - 1.0
-                row, column = (solid.centre.y + s * ay + t * by) / spacing, (solid.centre.x + s * ax + t * bx) / spacing
+                row, column = (
+                    (solid.centre.y + s * a.y + t * b.y) / spacing,
+                    (solid.centre.x + s * a.x + t * b.x) / spacing,
+                )
                 old, new = height_on(before, row, column), height_on(after, row, column)
                 if math.isnan(old) or math.isnan(new):
                     continue

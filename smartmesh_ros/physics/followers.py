@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.body_shapes import is_ball, is_round
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -25,7 +25,7 @@ FOLLOWER = np.dtype([(name, np.bool_) for name in ("alive", "awake", "solid", "f
 class Follower:
     """An attached body or link, with a patch under it.
 
-    ``shape``: a record of ``SHAPE``. ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``.
+    ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``.
     ``slot``: its row in the tables of `Followers`. ``collider``: PyBullet body of its current collider, None = no
     collider. ``ball``: the shape is a ball. ``round``: the shape is a cylinder or capsule that moves freely; wheels are
     excluded, because their joints hold them.
@@ -33,7 +33,7 @@ class Follower:
 
     body: int
     link: int
-    shape: Any
+    shape: BodyShape
     solid: bool
     name: str = ""
     slot: int = -1
@@ -46,13 +46,13 @@ class Follower:
     @property
     def radius(self) -> float:
         """Bounding radius about the centre of mass [m]."""
-        return float(self.shape["radius"])
+        return self.shape.radius
 
 
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``, records of ``SHAPE``; ``states``
+    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``; ``states``
     (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one
     step [m]. ``epoch`` changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
     """
@@ -60,7 +60,7 @@ class Followers:
     def __init__(self) -> None:
         self.epoch = self.wakes = next_revision()
         self.table: Any = np.zeros(0, FOLLOWER).view(np.recarray)
-        self.shapes: Any = np.zeros(0, SHAPE).view(np.recarray)
+        self._shapes = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
         self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
         self._radii: FloatArray = np.empty(0)
@@ -85,6 +85,11 @@ class Followers:
     def capacity(self) -> int:
         """Number of rows of the tables."""
         return len(self.table)
+
+    @property
+    def shapes(self) -> Shapes:
+        """Shapes by slot."""
+        return self._shapes.shapes
 
     @property
     def radii(self) -> FloatArray:
@@ -113,7 +118,7 @@ class Followers:
         slots.append(slot)
         self._items[slot] = follower
         self.table[slot] = (True, True, follower.solid, free, own, False)
-        self.shapes[slot] = follower.shape
+        self._shapes.put(slot, follower.shape)
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
         self._changed()
 
@@ -173,8 +178,8 @@ class Followers:
 
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
-        self.shapes = with_rows(self.shapes, slots, 0)
-        self._radii = self.shapes.view(np.ndarray)["radius"]  # fields of record arrays are read slowly
+        self._shapes.reserve(slots)
+        self._radii = self.shapes.table.view(np.ndarray)["radius"]  # fields of record arrays are read slowly
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)
         self.moved_w = with_rows(self.moved_w, slots, 0.0)

@@ -66,19 +66,13 @@ class Guard:
         """Return the lift that puts a follower's lowest point onto the ground [m]."""
         ground = self._ground
         body, shapes = ground.followers.states[slot], ground.followers.shapes
-        lift = height - body[2] + shapes["radius"][slot]
+        lift = height - body[2] + shapes.table["radius"][slot]
         for mesh in ground.terrain.tiles.values():
             if isinstance(mesh, HeightMap) and mesh.beyond(body[None])[0] <= 0.0:
                 rules = rules_for(ground.config, SELECTION, 0.0, across=False)
-                exact = lift_of(mesh.moved_to(time), shapes[slot : slot + 1], body, time, rules, *self._memory[:2])
+                exact = height_at_rest(mesh.moved_to(time), shapes, slot, body, time, rules, *self._memory[:2])
                 return float(lift if math.isnan(exact) else exact)
         return float(lift)
-
-
-@compiled
-def lift_of(grid, shape, body, time, rules, memory_h, memory_r):
-    """Call `height_at_rest` with the record of an array of one."""
-    return height_at_rest(grid, shape[0], body, time, rules, memory_h, memory_r)
 
 
 @compiled
@@ -99,7 +93,7 @@ def possibly_buried(
             + (states[i, 1] - support.foot_y) * support.facet_y
             + (states[i, 2] - support.foot_z) * support.facet_z
         )
-        found[k] = support.state == Support.NONE or above < near * shapes[i].radius
+        found[k] = support.state == Support.NONE or above < near * shapes.table[i].radius
     return found
 
 

@@ -17,16 +17,18 @@ from smartmesh_ros.patches.contact_candidates import (
     UP,
     Travel,
     Window,
-    extents,
     facet_of,
     heights_of_cell,
     is_ground,
     out_of_reach,
     surface_at,
 )
-from smartmesh_ros.patches.facets import Gap, Point, Solid, along, dot, gap_to, minus, moved_by, scaled
+from smartmesh_ros.patches.facets import Point, along, dot, minus, scaled
+from smartmesh_ros.patches.gaps import Gap, gap_to
+from smartmesh_ros.patches.rotations import product
 from smartmesh_ros.patches.selection import in_window, local_body, window_place
-from smartmesh_ros.patches.shapes import product, solid_of
+from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.solids import Solid, extents, moved_by
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import read_window
 
@@ -71,7 +73,7 @@ def first_gap(
             for upper in range(2):
                 facet = facet_of(z, window.spacing, a, b, upper)
                 if is_ground(facet):
-                    gap = gap_to(facet, solid)
+                    gap = gap_to(facet, solid, margin)
                     closing = -dot(gap.normal, path)
                     unit = closing if by_share else 1.0
                     if closing > least and gap.distance < limit * unit:
@@ -177,7 +179,7 @@ def window_about(grid, solid, travel, time, dt, rules, memory_h, memory_r):
 
 @compiled
 def clamp_before_impact(
-    grid, shape, body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
+    grid, shapes, slot, body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
 ):  # fmt: skip
     """Write the ``change`` (3,) of velocity [m/s] by which a body (13,) arrives at the ground's surface in the step of
     ``dt`` [s] from ``time`` [s], instead of penetrating it. Returns True if the change is not zero.
@@ -188,7 +190,7 @@ def clamp_before_impact(
     """
     local = np.empty(13)
     local_body(grid, body, local)
-    solid = solid_of(shape, local)
+    solid = solid_of(shapes, slot, local)
     fall_x, fall_y = fall[0] * grid.cos + fall[1] * grid.sin, fall[1] * grid.cos - fall[0] * grid.sin
     path = Point((local[7] + fall_x) * dt, (local[8] + fall_y) * dt, (local[9] + fall[2]) * dt)
     travel = Travel(path.x, path.y, path.z, arrival)
@@ -208,7 +210,7 @@ def clamp_before_impact(
         for axis in range(3):
             local[axis] += (path.x, path.y, path.z)[axis]
         spin(local, dt)
-        after = in_window(grid, place, solid_of(shape, local))
+        after = in_window(grid, place, solid_of(shapes, slot, local))
         cut = along(cut, 1.0, to_arrival(window, moved_by(after, cut, 1.0), arrival))
     x, y = cut.x / dt, cut.y / dt
     change[0], change[1], change[2] = x * grid.cos - y * grid.sin, x * grid.sin + y * grid.cos, cut.z / dt
@@ -216,12 +218,12 @@ def clamp_before_impact(
 
 
 @compiled
-def height_at_rest(grid, shape, body, time, rules, memory_h, memory_r):
+def height_at_rest(grid, shapes, slot, body, time, rules, memory_h, memory_r):
     """Return the lift [m] with which a body (13,) lies on the ground in its current orientation; NaN if there is no
     ground under it. The body is lowered from above until it touches."""
     local = np.empty(13)
     local_body(grid, body, local)
-    solid = solid_of(shape, local)
+    solid = solid_of(shapes, slot, local)
     still = Travel(0.0, 0.0, 0.0, 0.0)
     place, window = window_about(grid, solid, still, time, 0.0, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)

@@ -150,15 +150,14 @@ class Landing:
                 continue
             body = self._calls.states([follower.body])[0]
             deeper = arrival * 2 ** min(int(tries[slot]), MOST_TRIES)
-            shape = ground.followers.shapes[slot : slot + 1]
-            given = (mesh.moved_to(time), shape, body, time, dt, fall, shallow, deeper)
+            given = (mesh.moved_to(time), ground.followers.shapes, slot, body, time, dt, fall, shallow, deeper)
             memory = (rules, *self._memory[:2], change)
-            if not clamp_one(*given, NO_CONTACTS, *memory):
+            if not clamp_before_impact(*given, NO_CONTACTS, *memory):
                 continue
             touching = self._touching(follower, body, dt)
             if len(touching) == 0:
                 self.tries[slot] = tries[slot] + 1
-            elif not clamp_one(*given, touching, *memory):
+            elif not clamp_before_impact(*given, touching, *memory):
                 continue
             found.append(slot)
             changes.append(change.copy())
@@ -225,20 +224,11 @@ def approaching(chosen, positions, moved, states, supports, shapes, table, age, 
         z = moved[i, 2] + (fall[2] - support.rise) * dt
         closing = -(nx * x + ny * y + nz * z)
         length = math.sqrt(x * x + y * y + z * z)
+        close = near * shapes.table[i].radius
         if gap < -deep and support.gap < -deep:
             codes[i] = DEEP
             count += 1
-        elif (closing > shallow or length > near * shapes[i].radius) and gap - length < near * shapes[i].radius:
+        elif (closing > shallow or length > close) and gap - length < close:
             codes[i] = APPROACHING
             count += 1
     return count
-
-
-@compiled
-def clamp_one(
-    grid, shape, body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
-):  # fmt: skip
-    """Call `clamp_before_impact` with the record of an array of one."""
-    return clamp_before_impact(
-        grid, shape[0], body, time, dt, fall, least, arrival, contacts, rules, memory_h, memory_r, change
-    )  # fmt: skip

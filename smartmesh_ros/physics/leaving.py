@@ -19,6 +19,6 @@ def leaves_support(chosen, positions, moved, states, supports, shapes, slack, fa
         for axis in range(3):
             went += (positions[i, axis] + moved[i, axis] - states[i, axis]) ** 2
             step += moved[i, axis] ** 2
-        if step <= fastest * fastest and went > (supports[i].margin + slack * shapes[i].radius) ** 2:
+        if step <= fastest * fastest and went > (supports[i].margin + slack * shapes.table[i].radius) ** 2:
             return True
     return False

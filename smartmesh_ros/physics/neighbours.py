@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.contact_candidates import extents
 from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.solids import extents
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Columns of a table of boxes (S, 6): lowest and highest x, y, z [m].
@@ -21,7 +21,7 @@ def write_boxes(chosen: IntArray, shapes: Any, states: FloatArray, boxes: FloatA
     """Write the bounding boxes (S, 6) of the bodies in the slots ``chosen`` (n,)."""
     for k in range(len(chosen)):
         i = chosen[k]
-        solid = solid_of(shapes[i], states[i])
+        solid = solid_of(shapes, i, states[i])
         half = extents(solid)
         boxes[i, 0], boxes[i, 3] = solid.centre.x - half.x, solid.centre.x + half.x
         boxes[i, 1], boxes[i, 4] = solid.centre.y - half.y, solid.centre.y + half.y

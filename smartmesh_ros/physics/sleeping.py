@@ -40,7 +40,7 @@ def note_motion(
     theirs. ``states`` (S, 13)."""
     for k in range(len(chosen)):
         i = chosen[k]
-        if not strayed(states[i], anchors[i], shapes[i].radius) <= distance:
+        if not strayed(states[i], anchors[i], shapes.table[i].radius) <= distance:
             anchors[i, :7] = states[i, :7]
             anchors[i, SINCE] = time
 

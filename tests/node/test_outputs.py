@@ -25,14 +25,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
-from smartmesh_ros.physics.body_shapes import ball
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact
 from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from tests.bodies import shapes_of
 from tests.patches.selecting import Selecting
 
 HEADER = Header(frame_id="some_map")
@@ -45,7 +45,7 @@ numbers = st.floats(-1e6, 1e6, width=32)
 
 def batches_of(terrain: Terrain, config: PatchConfig, positions: FloatArray, radii: FloatArray) -> list[PatchBatch]:
     """Patches of balls at rest at ``positions`` (N, 3)."""
-    shapes = np.array([ball(radius) for radius in radii], SHAPE).view(np.recarray)
+    shapes = shapes_of(ball(radius) for radius in radii)
     selecting = Selecting(terrain, config, shapes)
     bodies = np.zeros((len(radii), BODY_COLUMNS))
     bodies[:, :3], bodies[:, 6] = positions, 1.0

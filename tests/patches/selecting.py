@@ -9,6 +9,7 @@ import numpy as np
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.selector import Selector
+from smartmesh_ros.patches.shapes import Shapes
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -17,16 +18,17 @@ class Selecting:
     """Bodies of ``shapes`` (N,) in the first slots of a `Selector`; those that are not ``solid`` get patches of fixed
     extent when asked for."""
 
-    def __init__(self, terrain: Terrain, config: PatchConfig, shapes: Any, solid: BoolArray | None = None) -> None:
+    def __init__(self, terrain: Terrain, config: PatchConfig, shapes: Shapes, solid: BoolArray | None = None) -> None:
         self.terrain = terrain
         self.selector = Selector(terrain, config)
-        self.selector.reserve(len(shapes))
+        self._count = len(shapes.table)
+        self.selector.reserve(self._count)
         self._shapes = shapes
-        self._solid = np.ones(len(shapes), bool) if solid is None else solid
+        self._solid = np.ones(self._count, bool) if solid is None else solid
 
     @property
     def supports(self) -> Any:
-        return self.selector.supports[: len(self._shapes)]
+        return self.selector.supports[: self._count]
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
         self.selector.update(np.flatnonzero(self._solid), self._shapes, bodies, time, duration, 9.81)

@@ -11,12 +11,12 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
 from smartmesh_ros.patches.supports import Support
-from smartmesh_ros.physics.body_shapes import ball
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from tests.bodies import shapes_of
 from tests.examples import examples
 from tests.patches.selecting import Selecting
 
@@ -27,7 +27,7 @@ SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the bo
 def selector_for(
     heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
 ) -> Selecting:
-    shapes = np.array([ball(radius) for radius in radii]).view(np.recarray)
+    shapes = shapes_of(ball(radius) for radius in radii)
     return Selecting(Terrain(heightmap), config, shapes, solid)
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.shapes import BODY_COLUMNS
-from smartmesh_ros.physics.body_shapes import ball
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from tests.bodies import shapes_of
 from tests.patches.selecting import Selecting
 
 
@@ -33,7 +33,7 @@ def terrain_of(**tiles: HeightMap) -> Terrain:
 
 
 def selector_for(terrain: Terrain, radius: float, count: int) -> Selecting:
-    shapes = np.array([ball(radius)] * count).view(np.recarray)
+    shapes = shapes_of([ball(radius)] * count)
     return Selecting(terrain, PatchConfig(kind="heightfield"), shapes)
 
 

@@ -12,22 +12,24 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.contact_candidates import Window
-from smartmesh_ros.patches.facets import Point, Solid, moved_by
+from smartmesh_ros.patches.facets import Point
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, SHAPE
-from smartmesh_ros.physics.guard import lift_of
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, box, solid_of
+from smartmesh_ros.patches.shapes import ball as ball_shape
+from smartmesh_ros.patches.solids import Solid, moved_by
 from smartmesh_ros.physics.impact import (
     TOUCH,
+    clamp_before_impact,
     clamped_path,
+    height_at_rest,
     nearest_gap,
     out_of_ground,
     time_of_impact,
     without_closing,
 )
-from smartmesh_ros.physics.landing import clamp_one
 from smartmesh_ros.terrain.heightmap import HeightMap
-from tests.bodies import Form, random_turn, rotation
+from tests.bodies import FORMS, Form, random_turn, rotation, shapes_of
 from tests.examples import examples
 
 SIDE = 24
@@ -49,12 +51,17 @@ def slope(rise: float) -> np.ndarray:
 
 
 def ball(x: float, y: float, z: float, radius: float) -> Solid:
-    return Solid(True, radius, Point(x, y, z), X, Y, UP, Point(radius, radius, radius))
+    return placed(ball_shape(radius), x, y, z, np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+def placed(shape: BodyShape, x: float, y: float, z: float, turn: np.ndarray) -> Solid:
+    """The solid of a shape at a pose."""
+    body = np.concatenate([[x, y, z], turn, np.zeros(6)])
+    return solid_of(shapes_of([shape]), 0, body)
 
 
 def cube(rng: np.random.Generator, x: float, y: float, z: float, half: float) -> Solid:
-    axes = rotation(random_turn(rng)).T
-    return Solid(False, 0.0, Point(x, y, z), *(Point(*axis) for axis in axes), Point(half, half, half))
+    return placed(box((2.0 * half,) * 3), x, y, z, random_turn(rng))
 
 
 def gap_ahead(window: Window, solid: Solid, path: Point, least: float) -> Any:
@@ -190,11 +197,11 @@ def test_clamping_leaves_what_goes_along_the_ground_and_counts_its_motion(yaw: f
     place = heightmap.geometry.to_world(20.3, 20.4)
     body = np.zeros(BODY_COLUMNS)
     body[:3], body[6], body[7:10] = (*place, 0.05 + 0.1 + 0.01), 1.0, (2.0, -1.0, -speed)
-    shape, change, memory = Form("ball", 0.1, np.random.default_rng(0)).record, np.empty(3), window_memory(131)[:2]
-    shapes = np.array([shape], SHAPE).view(np.recarray)
-    moved = clamp_one(
+    change, memory = np.empty(3), window_memory(131)[:2]
+    moved = clamp_before_impact(
         heightmap.moved_to(0.05),
-        shapes,
+        shapes_of([ball_shape(0.1)]),
+        0,
         body,
         0.05,
         dt,
@@ -212,12 +219,9 @@ def test_clamping_leaves_what_goes_along_the_ground_and_counts_its_motion(yaw: f
     assert (speed - change[2]) * dt + 1.0 * dt == pytest.approx(0.01 + ARRIVAL, abs=1e-6)
 
 
-def lift(heightmap: HeightMap, shape: Any, body: np.ndarray) -> float:
-    shapes = np.array([shape], SHAPE).view(np.recarray)
-    return float(lift_of(heightmap.moved_to(0.0), shapes, body, 0.0, RULES, *window_memory(131)[:2]))
-
-
-FORMS = ("ball", "box", "cylinder", "capsule", "offset ball", "offset box")
+def lift(heightmap: HeightMap, shape: BodyShape, body: np.ndarray) -> float:
+    memory = window_memory(131)[:2]
+    return float(height_at_rest(heightmap.moved_to(0.0), shapes_of([shape]), 0, body, 0.0, RULES, *memory))
 
 
 def lying(form: Form, heightmap: HeightMap, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -225,9 +229,25 @@ def lying(form: Form, heightmap: HeightMap, rng: np.random.Generator) -> tuple[n
     body = np.zeros(BODY_COLUMNS)
     body[:2] = heightmap.geometry.to_world(*rng.uniform(15.0, 24.0, 2))
     body[2], body[3:7] = rng.normal(), random_turn(rng)
-    body[2] += lift(heightmap, form.record, body)
+    body[2] += lift(heightmap, form.shape, body)
     surface = form.surface(rng, 20_000)
     return body, surface @ rotation(body[3:7]).T + body[:3]
+
+
+def reach_of(form: Form, down: np.ndarray) -> float:
+    """How far a form reaches along a direction from its body's centre."""
+    own = rotation(form.turn).T @ down
+    if form.tetrahedron:
+        return float((form.corners @ down).max())
+    if form.ball:
+        reach = form.half[0]
+    elif form.capsule:
+        reach = form.half[0] + (form.half[2] - form.half[0]) * abs(own[2])
+    elif form.round:
+        reach = form.half[0] * math.hypot(own[0], own[1]) + form.half[2] * abs(own[2])
+    else:
+        reach = float(np.abs(own) @ form.half)
+    return float(reach + down @ form.offset)
 
 
 @examples(60)
@@ -238,20 +258,7 @@ def test_on_flat_ground_a_body_at_rest_touches_with_its_lowest_point(seed: int, 
     heightmap = HeightMap(np.full((40, 40), 0.7), resolution=0.1, yaw=yaw)
     body, _ = lying(form, heightmap, rng)
     down = rotation(body[3:7]).T @ [0.0, 0.0, -1.0]
-    own = rotation(form.turn).T @ down
-    straight = form.half[2] - form.half[0]
-    if form.ball:
-        reach = form.half[0]
-    elif form.capsule:
-        reach = form.half[0] + straight * abs(own[2])
-    elif form.round:
-        reach = form.half[0] * math.hypot(own[0], own[1]) + form.half[2] * abs(own[2])
-    else:
-        reach = float(np.abs(own) @ form.half)
-    lowest = body[2] - (reach + float(down @ form.offset))
-    if form.capsule:  # is taken for the box around it
-        assert lowest >= 0.7 - 1e-7
-        return
+    lowest = body[2] - max(reach_of(part, down) for part in form.parts or [form])
     assert 0.7 - 1e-7 <= lowest <= 0.7 + 1e-4
 
 
@@ -277,9 +284,8 @@ def test_on_rough_ground_a_body_at_rest_is_in_it_nowhere_and_touches_it(seed: in
     solid = np.concatenate([below, samples])
     turn = rotation(body[3:7])
     assert not form.inside(solid, body[:3] + [0.0, 0.0, 1e-6], turn).any()
-    if not (form.round or form.capsule):  # these are taken for the box around them
-        fine = 0.01 if kind == "rough" else 0.06  # what lies between the points
-        assert form.inside(solid, body[:3] - [0.0, 0.0, fine], turn).any()
+    fine = 0.01 if kind == "rough" else 0.06  # what lies between the points
+    assert form.inside(solid, body[:3] - [0.0, 0.0, fine], turn).any()
 
 
 def test_where_there_is_no_ground_under_it_a_body_lies_nowhere() -> None:
@@ -287,5 +293,4 @@ def test_where_there_is_no_ground_under_it_a_body_lies_nowhere() -> None:
     heights[10:30, 10:30] = np.nan
     body = np.zeros(BODY_COLUMNS)
     body[:3], body[6] = (2.0, 2.0, 1.0), 1.0
-    shape = Form("ball", 0.3, np.random.default_rng(0)).record
-    assert math.isnan(lift(HeightMap(heights, resolution=0.1), shape, body))
+    assert math.isnan(lift(HeightMap(heights, resolution=0.1), ball_shape(0.3), body))

@@ -149,7 +149,7 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         support = supports[chosen[k]]
         place = Place(support.row, support.column, support.rows, support.columns, support.stride)
         local_body(grid, bodies[chosen[k]], local)
-        solid = solid_of(shapes[chosen[k]], local)
+        solid = solid_of(shapes, chosen[k], local)
         own = in_window(grid, place, solid)
         h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # array type of `select`
         window = Window(h, r, grid.resolution * place.stride)

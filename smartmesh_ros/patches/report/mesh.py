@@ -10,7 +10,8 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import MeshPatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.facets import Facet, Gap, Point, facet_normal, gap_to
+from smartmesh_ros.patches.facets import Facet, Point, facet_normal
+from smartmesh_ros.patches.gaps import Gap, gap_to
 from smartmesh_ros.patches.report.collect import BFS, PatchTopology, TopologyCache, topology_around
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.slot_rows import with_rows
@@ -112,7 +113,7 @@ class MeshPatches:
         linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
         support.slide_x, support.slide_y, support.rise = linear
         support.turn_x, support.turn_y, support.turn_z = angular
-        swing = float(np.linalg.norm(bodies[body, 10:])) * duration * float(shapes[body].radius)
+        swing = float(np.linalg.norm(bodies[body, 10:])) * duration * float(shapes.table["radius"][body])
         moved = (float(np.linalg.norm(bodies[body, 7:10] - linear)) + 0.5 * gravity * duration) * duration
         support.margin = moved + swing
         if config.kind == "auto" and not fixed and support.gap > support.margin + self.mesh.edge_length:
@@ -134,7 +135,7 @@ def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
     """Write the foot, the normals and the gap of a body, ``chosen`` (1,), from the nearest of the triangles (T, 3)
     among ``positions`` (K, 3) [m]."""
     i = chosen[0]
-    solid, support = solid_of(shapes[i], bodies[i]), supports[i]
+    solid, support = solid_of(shapes, i, bodies[i]), supports[i]
     best, up = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre), Point(0.0, 0.0, 1.0)
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -143,7 +144,7 @@ def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
             Point(positions[b, 0], positions[b, 1], positions[b, 2]),
             Point(positions[c, 0], positions[c, 1], positions[c, 2]),
         )
-        gap = gap_to(facet, solid)
+        gap = gap_to(facet, solid, best.distance)
         if gap.distance < best.distance:
             best, up = gap, facet_normal(facet)
     support.gap = best.distance

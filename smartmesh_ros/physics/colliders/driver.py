@@ -65,7 +65,7 @@ def plan(grid, tile, chosen, supports, shapes, samples, time, limits, table, hel
         if supports[i].state == Support.PLANE:
             wanted[i], changes[i] = held[i, PLANE], MISFIT
             if wanted[i] >= 0:
-                changes[i] = plan_plane(table[wanted[i]], supports[i], shapes[i], time, limits, pose, velocity)
+                changes[i] = plan_plane(table[wanted[i]], supports[i], shapes.table[i], time, limits, pose, velocity)
         elif supports[i].state == Support.FIELD:
             wanted[i], changes[i] = held[i, FIELD], MISFIT
             if wanted[i] >= 0:

@@ -1,4 +1,4 @@
-"""Triangles against balls and boxes, checked against points sampled densely."""
+"""Triangles against solids, checked against points sampled densely."""
 
 from __future__ import annotations
 
@@ -6,26 +6,22 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.patches.facets import (
     Facet,
     Plane,
     Point,
-    Solid,
-    ball_gap,
-    box_gap,
     closest_point,
-    deviation_near,
-    gap_to,
     height_of,
     plane_normal,
     plane_of,
-    reach_along,
 )
-from smartmesh_ros.patches.shapes import solid_of
-from tests.bodies import FORMS, Form, random_turn, rotation
+from smartmesh_ros.patches.gaps import ball_gap, box_gap, deviation_near, gap_to
+from smartmesh_ros.patches.shapes import BodyShape, box, solid_of
+from smartmesh_ros.patches.solids import Solid, extents, reach_along
+from tests.bodies import FORMS, Form, random_turn, rotation, shapes_of
 from tests.examples import examples
 
 # Barycentric coordinates of points all over a triangle, STEP of its edges apart, corners and edges among them.
@@ -50,13 +46,27 @@ def as_facet(corners: np.ndarray) -> Facet:
     return Facet(*(Point(*corner) for corner in corners.tolist()))
 
 
+def at_pose(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> Solid:
+    """The solid of a shape on a body."""
+    return solid_of(shapes_of([shape]), 0, np.concatenate([position, turn, np.zeros(6)]))
+
+
 def box_at(rng: np.random.Generator, corners: np.ndarray) -> tuple[Solid, np.ndarray]:
     """A box turned anyhow near a triangle, and its axes as rows (3, 3)."""
-    axes = np.eye(3) if rng.random() < 0.3 else rotation(random_turn(rng)).T
+    turn = np.array([0.0, 0.0, 0.0, 1.0]) if rng.random() < 0.3 else random_turn(rng)
     size = np.abs(corners - corners.mean(axis=0)).max()
     half = size * np.exp(rng.uniform(-3.0, 1.0, 3))
     centre = corners.mean(axis=0) + rng.normal(size=3) * (size + half.max()) * rng.choice([0.3, 1.0])
-    return Solid(False, 0.0, Point(*centre), *(Point(*axis) for axis in axes), Point(*half)), axes
+    return at_pose(box(2.0 * half), centre, turn), rotation(turn).T
+
+
+def form_at(rng: np.random.Generator, name: str, corners: np.ndarray) -> tuple[Form, np.ndarray, np.ndarray, Solid]:
+    """A form turned anyhow near a triangle: itself, its position, its turn, and the solid."""
+    size = np.abs(corners - corners.mean(axis=0)).max()
+    form = Form(name, size * float(np.exp(rng.uniform(-2.0, 0.5))), rng)
+    centre = corners.mean(axis=0) + rng.normal(size=3) * (size + form.radius) * rng.choice([0.3, 0.8])
+    turn = random_turn(rng)
+    return form, centre, turn, at_pose(form.shape, centre, turn)
 
 
 def distance_to_box(points: np.ndarray, solid: Solid, axes: np.ndarray) -> np.ndarray:
@@ -137,30 +147,46 @@ def test_a_box_is_never_said_to_be_farther_than_it_is(seed: int, upright: bool) 
 )
 def test_the_gap_of_boxes_of_which_it_is_known(centre: tuple[float, float, float], expected: float) -> None:
     facet = Facet(Point(0.0, 0.0, 0.0), Point(1.0, 0.0, 0.0), Point(1.0, 1.0, 0.0))
-    x, y, z = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)
-    solid = Solid(False, 0.0, Point(*centre), x, y, z, Point(0.5, 0.5, 0.5))
+    solid = at_pose(box((1.0, 1.0, 1.0)), np.array(centre), np.array([0.0, 0.0, 0.0, 1.0]))
     assert box_gap(facet, solid).distance == pytest.approx(expected)
 
 
 @examples(400)
-@given(seeds, st.booleans())
-@example(0, True)
-def test_the_deviation_near_a_solid_is_that_of_every_point_it_can_touch(seed: int, ball: bool) -> None:
+@given(seeds, st.sampled_from(FORMS), st.booleans())
+def test_the_gap_of_a_form_is_none_where_points_of_the_triangle_are_inside(seed: int, name: str, upright: bool) -> None:
+    """And a gap is the distance of a plane that separates the two."""
+    rng = np.random.default_rng(seed)
+    corners = triangle(rng, upright=upright)
+    form, centre, turn, solid = form_at(rng, name, corners)
+    gap, size = gap_to(as_facet(corners), solid), np.abs(corners - corners[0]).max()
+    if form.inside(SHARES @ corners, centre, rotation(turn)).any():
+        assert gap.distance <= 1e-9 * size
+    assert np.linalg.norm(gap.normal) == pytest.approx(1.0)
+    if gap.distance > 1e-9:
+        surface = form.surface(rng, 400) @ rotation(turn).T + centre
+        ahead = (surface @ gap.normal).min() - (corners @ gap.normal).max()
+        assert ahead >= gap.distance - 1e-6 * (1.0 + size) or name == "compound"
+        limited = gap_to(as_facet(corners), solid, 0.3 * gap.distance)
+        assert 0.3 * gap.distance - 2e-6 <= limited.distance <= gap.distance + 2e-6
+
+
+@examples(400)
+@given(seeds, st.sampled_from(FORMS))
+def test_the_deviation_near_a_solid_is_that_of_every_point_it_can_touch(seed: int, name: str) -> None:
     rng = np.random.default_rng(seed)
     corners = triangle(rng)
     facet, size = as_facet(corners), float(np.abs(corners[:, :2]).max())
-    solid, axes = box_at(rng, corners)
-    if ball:
-        solid = solid._replace(ball=True, radius=max(solid.half))
+    form, position, turn, solid = form_at(rng, name, corners)
     plane = Plane(float(rng.normal(scale=0.2 * size)), *rng.normal(scale=0.3, size=2).tolist())
     gap, margin = gap_to(facet, solid), float(size * rng.choice([0.0, 0.1, 1.0]))
     points = SHARES @ corners
-    centre = np.array(solid.centre)
-    away = np.linalg.norm(points - centre, axis=1) - solid.radius if ball else distance_to_box(points, solid, axes)
-    touched = points[away <= margin]
-    off = np.abs(touched[:, 2] - height_of(plane, 0.0, 0.0) - touched[:, :2] @ (plane.slope_x, plane.slope_y))
+    # Points of the triangle within the margin of a point inside the form.
+    near = form.surface(rng, 300) @ rotation(turn).T + position
+    touched = np.linalg.norm(points[:, None] - near, axis=2).min(axis=1) <= margin
+    touched |= form.inside(points, position, rotation(turn))
+    off = np.abs(points[:, 2] - height_of(plane, 0.0, 0.0) - points[:, :2] @ (plane.slope_x, plane.slope_y))
     bound = deviation_near(facet, plane, solid, gap, margin)
-    assert (off <= bound + 1e-9 * (1.0 + size)).all()
+    assert (off[touched] <= bound + 1e-9 * (1.0 + size)).all()
     corner_off = [abs(z - height_of(plane, x, y)) for x, y, z in corners.tolist()]
     assert bound <= max(corner_off) + 1e-12, "and no more than it is at the corners"
 
@@ -177,23 +203,19 @@ def test_the_plane_of_a_facet_goes_through_its_corners(seed: int) -> None:
 
 
 @given(seeds, st.sampled_from(FORMS))
-def test_the_solid_of_a_shape_holds_all_of_it(seed: int, form: str) -> None:
-    """Balls exactly; boxes exactly; what is round by the box around it."""
+def test_a_solid_reaches_as_far_as_its_surface(seed: int, name: str) -> None:
     rng = np.random.default_rng(seed)
-    shape = Form(form, 0.3, rng)
-    body = np.concatenate([rng.normal(size=3), random_turn(rng), np.zeros(6)])
-    solid = solid_of(np.array([shape.record]).view(np.recarray)[0], body)
-    own = shape.surface(rng, 200)
-    points = own @ rotation(body[3:7]).T + body[:3]
+    form = Form(name, 0.3, rng)
+    position, turn = rng.normal(size=3), random_turn(rng)
+    solid = at_pose(form.shape, position, turn)
+    points = form.surface(rng, 4000) @ rotation(turn).T + position
     away = points - np.array(solid.centre)
-    assert np.linalg.norm(points - body[:3], axis=1).max() <= shape.radius + 1e-9
-    if shape.ball:
-        np.testing.assert_allclose(np.linalg.norm(away, axis=1), solid.radius, atol=1e-9)
-        return
+    assert np.linalg.norm(points - position, axis=1).max() <= form.radius + 1e-9
     axes = np.array([solid.u, solid.v, solid.w])
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
-    over = np.abs(away @ axes.T) - np.array(solid.half)
-    assert over.max() <= 1e-9
+    assert (np.abs(away) <= np.array(extents(solid)) + 1e-9).all()
+    assert (np.abs(away @ axes.T) <= np.array(solid.half) + solid.rounding + 1e-9).all()
     for direction in rng.normal(size=(5, 3)):
         unit = direction / np.linalg.norm(direction)
-        assert (away @ unit).max() <= reach_along(solid, Point(*unit)) + 1e-9
+        farthest, reach = (away @ unit).max(), reach_along(solid, Point(*unit))
+        assert farthest - 1e-9 <= reach <= farthest + 0.15 * form.radius  # between the points
