@@ -42,7 +42,7 @@ bench:  ## running times against the report's tables
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
 
-before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute
+before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute, --robots for robots
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
 
 start-study:  ## from a node's command to its first answer, compiled and not (two minutes; on a machine with nothing to do)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from studies.before_after.side import Piece, Side
 
 SIDES = ("before", "now")
 # Columns of what a piece took.
-UPDATE, STEP, OWN, CALLS, MAP_CAME = range(5)
+UPDATE, STEP, OWN, CALLS, MAP_CAME, MAP = range(6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +77,7 @@ def compare(
     with Side(folders["before"], count_calls=True) as before, Side(folders["now"], count_calls=True) as now:
         sides = {"before": before, "now": now}
         for case in (case for case in chosen if case.calls):
-            counted[case.name] = _pieces(case, sides, max(3, pieces // 2), scratch, say, "calls")
+            counted[case.name] = take_turns(case, sides, range(max(3, pieces // 2) + 1), scratch, say, "calls")
     compared = []
     for case in chosen:
         figures = {
@@ -90,16 +91,27 @@ def _timed(
     case: Case, sides: Mapping[str, Side], pieces: int, scratch: Path, say: Callable[[str], None]
 ) -> dict[str, list[Piece] | str]:
     write_inputs(case, scratch / case.name)
-    return _pieces(case, sides, pieces, scratch, say, "timing")
+    # One more, for warming up.
+    return take_turns(case, sides, range(pieces + 1), scratch, say, "timing")
 
 
-def _pieces(
-    case: Case, sides: Mapping[str, Side], pieces: int, scratch: Path, say: Callable[[str], None], what: str
+class Titled(Protocol):
+    """What all cases have: a name, which their files have too, and a title."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def title(self) -> str: ...
+
+
+def take_turns(
+    case: Titled, sides: Mapping[str, Side], parts: range, scratch: Path, say: Callable[[str], None], what: str
 ) -> dict[str, list[Piece] | str]:
-    """Return the pieces of each side, after one for warming up; or the reason why a side cannot run the case."""
+    """Return the pieces of each side; or the reason why a side cannot run the case."""
     found: dict[str, list[Piece] | str] = {name: [] for name in SIDES}
-    for part in range(pieces + 1):
-        say(f"{case.title}: {what}, piece {part} of {pieces}")
+    for part in parts:
+        say(f"{case.title}: {what}, piece {part + 1} of {len(parts)}")
         for name in SIDES if part % 2 else SIDES[::-1]:
             mine = found[name]
             if isinstance(mine, str):

@@ -17,13 +17,15 @@ from studies.before_after import worker
 
 
 class Piece(NamedTuple):
-    """One run of a case, as `Worker.run` writes it: a row for each of S steps in ``taken`` (S, 5), and T samples of
-    N bodies."""
+    """One run of a case, as `Worker.run` writes it: a row for each of S steps in ``taken`` (S, 6), and T samples of
+    N bodies. Of robots also ``links`` (L,), their names, and ``fields`` (T, L), numbers of samples of the fields."""
 
     taken: FloatArray
     times: FloatArray
     positions: FloatArray
     orientations: FloatArray
+    links: Any
+    fields: Any
 
 
 class Side:

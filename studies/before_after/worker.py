@@ -158,7 +158,60 @@ class WorldDriver:
         self.world.close()
 
 
-DRIVERS: dict[str, type[GroundDriver | WorldDriver]] = {"ground": GroundDriver, "world": WorldDriver}
+class RobotsDriver:
+    """`World` with its defaults and robots in it, which never sleep."""
+
+    def __init__(self, case: dict[str, Any], first: NDArray[np.float32], starts: NDArray[np.float64]) -> None:
+        from smartmesh_ros import BodyState, PatchConfig, PhysicsConfig, World, WorldConfig
+
+        self.heightmap = height_map(case, first)
+        physics = PhysicsConfig(rate=case["rate"], sleep=False)
+        self.world = world = World(self.heightmap, WorldConfig(physics=physics, patch=PatchConfig(kind=case["kind"])))
+        self.client = world.client
+        for index, (x, y, z) in enumerate(starts.tolist()):
+            name = f"robot_{index}"
+            world.spawn_robot(name, case["urdf"], BodyState((x, y, z)))
+            body = world.bodies[name]
+            for joint, position in case["positions"].items():
+                self.client.resetJointState(body.uid, body.joints[joint], position, 0.0)
+                world.command(name, joint, self._command(position=position))
+            for joint, velocity in case["velocities"].items():
+                world.drive(name, joint, velocity)
+            world.ground.placed(body.uid)
+        self.uids = [body.uid for body in world.bodies.values()]
+
+    @staticmethod
+    def _command(**target: float) -> Any:
+        from smartmesh_ros.physics.joints import JointCommand
+
+        return JointCommand(**target)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.world.time)
+
+    def step(self) -> None:
+        self.world.step()
+
+    def samples(self) -> dict[str, int]:
+        """Return the number of samples of the field under each link, 0 = it has no field."""
+        from smartmesh_ros.patches.supports import Support
+
+        followers, supports = self.world.ground.followers, self.world.ground.supports
+        found = {}
+        for follower in followers:
+            support = supports[follower.slot]
+            is_field = int(support["state"]) == Support.FIELD
+            found[follower.name] = int(support["rows"]) * int(support["columns"]) if is_field else 0
+        return found
+
+    def close(self) -> None:
+        self.world.close()
+
+
+Driver = GroundDriver | WorldDriver | RobotsDriver
+DRIVERS: dict[str, type[Driver]] = {"ground": GroundDriver, "world": WorldDriver, "robots": RobotsDriver}
 
 
 def height_map(case: dict[str, Any], first: NDArray[np.float32]) -> Any:
@@ -184,8 +237,10 @@ class Worker:
         driver = DRIVERS[case["driver"]](case, maps[0], starts)
         gc.collect()
         steps, rate, map_rate = round(case["seconds"] * case["rate"]), case["rate"], case["map_rate"]
-        taken = np.empty((steps, 5))  # update, step, PyBullet's own calls [s]; their number; whether a map came
+        # Update, step, PyBullet's own calls [s]; their number; whether a map came; its share of the update [s].
+        taken = np.empty((steps, 6))
         samples: list[tuple[float, Any]] = []
+        fields: list[dict[str, int]] = []
         number = 0
         for step in range(steps):
             due = int((step / rate + case["early"]) * map_rate + 1e-6)
@@ -198,24 +253,29 @@ class Worker:
             if step % EVERY == EVERY - 1:
                 poses = [driver.client.getBasePositionAndOrientation(uid) for uid in driver.uids]
                 samples.append(((step + 1) / rate, poses))
+                fields.append(driver.samples() if isinstance(driver, RobotsDriver) else {})
         np.savez(
             out,
             taken=taken,
             times=[time for time, _ in samples],
             positions=np.array([[pose[0] for pose in poses] for _, poses in samples]),
             orientations=np.array([[pose[1] for pose in poses] for _, poses in samples]),
+            links=list(fields[0]),
+            fields=np.array([list(counts.values()) for counts in fields]),
         )
         driver.close()
 
-    def _one_step(self, driver: GroundDriver | WorldDriver, heights: Any, time: float) -> tuple[float, ...]:
+    def _one_step(self, driver: Driver, heights: Any, time: float) -> tuple[float, ...]:
         self._stepping.take(), self._calls.take()
         begin = self._clock()
         if heights is not None:
             driver.heightmap.replace(heights, time=time)
+        received = self._clock() - begin - self._offset
         driver.step()
         whole = self._clock() - begin - self._offset
         stepping, (own, calls) = self._stepping.take()[0], self._calls.take()
-        return whole - stepping - self._offset, stepping, own, float(calls), float(heights is not None)
+        new = heights is not None
+        return whole - stepping - 2.0 * self._offset, stepping, own, float(calls), float(new), received * new
 
 
 def main() -> None:

@@ -9,8 +9,17 @@ import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from studies.before_after.case import CASES, cases
 from studies.before_after.contest import Calls, Compared, Figures, compare
+from studies.before_after.robots import (
+    RobotCase,
+    RobotFigures,
+    RobotsCompared,
+    compare_robots,
+    robot_cases,
+    robots_missed,
+)
 from studies.before_after.side import Side
 from studies.before_after.tables import missed, speed_table
+from studies.robots.robot import HUSKY
 
 HERE = Path(smartmesh_ros.__file__).parents[1]
 [BALLS] = [case for case in CASES if case.name == "waves_10"]
@@ -54,3 +63,24 @@ def test_what_was_asked_for_and_is_not_there_is_said() -> None:
     assert missed([Compared(case=case, before=before, now=good)]) == []
     bad = Figures(update=5.0, step=5.0, p99=2.5, lost=1, calls=Calls(own=1.0, else_=0.6, calls=4.0))
     assert len(missed([Compared(case=case, before=before, now=bad)])) == 5
+
+
+def test_robots_of_the_same_code_have_the_same_fields_and_a_whole_map_has_none(tmp_path: Path) -> None:
+    case = RobotCase(robot=HUSKY, resolution=0.1, moving=True, seconds=0.5, settle=0.25)
+    [found] = compare_robots({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
+    assert found.before.wheel == found.now.wheel >= 4.0
+    assert found.now_whole.wheel != found.now_whole.wheel, "no number"
+    for figures in (found.before, found.now, found.before_whole, found.now_whole):
+        assert figures.step > 0.0 and figures.own > 0.0 and not figures.note
+
+
+def test_a_robot_case_that_misses_its_targets_says_each() -> None:
+    before, whole = RobotFigures(step=400.0, own=100.0, wheel=289.0), RobotFigures(step=500.0, own=0.0)
+    [case] = [case for case in robot_cases() if case.name == "husky_4cm_rest_auto"]
+
+    def compared(now: RobotFigures) -> RobotsCompared:
+        return RobotsCompared(case=case, before=before, now=now, before_whole=whole, now_whole=whole)
+
+    assert robots_missed([compared(RobotFigures(step=250.0, own=40.0, wheel=25.0))]) == []
+    assert len(robots_missed([compared(before)])) == 3
+    assert len({case.name for case in robot_cases()}) == len(robot_cases()) == 8

@@ -1,0 +1,62 @@
+"""The robots of the scenes, and the tables of their joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pybullet_data
+
+DATA = Path(pybullet_data.getDataPath())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A robot and how it stands.
+
+    ``urdf``: path or text of its description. ``height`` [m]: of the centre of mass of its root link above level ground
+    when it stands. ``stance``: joints that are held at a position [rad]. ``wheels``: joints that are braked at rest,
+    and driven at ``speed`` [rad/s] otherwise. ``reach`` [m]: radius around its middle that it stands on.
+    """
+
+    name: str
+    urdf: str
+    height: float
+    stance: Mapping[str, float] = field(default_factory=dict)
+    wheels: tuple[str, ...] = ()
+    speed: float = 0.0
+    reach: float = 0.4
+
+
+LEGS = ("FR", "FL", "RR", "RL")
+
+
+def laikago_joints(leg: str) -> tuple[str, str, str]:
+    """Return the names of a leg's joints: abduction, hip, knee."""
+    return (
+        f"{leg}_hip_motor_2_chassis_joint",
+        f"{leg}_upper_leg_2_hip_motor_joint",
+        f"{leg}_lower_leg_2_upper_leg_joint",
+    )
+
+
+# Bend of the knees with which laikago's feet stand below its hips [rad].
+LAIKAGO_KNEE = -0.5
+
+HUSKY = Robot(
+    name="husky",
+    urdf=str(DATA / "husky" / "husky.urdf"),
+    height=0.0,
+    wheels=("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"),
+    speed=5.0,
+    reach=0.5,
+)
+LAIKAGO = Robot(
+    name="laikago",
+    urdf=str(DATA / "laikago" / "laikago_toes_zup.urdf"),
+    height=0.497,
+    stance={
+        joint: angle for leg in LEGS for joint, angle in zip(laikago_joints(leg), (0.0, 0.0, LAIKAGO_KNEE), strict=True)
+    },
+)
