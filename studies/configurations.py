@@ -10,7 +10,7 @@ from smartmesh_ros.evaluation.presets import read_presets
 from smartmesh_ros.patches.config import PatchConfig
 from studies.engines.registry import missing
 
-Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX"]
+Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]
 
 RATE = 240.0
 
@@ -106,6 +106,17 @@ def rivals() -> list[Configuration]:
             Configuration(name=f"PhysX, {rate:.0f} Hz", family="PhysX", engine="physx", rate=rate, quick=rate == RATE)
             for rate in (240.0, 480.0)
         ]
+    if not missing("rapier"):
+        from studies.engines.rapier import RapierOptions
+
+        soft = RapierOptions(stiff=False)  # Rapier's own
+        found.append(Configuration(name="Rapier, 240 Hz", family="Rapier", engine="rapier", options=soft, quick=True))
+        found += [
+            Configuration(
+                name=f"Rapier stiff, {rate:.0f} Hz", family="Rapier", engine="rapier", rate=rate, quick=rate == RATE
+            )
+            for rate in (240.0, 480.0, 960.0)
+        ]  # fmt: skip
     return found
 
 

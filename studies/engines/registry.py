@@ -23,6 +23,7 @@ _ENTRIES = {
     "bullet_heightfield": _Entry("smartmesh_ros.evaluation.engines.bullet", "BulletHeightfield"),
     "mujoco": _Entry("studies.engines.mujoco_hfield", "MujocoHfield"),
     "physx": _Entry("studies.engines.physx", "PhysxTrimesh"),
+    "rapier": _Entry("studies.engines.rapier", "RapierHeightfield"),
 }
 ENGINES = tuple(_ENTRIES)
 

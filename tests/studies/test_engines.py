@@ -141,7 +141,8 @@ def test_friction_is_the_bodies_own(engine: str) -> None:
             velocity, turning = scene.velocities()[0, [0, 4]]
         slips = friction < 2.0 / 7.0 * lean
         assert velocity == pytest.approx(G * time * (lean - friction if slips else 5.0 / 7.0 * lean), rel=0.05)
-        assert turning == pytest.approx(2.5 * friction * G * time / 0.25 if slips else velocity / 0.25, rel=0.1)
+        within = 0.15 if engine == "rapier" else 0.1  # see its docstring
+        assert turning == pytest.approx(2.5 * friction * G * time / 0.25 if slips else velocity / 0.25, rel=within)
 
 
 def test_ball_stays_on_ground_that_rises(engine: str) -> None:

@@ -1,0 +1,105 @@
+"""Rapier with one height field of the whole map, whose shape is replaced by every map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import rapier3d as rapier
+
+from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.terrain.grid import FloatArray
+
+# Rapier's height fields rise along y; with this turn about x [rad] they rise along z, and its rows run along -y.
+UPRIGHT = (0.5 * math.pi, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RapierOptions:
+    """``stiff``: the contacts' spring has a natural frequency of a quarter of the steps' rate, and contacts may overlap
+    by 0.1 mm; False = Rapier's defaults, 60 Hz and 5 mm."""
+
+    stiff: bool = True
+
+
+class RapierHeightfield(Engine):
+    """The ground has no velocity in contacts, and inner edges are not filtered, because the package offers that for
+    triangle meshes only. Bodies never sleep. Numbers are 32 bit.
+
+    A ball that slides from triangle to triangle loses a tenth of its friction, because Rapier clusters contacts;
+    without clusters boxes that land tip over.
+    """
+
+    name: ClassVar[str] = "rapier"
+
+    def __init__(self, setup: Setup, options: RapierOptions | None = None) -> None:
+        chosen = options or RapierOptions()
+        self._setup = setup
+        self._steps = 0
+        self._world = world = rapier.PhysicsWorld(gravity=setup.gravity)
+        world.set_num_threads(1)
+        parameters = world.integration_parameters
+        parameters.dt = setup.dt
+        parameters.friction_model = rapier.FrictionModel.COULOMB
+        if chosen.stiff:
+            spring = rapier.SpringCoefficients(0.25 / setup.dt, 5.0)
+            parameters.contact_softness = parameters.static_contact_softness = spring
+            parameters.normalized_allowed_linear_error = 1e-4
+        self._handles = [self._add(body) for body in setup.bodies]
+        width, length = setup.size
+        self._scale = (width, 1.0, length)
+        # The coefficients of a contact are those of the body: the ground has the smallest ones.
+        ground = rapier.Collider.heightfield(self._flipped(setup.heights), self._scale)
+        self._ground = world.add_collider(ground.rotation(UPRIGHT).friction(0.0).restitution(0.0))
+        self._move_ground()
+
+    def set_ground(self, heights: FloatArray, velocities: FloatArray | None = None) -> None:
+        self._world.colliders[self._ground].shape = rapier.SharedShape.heightfield(self._flipped(heights), self._scale)
+        if self._setup.slides:
+            self._move_ground()
+
+    def step(self) -> None:
+        self._world.step()
+        self._steps += 1
+
+    def positions(self) -> FloatArray:
+        return np.array([tuple(self._body(handle).translation) for handle in self._handles]).reshape(-1, 3)
+
+    def orientations(self) -> FloatArray:
+        turns = [self._body(handle).rotation for handle in self._handles]
+        return np.array([(turn.i, turn.j, turn.k, turn.w) for turn in turns]).reshape(-1, 4)
+
+    def velocities(self) -> FloatArray:
+        twists = [(*self._body(handle).linvel, *self._body(handle).angvel) for handle in self._handles]
+        return np.array(twists).reshape(-1, 6)
+
+    def close(self) -> None:
+        self._world.clear()
+
+    @staticmethod
+    def _flipped(heights: FloatArray) -> Any:
+        return np.ascontiguousarray(heights[::-1], np.float32)
+
+    def _move_ground(self) -> None:
+        (width, length), (x, y) = self._setup.size, self._setup.offset(self._steps * self._setup.dt)
+        self._world.colliders[self._ground].translation = rapier.Vec3(0.5 * width + x, 0.5 * length + y, 0.0)
+
+    def _body(self, handle: Any) -> Any:
+        return self._world.rigid_bodies[handle]
+
+    def _add(self, body: EngineBody) -> Any:
+        shape, state = body.shape, body.state
+        if isinstance(shape, Sphere):
+            collider = rapier.Collider.ball(shape.radius)
+        else:
+            collider = rapier.Collider.cuboid(0.5 * shape.x, 0.5 * shape.y, 0.5 * shape.z)
+        rule = rapier.CoefficientCombineRule.MAX
+        collider = collider.mass(body.mass).friction(body.friction).restitution(body.restitution)
+        collider = collider.friction_combine_rule(rule).restitution_combine_rule(rule)
+        x, y, z, w = state.orientation
+        pose = rapier.Isometry3(rapier.Vec3(*state.position), rapier.Rotation3(w, x, y, z))
+        part = rapier.RigidBody.dynamic().position(pose).linvel(state.linear).angvel(state.angular)
+        return self._world.add_body(part.can_sleep(False), [collider])
