@@ -22,7 +22,7 @@ from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
 from studies.pages import fill
 from studies.results_file import read_results, save_results
-from studies.tables import scene_table, summary_table
+from studies.tables import front_table, scene_table, summary_table
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,10 +97,11 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
         results = _measured_before(path)
         scenes = [scene for scene in read_scenes() if scene.name in options.scenes]
     chosen = configurations(options.quick)
-    known = {configuration.name: configuration for configuration in chosen}
+    families = {configuration.name: configuration.family for configuration in chosen}
     for scene in scenes:
         results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
-        draw_scene(images / f"{scene.name}.png", scene, results[scene.name], known)
+        title = f"{scene.title} ({scene.bodies.count} bodies)"
+        draw_scene(images / f"{scene.name}.png", title, results[scene.name], families)
         data["scenes"] = {
             name: {one: asdict(result) for one, result in found.items()} for name, found in results.items()
         }
@@ -110,8 +111,10 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
         f"## {scene.title}\n\n![](images/accuracy/{scene.name}.png)\n\n{scene_table(results[scene.name])}\n"
         for scene in scenes
     ]
-    draw_all(images / "all.png", scenes, results, known)
-    blocks["summary"] = summary_table(scenes, results, known)
+    titles = {scene.name: scene.title for scene in scenes}
+    draw_all(images / "all.png", titles, results, families)
+    blocks["summary"] = summary_table(titles, results, families)
+    blocks["front"] = front_table(titles, results, families)
     head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
     head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
     (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))

@@ -1,20 +1,20 @@
-"""Pictures of cost against penetration."""
+"""Pictures of cost against accuracy: distance from the ground and deviation from the reference, side by side."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from smartmesh_ros.evaluation.scene import Scene
-from studies.configurations import Configuration, Family
+from studies.configurations import Family
 from studies.contest import Result
-from studies.front import error_of, pareto_front
+from studies.front import MEASURES, Measure, measures_of, pareto_front
 
 COLOURS: dict[Family, str] = {
     "ours": "#0b6e4f",
@@ -23,89 +23,153 @@ COLOURS: dict[Family, str] = {
     "whole map": "#8d6a9f",
     "MuJoCo": "#1f77b4",
     "PhysX": "#e08e0b",
+    "Rapier": "#6b6b6b",
 }
 MARKERS: dict[Family, str] = {
-    "ours": "o", "ours, less": "o", "report": "s", "whole map": "D", "MuJoCo": "^", "PhysX": "v",
+    "ours": "o", "ours, less": "o", "report": "s", "whole map": "D", "MuJoCo": "^", "PhysX": "v", "Rapier": "P",
 }  # fmt: skip
+WORDS: dict[Measure, str] = {
+    "distance": "from the ground while held up, 99 % [mm]",
+    "deviation": "from the reference after 1 s, median [mm]",
+}
+# Pairs of panels in a row of the picture of all scenes.
+PAIRS = 3
 
 
-def draw_scene(path: Path, scene: Scene, results: Mapping[str, Result], known: Mapping[str, Configuration]) -> None:
-    """One scene: every configuration a point, the Pareto front a line."""
-    figure = Figure(figsize=(11.0, 6.5), dpi=90)
+def draw_scene(
+    path: Path, title: str, results: Mapping[str, Result], families: Mapping[str, Family], unit: str = "body"
+) -> None:
+    """One scene: every configuration a point in both panels, ringed if it is on the front over cost and both; the front
+    of each panel a line. ``unit``: what the cost is of."""
+    figure = Figure(figsize=(17.0, 7.0), dpi=80)
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.075, 0.09, 0.76, 0.84))
-    _plot(axes, results, known, labels=True)
-    axes.set_title(f"{scene.title} ({scene.bodies.count} bodies)")
-    axes.set_xlabel("cost: update and step, per body and simulated second [ms]")
-    axes.set_ylabel("penetration, 99 % [mm]")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    for column, measure in enumerate(MEASURES):
+        axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
+        axes.set_ylabel(WORDS[measure])
+        axes.set_xlabel(f"cost: update and step, per {unit} and simulated second [ms]")
+        if measure not in measures_of(results):
+            _say_nothing(axes)
+            continue
+        _plot(axes, measure, results, families, labels=True)
+        if column == 0:
+            axes.set_title(title, loc="left")
+            handles = _legend({families[name] for name in results})
+            figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.89, 0.92), frameon=False, fontsize=9)
     figure.savefig(path)
 
 
 def draw_all(
-    path: Path, scenes: Sequence[Scene], results: Mapping[str, Mapping[str, Result]], known: Mapping[str, Configuration]
+    path: Path,
+    titles: Mapping[str, str],
+    results: Mapping[str, Mapping[str, Result]],
+    families: Mapping[str, Family],
+    unit: str = "body",
 ) -> None:
-    """All scenes as small charts on common axes."""
-    columns = 4
-    rows = math.ceil(len(scenes) / columns)
-    figure = Figure(figsize=(4.0 * columns, 3.0 * rows + 0.6), layout="constrained")
+    """All scenes, by their names in ``titles``, as pairs of small charts on common axes."""
+    rows = math.ceil(len(titles) / PAIRS)
+    figure = Figure(figsize=(7.2 * PAIRS, 2.7 * rows + 0.8), layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axes, scene in zip(grid.flat, scenes, strict=False):
-        _plot(axes, results[scene.name], known, labels=False)
-        axes.set_title(scene.title, fontsize=9, wrap=True)
-    for axes in list(grid.flat)[len(scenes) :]:
-        axes.set_visible(False)
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    figure.supxlabel("cost: update and step, per body and simulated second [ms]")
-    figure.supylabel("penetration, 99 % [mm]; crosses on top lost bodies")
+    grid = figure.add_gridspec(rows, 2 * PAIRS)
+    first: dict[Measure, Any] = {}
+    for index, (scene, title) in enumerate(titles.items()):
+        row, pair = divmod(index, PAIRS)
+        for column, measure in enumerate(MEASURES):
+            shared = first.get(measure)
+            axes = figure.add_subplot(grid[row, 2 * pair + column], sharex=first.get("distance"), sharey=shared)
+            first.setdefault(measure, axes)
+            if measure in measures_of(results[scene]):
+                _plot(axes, measure, results[scene], families, labels=False)
+            else:
+                _say_nothing(axes)
+            axes.tick_params(which="both", labelsize=7)
+            if column == 0:
+                axes.set_title(_wrapped(title), fontsize=8, loc="left")
+            else:
+                axes.set_title("deviation", fontsize=7, loc="right", color="0.4")
+    handles = _legend({families[name] for found in results.values() for name in found})
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+    figure.suptitle(f"left: {WORDS['distance']}; right: {WORDS['deviation']}; crosses on top lost bodies", fontsize=10)
+    figure.supxlabel(f"cost: update and step, per {unit} and simulated second [ms]")
     figure.savefig(path, dpi=80)
 
 
-def _plot(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configuration], *, labels: bool) -> None:
+def _legend(families: Collection[Family]) -> list[Any]:
+    """Return the entries of a legend, without families that have no points."""
+    handles: list[Any] = [
+        Line2D([], [], linestyle="", marker=MARKERS[family], color=COLOURS[family], label=family)
+        for family in COLOURS
+        if family in families
+    ]
+    ring = Line2D(
+        [], [], linestyle="", marker="o", color="white", markeredgecolor="black", label="front over all three"
+    )
+    return [*handles, ring, Line2D([], [], linestyle="--", color="0.35", linewidth=1.0, label="front of the panel")]
+
+
+def _wrapped(title: str) -> str:
+    """Return a title in two lines if it is long."""
+    words = title.split(" ")
+    if len(title) < 40:
+        return title
+    half = next(count for count in range(len(words)) if len(" ".join(words[: count + 1])) > 0.5 * len(title)) + 1
+    return f"{' '.join(words[:half])}\n{' '.join(words[half:])}"
+
+
+def _say_nothing(axes: Any) -> None:
+    axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
+
+
+def _plot(
+    axes: Any, measure: Measure, results: Mapping[str, Result], families: Mapping[str, Family], *, labels: bool
+) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else ""))
         axis.set_tick_params(which="minor", labelsize=8)
+    error_of = MEASURES[measure]
     finite = [error_of(result) for result in results.values() if math.isfinite(error_of(result))]
     top = 1e3 * 3.0 * max([*finite, 1e-2])
+    on_front = set(pareto_front(results))
     for family in COLOURS:
-        mine = [result for name, result in results.items() if known[name].family == family and result.cost > 0.0]
-        kept = [result for result in mine if math.isfinite(error_of(result))]
-        lost = [result for result in mine if result.lost]
+        mine = {name: one for name, one in results.items() if families[name] == family and one.cost > 0.0}
+        kept = {name: one for name, one in mine.items() if math.isfinite(error_of(one))}
+        lost = [one for one in mine.values() if one.lost]
         axes.scatter(
-            [result.cost / 1e3 for result in kept], [1e3 * error_of(result) for result in kept],
-            c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, label=family, zorder=3,
-            edgecolors="white", linewidths=0.5,
+            [one.cost / 1e3 for one in kept.values()], [1e3 * error_of(one) for one in kept.values()],
+            c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, zorder=3,
+            edgecolors=["black" if name in on_front else "white" for name in kept],
+            linewidths=[1.3 if name in on_front else 0.5 for name in kept],
         )  # fmt: skip
-        axes.scatter([result.cost / 1e3 for result in lost], [top] * len(lost), c=COLOURS[family], marker="x", zorder=3)
-    front = [results[name] for name in pareto_front(results)]
+        axes.scatter([one.cost / 1e3 for one in lost], [top] * len(lost), c=COLOURS[family], marker="x", zorder=3)
+    front = [results[name] for name in pareto_front(results, (measure,))]
     axes.step(
-        [result.cost / 1e3 for result in front], [1e3 * error_of(result) for result in front],
-        where="post", color="0.35", linewidth=1.0, linestyle="--", label="Pareto front", zorder=2,
+        [one.cost / 1e3 for one in front], [1e3 * error_of(one) for one in front], where="post", color="0.35",
+        linewidth=1.0, linestyle="--", zorder=2,
     )  # fmt: skip
     axes.grid(visible=True, which="major", alpha=0.3)
     if labels:
-        axes.margins(x=0.12, y=0.1)
+        axes.margins(x=0.14, y=0.1)
         axes.autoscale_view()
-        _label(axes, results, known, top)
+        spots = {
+            name: (one.cost / 1e3, top if one.lost else 1e3 * error_of(one))
+            for name, one in results.items()
+            if one.cost > 0.0 and (one.lost or math.isfinite(error_of(one)))
+        }
+        texts = {name: f"{name} ({results[name].lost} lost)" if results[name].lost else name for name in spots}
+        _label(axes, spots, texts, families)
 
 
-def _label(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configuration], top: float) -> None:
+def _label(
+    axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], families: Mapping[str, Family]
+) -> None:
     """Writes the names beside the points, each where it covers no other."""
-    shown = [(name, result) for name, result in results.items() if result.cost > 0.0]
-    spots = {
-        name: axes.transData.transform((result.cost / 1e3, top if result.lost else 1e3 * error_of(result)))
-        for name, result in shown
-    }
+    spots = {name: axes.transData.transform(place) for name, place in places.items()}
     taken: list[tuple[float, float, float, float]] = []
-    for name, result in shown:
-        text = f"{name} ({result.lost} lost)" if result.lost else name
+    for name, text in texts.items():
         x, y = spots[name]
-        width = 5.0 * len(text)
+        width = 4.6 * len(text)
         offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]
         free = [(dx, dy) for dx, dy in offsets if not _covers((x + dx, y + dy, width, 9.0), taken)]
@@ -113,7 +177,7 @@ def _label(axes: Any, results: Mapping[str, Result], known: Mapping[str, Configu
         taken.append((x + dx, y + dy, width, 9.0))
         axes.annotate(
             text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
-            color=COLOURS[known[name].family], va="center", annotation_clip=False,
+            color=COLOURS[families[name]], va="center", annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 12.0 else None,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from smartmesh_ros.evaluation.scene import Bodies, Scene
 from studies import accuracy
 from studies.configurations import configurations
 from studies.contest import Result, run_scene
-from studies.front import beyond_all, cheapest_as_accurate, pareto_front
+from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front
 from studies.matrix.row import Outcome
 from studies.matrix.run import ROWS, run_cell
 
@@ -33,9 +33,11 @@ def test_a_front_holds_what_nothing_beats() -> None:
         "quick and rough": Result(cost=1.0, p99=0.1),
         "beaten": Result(cost=9.5, p99=0.01),
         "loses": Result(cost=0.5, p99=0.0001, lost=1),
+        "hovers": Result(cost=9.2, p99=0.0, hover=0.02),
         "stopped": Result(),
     }
     assert pareto_front(results) == ["quick and rough", "slow and true"]
+    assert set(only_by(results).values()) == {""}, "without a reference there is one measure"
     assert cheapest_as_accurate(results, 0.02) == "slow and true"
     ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
     rivals = {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}
@@ -45,6 +47,25 @@ def test_a_front_holds_what_nothing_beats() -> None:
     assert beyond_all(true, astray, trajectory=True) == []
     along = {name: replace(result, deviation=0.01) for name, result in rivals.items()}
     assert beyond_all(true, along, trajectory=True) == ["better"]
+
+
+def test_a_front_over_both_measures_says_who_is_there_by_one_only() -> None:
+    results = {
+        "leaves the ground": Result(cost=1.0, p99=0.0, hover=0.0, deviation=0.7),
+        "sinks": Result(cost=1.0, p99=0.05, hover=0.0, deviation=0.001),
+        "a bit of both": Result(cost=1.0, p99=0.01, hover=0.0, deviation=0.01),
+        "all round": Result(cost=0.5, p99=0.06, hover=0.0, deviation=0.8),
+        "beaten": Result(cost=2.0, p99=0.02, hover=0.0, deviation=0.02),
+        "stopped before a second": Result(cost=0.9, p99=0.002, hover=0.0),
+    }
+    assert only_by(results) == {
+        "all round": "",
+        "stopped before a second": "distance",
+        "leaves the ground": "distance",
+        "sinks": "deviation",
+        "a bit of both": "both together",
+    }
+    assert cheapest_as_accurate(results, 0.05, 0.01) == "a bit of both"
 
 
 def small_scene() -> Scene:
