@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after start-study load soak tune tuning fuzz clean
+.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -44,6 +44,9 @@ studies:  ## speed against accuracy, and the stability matrix (about 15 minutes;
 
 before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute, --robots for robots
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
+
+robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)
+	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
 
 start-study:  ## from a node's command to its first answer, compiled and not (two minutes; on a machine with nothing to do)
 	@$(RUN) -- python scripts/start_study.py $(ARGS)

@@ -13,6 +13,7 @@ STUDIES = {
     "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("studies.load.study", "the node under load over DDS"),
+    "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "view-cost": ("studies.view_cost.study", "what the view costs the node that it shows"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }

@@ -22,11 +22,12 @@ class RoughHills(Scene):
         super().__init__(geometry)
         self.wave = wave
         noise = np.random.default_rng(seed).normal(0.0, deviation, (geometry.rows, geometry.columns))
-        self._still = (hills * np.sin(1.5 * self.x) * np.cos(1.1 * self.y) + noise).astype(np.float32)
+        self._still: FloatGrid = (hills * np.sin(1.5 * self.x) * np.cos(1.1 * self.y) + noise).astype(np.float32)
 
     def heights(self, time: float) -> FloatGrid:
         wave = self.wave
         if wave.amplitude == 0.0:
             return self._still
         heave = np.float32(wave.amplitude) * np.sin(wave.number * self.x - np.float32(wave.frequency * time))
-        return np.asarray(self._still + heave.astype(np.float32))
+        heights: FloatGrid = self._still + heave.astype(np.float32)
+        return heights

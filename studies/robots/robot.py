@@ -17,7 +17,8 @@ class Robot:
 
     ``urdf``: path or text of its description. ``height`` [m]: of the centre of mass of its root link above level ground
     when it stands. ``stance``: joints that are held at a position [rad]. ``wheels``: joints that are braked at rest,
-    and driven at ``speed`` [rad/s] otherwise. ``reach`` [m]: radius around its middle that it stands on.
+    and driven at ``speed`` [rad/s] otherwise. ``torque`` [Nm]: limit of both. ``reach`` [m]: radius around its middle
+    that it stands on.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Robot:
     stance: Mapping[str, float] = field(default_factory=dict)
     wheels: tuple[str, ...] = ()
     speed: float = 0.0
+    torque: float = 100.0
     reach: float = 0.4
 
 
@@ -44,6 +46,13 @@ def laikago_joints(leg: str) -> tuple[str, str, str]:
 # Bend of the knees with which laikago's feet stand below its hips [rad].
 LAIKAGO_KNEE = -0.5
 
+ROVER = Robot(
+    name="rover",
+    urdf=str(Path(__file__).with_name("rover.urdf")),
+    height=0.12,
+    wheels=("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"),
+    speed=5.0,
+)
 HUSKY = Robot(
     name="husky",
     urdf=str(DATA / "husky" / "husky.urdf"),
@@ -59,4 +68,15 @@ LAIKAGO = Robot(
     stance={
         joint: angle for leg in LEGS for joint, angle in zip(laikago_joints(leg), (0.0, 0.0, LAIKAGO_KNEE), strict=True)
     },
+)
+RACECAR = Robot(
+    name="racecar",
+    urdf=str(DATA / "racecar" / "racecar.urdf"),
+    height=0.0,
+    stance={"left_steering_hinge_joint": 0.0, "right_steering_hinge_joint": 0.0},
+    # The axles point to the right: positive speeds drive backwards.
+    wheels=("left_rear_wheel_joint", "right_rear_wheel_joint", "left_front_wheel_joint", "right_front_wheel_joint"),
+    speed=-10.0,
+    torque=2.0,
+    reach=0.3,
 )

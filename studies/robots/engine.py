@@ -1,0 +1,93 @@
+"""Interface of the engines that simulate robots."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.scenes.moving import FloatGrid
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from studies.robots.robot import Robot
+
+# Time constant [s] of the servos that hold joints: the error shrinks by a tenth in a step of 1 / 240 s, which is
+# PyBullet's default.
+SERVO = 10.0 / 240.0
+# Friction of every link against the ground.
+FRICTION = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RobotSetup:
+    """Robots of one kind on a height map.
+
+    ``text``: the `prepared` URDF. ``starts`` (N, 3) [m]: of the frames of their root links, all level. ``heights``
+    (R, C) [m] on ``geometry``. ``dt`` [s]: of a step. ``speed`` [rad/s]: of the wheels, 0 = braked.
+    """
+
+    robot: Robot
+    text: str
+    starts: FloatArray
+    heights: FloatGrid
+    geometry: GridGeometry
+    dt: float
+    speed: float = 0.0
+
+
+class Links(NamedTuple):
+    """Frames of the links of N robots, as their URDF defines them: ``positions`` (N, L, 3) [m] and ``orientations``
+    (N, L, 4) (x, y, z, w)."""
+
+    positions: FloatArray
+    orientations: FloatArray
+
+
+class RobotEngine(ABC):
+    """Simulation of robots on moving ground in one engine. Call `close`, or use it as a context manager.
+
+    ``names``: of the links with collision shapes (L,). All joints of the robot's stance are servos of time constant
+    `SERVO` and the robot's torque; its wheels keep their speed with the same torque; other joints turn freely. Links of
+    robots do not collide with one another.
+    """
+
+    names: tuple[str, ...]
+    # True if the engine collides cylinders as prisms of 32 sides.
+    has_prisms: ClassVar[bool] = False
+
+    @abstractmethod
+    def set_ground(self, heights: FloatGrid) -> None:
+        """Replace the map by the current heights (R, C) [m]."""
+
+    @abstractmethod
+    def hold(self, positions: Mapping[str, float]) -> None:
+        """Set the positions [rad] that all robots' servos hold, by joint."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """Run one step."""
+
+    @abstractmethod
+    def links(self) -> Links:
+        """Return the frames of the links ``names``."""
+
+    @abstractmethod
+    def velocities(self) -> FloatArray:
+        """Return the velocities of the robots' centres of mass (N, 3) [m/s]."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the simulation."""
+
+    def __enter__(self) -> RobotEngine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def xyzw(wxyz: FloatArray) -> FloatArray:
+    """Return quaternions (..., 4) whose scalar comes first with the scalar last."""
+    return np.asarray(wxyz)[..., [1, 2, 3, 0]]

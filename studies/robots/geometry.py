@@ -1,0 +1,226 @@
+"""Distance of a robot's links from the ground, by the library `coal`.
+
+The ground is a prism below each triangle of the main mesh; a link is the shapes that its engine collides with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.evaluation.clearance import rotate
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+
+# Depth of the prisms [m]: deeper than any link sinks.
+THICK = 1.0
+# Largest distance from the ground that is measured [m].
+REACH = 0.1
+# Sides of the prism around a cylinder that bounds it.
+SIDES = 16
+_IDENTITY = coal.Transform3s()
+# Triangles of a prism whose first three corners are its top.
+_FACES = ((0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 3), (2, 3, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A convex shape of a link: a geometry of `coal`, its ``pose`` in the link's frame (4, 4), and ``points`` (K, 3)
+    [m] in that frame, whose spheres of ``radius`` [m] contain it."""
+
+    geometry: Any
+    pose: FloatArray
+    points: FloatArray
+    radius: float = 0.0
+
+
+def sphere(radius: float, pose: FloatArray) -> Part:
+    """Return a ball."""
+    return Part(coal.Sphere(radius), pose, pose[:3, 3][None], radius)
+
+
+def box(edges: Sequence[float], pose: FloatArray) -> Part:
+    """Return a box with edges (3,) [m]."""
+    corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * edges
+    return Part(coal.Box(*edges), pose, placed(corners, pose))
+
+
+def cylinder(radius: float, height: float, pose: FloatArray) -> Part:
+    """Return a cylinder along z."""
+    angle, outer = 2.0 * np.pi * np.arange(SIDES) / SIDES, radius / np.cos(np.pi / SIDES)
+    rim = np.column_stack([outer * np.cos(angle), outer * np.sin(angle)])
+    corners = np.concatenate([np.column_stack([rim, np.full(SIDES, z)]) for z in (-0.5 * height, 0.5 * height)])
+    return Part(coal.Cylinder(radius, height), pose, placed(corners, pose))
+
+
+def capsule(radius: float, height: float, pose: FloatArray) -> Part:
+    """Return a capsule along z; ``height`` [m] is that of its cylinder."""
+    ends = np.array([(0.0, 0.0, -0.5 * height), (0.0, 0.0, 0.5 * height)])
+    return Part(coal.Capsule(radius, height), pose, placed(ends, pose), radius)
+
+
+def hull(points: FloatArray, pose: FloatArray) -> Part:
+    """Return the convex hull of points (K, 3) [m]."""
+    return Part(coal.ConvexBase.convexHull(_vectors(points), False, "Qt"), pose, placed(points, pose))
+
+
+def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
+    """Return points (K, 3) of a frame in that of its ``pose`` (4, 4)."""
+    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+
+
+def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
+    """Return the shapes that PyBullet collides links of a body with, in the links' frames."""
+    return [_read_link(client, uid, link) for link in links]
+
+
+def _read_link(client: Any, uid: int, link: int) -> list[Part]:
+    inertial = pose_of(*client.getDynamicsInfo(uid, link)[3:5])
+    found = []
+    for index, shape in enumerate(client.getCollisionShapeData(uid, link)):
+        kind, size, pose = shape[2], shape[3], inertial @ pose_of(shape[5], shape[6])
+        if kind == pb.GEOM_SPHERE:
+            found.append(sphere(size[0], pose))
+        elif kind == pb.GEOM_BOX:
+            found.append(box(size, pose))
+        elif kind == pb.GEOM_CYLINDER:
+            found.append(cylinder(size[1], size[0], pose))
+        elif kind == pb.GEOM_CAPSULE:
+            found.append(capsule(size[1], size[0], pose))
+        elif len(parts := obj_parts(Path(shape[4].decode()))) > 1:  # PyBullet gives the vertices of the first only
+            found += [hull(points * size, pose) for points in parts]
+        else:  # the vertices of a mesh are given in the frame of the link's inertia
+            points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
+            found.append(hull(points, inertial))
+    return found
+
+
+def obj_parts(file: Path) -> list[FloatArray]:
+    """Return the vertices (K, 3) of each part of a Wavefront file, each of which PyBullet collides by its hull; an
+    empty list for other files."""
+    if file.suffix != ".obj" or not file.is_file():
+        return []
+    vertices: list[list[float]] = []
+    parts: list[set[int]] = [set()]
+    for line in file.read_text().splitlines():
+        match line.split():
+            case ["v", x, y, z, *_]:
+                vertices.append([float(x), float(y), float(z)])
+            case ["o" | "g", *_]:
+                parts.append(set())
+            case ["f", *corners]:
+                parts[-1] |= {int(corner.split("/")[0]) - 1 for corner in corners}
+    return [np.array(vertices)[sorted(part)] for part in parts if part]
+
+
+def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
+    """Return a pose (4, 4) from a position [m] and a quaternion (x, y, z, w)."""
+    found = np.eye(4)
+    found[:3, :3] = rotate(np.array([orientation], np.float64), np.eye(3))[0].T
+    found[:3, 3] = position
+    return found
+
+
+class GroundPrisms:
+    """The ground at one instant: a prism below each triangle, made when something is near it."""
+
+    def __init__(self, geometry: GridGeometry, heights: FloatArray) -> None:
+        self._geometry = geometry
+        self._heights = np.asarray(heights, np.float64)
+        z = self._heights
+        corners = np.stack([z[:-1, :-1], z[1:, 1:], z[:-1, 1:], z[1:, :-1]])
+        # Highest corner of both triangles of each cell (2, R - 1, C - 1).
+        self._tops = np.stack([corners[:3].max(axis=0), corners[[0, 1, 3]].max(axis=0)])
+        self._highest = float(self._tops.max())
+        self._prisms: dict[tuple[int, int, int], Any] = {}
+
+    def clearance(self, parts: Sequence[Part], position: FloatArray, orientation: FloatArray) -> float:
+        """Return the distance [m] of a link's shapes from the ground, at most `REACH`; negative = penetration: how far
+        the deepest overlap of a shape and a prism has to be moved apart. NaN beside the map."""
+        return self.least_clearance([parts], position[None], orientation[None])
+
+    def least_clearance(
+        self, links: Sequence[Sequence[Part]], positions: FloatArray, orientations: FloatArray
+    ) -> float:
+        """Return the least clearance [m] of L links at ``positions`` (L, 3) [m] and ``orientations`` (L, 4); NaN if one
+        is beside the map."""
+        least = REACH
+        for index in np.argsort(positions[:, 2]):
+            link = pose_of(positions[index], orientations[index])
+            for part in links[index]:
+                least = self._of_part(part, link, least)
+        return float(least)
+
+    def _of_part(self, part: Part, link: FloatArray, least: float) -> float:
+        """Return the distance [m] of a part from the ground, at most ``least``."""
+        points = placed(part.points, link)
+        low, high = points.min(axis=0) - part.radius, points.max(axis=0) + part.radius
+        if low[2] - self._highest >= max(least, 0.0):
+            return least
+        geometry = self._geometry
+        x, y, _ = geometry.origin
+        step = geometry.resolution
+        # Nothing beside this window is nearer than the reach.
+        c0, c1 = np.floor((np.array([low[0] - REACH, high[0] + REACH]) - x) / step).astype(int)
+        r0, r1 = np.floor((np.array([low[1] - REACH, high[1] + REACH]) - y) / step).astype(int)
+        if c1 < 0 or r1 < 0 or c0 > geometry.columns - 2 or r0 > geometry.rows - 2:
+            return np.nan
+        r0, r1 = np.clip([r0, r1], 0, geometry.rows - 2)
+        c0, c1 = np.clip([c0, c1], 0, geometry.columns - 2)
+        bounds = self._bounds(low, high, (r0, r1, c0, c1))
+        at = link @ part.pose
+        pose = coal.Transform3s(at[:3, :3], at[:3, 3])
+        result, request = coal.DistanceResult(), coal.DistanceRequest()
+        for index in np.argsort(bounds, axis=None):
+            half, row, column = np.unravel_index(index, bounds.shape)
+            if bounds[half, row, column] >= max(least, 0.0):
+                break
+            prism = self._prism(int(half), int(row + r0), int(column + c0))
+            result.clear()
+            least = min(least, coal.distance(part.geometry, pose, prism, _IDENTITY, request, result))
+        return least
+
+    def _bounds(self, low: FloatArray, high: FloatArray, window: tuple[int, int, int, int]) -> FloatArray:
+        """Return lower bounds of the distances [m] between a box and the prisms of a window (2, R, C)."""
+        r0, r1, c0, c1 = window
+        geometry = self._geometry
+        gap_z = low[2] - self._tops[:, r0 : r1 + 1, c0 : c1 + 1]
+        gaps = [np.maximum(gap_z, 0.0) ** 2]
+        for axis, first, last in ((0, c0, c1), (1, r0, r1)):
+            start = geometry.origin[axis] + np.arange(first, last + 1) * geometry.resolution
+            gap = np.maximum(np.maximum(start - high[axis], low[axis] - start - geometry.resolution), 0.0) ** 2
+            gaps.append(gap[None, None, :] if axis == 0 else gap[None, :, None])
+        apart = np.sqrt(gaps[0] + gaps[1] + gaps[2])
+        # Where both overlap: the deeper the box lies below a top, the sooner that prism is tried.
+        return np.asarray(np.where(apart > 0.0, apart, gap_z))
+
+    def _prism(self, half: int, row: int, column: int) -> Any:
+        key = (half, row, column)
+        if key not in self._prisms:
+            middle = (row, column + 1) if half == 0 else (row + 1, column)
+            geometry = self._geometry
+            cells = ((row, column), (row + 1, column + 1), middle)
+            x, y, _ = geometry.origin
+            top = [(x + c * geometry.resolution, y + r * geometry.resolution, self._heights[r, c]) for r, c in cells]
+            bottom = [(px, py, min(height for *_, height in top) - THICK) for px, py, _ in top]
+            self._prisms[key] = _prism_of(np.array([*top, *bottom]))
+        return self._prisms[key]
+
+
+def _prism_of(corners: FloatArray) -> Any:
+    faces = coal.StdVec_Triangle()
+    for face in _FACES:
+        faces.append(coal.Triangle(*face))
+    return coal.Convex(_vectors(corners), faces)
+
+
+def _vectors(points: FloatArray) -> Any:
+    found = coal.StdVec_Vec3s()
+    for point in np.asarray(points, np.float64):
+        found.append(point)
+    return found

@@ -1,0 +1,112 @@
+"""The scenes of the study: robots on grounds that rest or move, on grids of three spacings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.terrain.grid import FloatArray
+from studies.matrix.arena import square
+from studies.robots.ground import HEAVING, STILL, RoughHills
+from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot
+from studies.robots.trot import Trot
+
+# Side of the map [m], and where the robots start: side by side, with room to move along x [m].
+SIDE = 6.0
+STARTS = ((-1.2, -1.8), (-1.2, 0.0), (-1.2, 1.8))
+# Height of the hills [m]: legged robots that only hold their joints stay on their feet.
+HILLS = 0.05
+# Gap below the lowest point of a robot that starts over the highest ground around it [m].
+GAP = 0.005
+
+Motion = Literal["rest", "wave", "maps"]
+# By motion of the ground: rate of the maps [Hz], and words.
+MOTIONS: dict[Motion, tuple[float, str]] = {
+    "rest": (0.0, "ground at rest"),
+    "wave": (60.0, "heaving ground, maps at 60 Hz"),
+    "maps": (20.0, "heaving ground, maps at 20 Hz"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotScene:
+    """Three robots on rough hills. ``resolution`` [m]: of the map. ``trot``: how they walk, None = they stand, or drive
+    where the ground moves. ``quick``: part of the quick run."""
+
+    robot: Robot
+    motion: Motion
+    resolution: float
+    trot: Trot | None = None
+    quick: bool = False
+
+    @property
+    def name(self) -> str:
+        """Unique name, also of its picture."""
+        return f"{self._doing.replace(' ', '_')}_{self.motion}_{100.0 * self.resolution:.0f}cm"
+
+    @property
+    def title(self) -> str:
+        """Name in charts."""
+        return f"{self._doing}, {MOTIONS[self.motion][1]}, {100.0 * self.resolution:.0f} cm grid"
+
+    @property
+    def _doing(self) -> str:
+        return f"trotting {self.robot.name}" if self.trot else self.robot.name
+
+    @property
+    def map_rate(self) -> float:
+        """Rate of the maps [Hz], 0 = one map."""
+        return MOTIONS[self.motion][0]
+
+    @property
+    def speed(self) -> float:
+        """Speed of the wheels [rad/s]."""
+        return 0.0 if self.motion == "rest" else self.robot.speed
+
+    @cached_property
+    def ground(self) -> RoughHills:
+        """The ground."""
+        geometry = square(round(SIDE / self.resolution) + 1, self.resolution)
+        return RoughHills(geometry, STILL if self.motion == "rest" else HEAVING, hills=HILLS)
+
+    @cached_property
+    def starts(self) -> FloatArray:
+        """Where the frames of the robots' root links start (N, 3) [m]."""
+        heights = np.asarray(self.ground.heights(0.0), np.float64)
+        found = []
+        for x, y in STARTS:
+            near = np.hypot(self.ground.x - x, self.ground.y - y) <= max(self.robot.reach, self.resolution)
+            found.append((x, y, heights[near].max() + self.robot.height + GAP))
+        return np.array(found)
+
+    def surface(self, time: float) -> Surface:
+        """Return the main mesh at ``time`` [s]."""
+        return Surface(self.ground.geometry, np.asarray(self.ground.heights(time), np.float64))
+
+    def joints(self, time: float) -> Mapping[str, float]:
+        """Return the positions [rad] that the servos hold at ``time`` [s]."""
+        if self.trot is None:
+            return self.robot.stance
+        table = self.trot.table
+        return table[int(time * self.trot.rate + 1e-6) % len(table)]
+
+
+def scenes(*, quick: bool) -> list[RobotScene]:
+    """Return all scenes, or those of the quick run."""
+    grids: dict[Motion, tuple[float, ...]] = {"rest": (0.04, 0.1, 0.25), "wave": (0.1,), "maps": (0.04, 0.1, 0.25)}
+    quick_ones = {("husky", "rest", 0.1, False), ("laikago", "maps", 0.1, False), ("laikago", "maps", 0.1, True)}
+    found = [
+        RobotScene(
+            robot=robot, motion=motion, resolution=resolution, trot=trot,
+            quick=(robot.name, motion, resolution, trot is not None) in quick_ones,
+        )
+        for robot, trot in ((ROVER, None), (HUSKY, None), (RACECAR, None), (LAIKAGO, None), (LAIKAGO, Trot()))
+        for motion, spacings in grids.items()
+        for resolution in spacings
+    ]  # fmt: skip
+    return [scene for scene in found if scene.quick or not quick]

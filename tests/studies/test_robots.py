@@ -1,0 +1,198 @@
+"""The study of robots: its measure of penetration, its robots, and that every engine holds them up."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pybullet as pb
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.evaluation.distance import Surface, nearest
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World
+from studies.contest import Result
+from studies.engines.registry import missing
+from studies.matrix.arena import square
+from studies.robots import study
+from studies.robots.configurations import configurations
+from studies.robots.contest import shapes_of
+from studies.robots.engine import RobotSetup
+from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
+from studies.robots.robot import HUSKY, LAIKAGO, LEGS, RACECAR, ROVER, Robot, laikago_joints
+from studies.robots.scene import RobotScene, scenes
+from studies.robots.strangers import Stranger
+from studies.robots.trot import PHASES, Trot
+from studies.robots.urdf import MASSLESS, prepared
+
+LEVEL = square(51, 0.04)
+FLAT = GroundPrisms(LEVEL, np.zeros((51, 51)))
+ROUGH = np.random.default_rng(3).normal(0.0, 0.02, (51, 51))
+LYING = pose_of((0.0, 0.0, 0.0), (math.sin(0.25 * math.pi), 0.0, 0.0, math.cos(0.25 * math.pi)))  # its axis along y
+RADIUS, WIDTH = 0.165, 0.11
+near = st.floats(-0.5, 0.5)
+
+
+def wheel() -> Part:
+    return cylinder(RADIUS, WIDTH, LYING)
+
+
+def gon() -> Part:
+    """A wheel as PyBullet takes a cylinder: a prism of 32 sides, of which a corner points down."""
+    angle = 2.0 * math.pi * np.arange(32) / 32
+    rim = np.column_stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle)])
+    points = np.concatenate([np.column_stack([rim, np.full(32, z)]) for z in (-0.5 * WIDTH, 0.5 * WIDTH)])
+    return hull(placed(points, LYING), np.eye(4))
+
+
+@pytest.mark.parametrize("part", [wheel(), gon()], ids=["cylinder", "hull"])
+@given(depth=st.floats(-0.08, 0.03), x=near, y=near, yaw=st.floats(-math.pi, math.pi))
+def test_a_wheel_is_as_deep_as_it_was_sunk(part: Part, depth: float, x: float, y: float, yaw: float) -> None:
+    turn = np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)])
+    found = FLAT.clearance([part], np.array([x, y, RADIUS - depth]), turn)
+    assert found == pytest.approx(-depth, abs=1e-5)
+
+
+@given(x=near, y=near, height=st.floats(0.0, 0.15), radius=st.floats(0.005, 0.1))
+def test_balls_are_as_far_from_rough_ground_as_brute_force_says(
+    x: float, y: float, height: float, radius: float
+) -> None:
+    surface = Surface(LEVEL, ROUGH)
+    centre = np.array([[x, y, 0.0]])
+    centre[0, 2] = surface.below(centre)[0] + height
+    expected = nearest(surface, centre, 0.3).distance[0] - radius
+    found = GroundPrisms(LEVEL, ROUGH).clearance([sphere(radius, np.eye(4))], centre[0], np.array([0.0, 0.0, 0.0, 1.0]))
+    assert found == pytest.approx(min(expected, 0.1), abs=1e-6)
+
+
+def test_the_least_clearance_of_links_is_that_of_the_lowest_and_beside_the_map_there_is_none() -> None:
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))
+    places = np.array([[0.0, 0.0, 0.4], [0.3, 0.1, RADIUS - 0.002], [-0.3, 0.0, RADIUS + 0.01]])
+    assert FLAT.least_clearance([[wheel()]] * 3, places, upright) == pytest.approx(-0.002, abs=1e-5)
+    places[2] = 30.0, 0.0, RADIUS
+    assert math.isnan(FLAT.least_clearance([[wheel()]] * 3, places, upright))
+
+
+@pytest.mark.parametrize("robot", [ROVER, HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)
+def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(robot: Robot) -> None:
+    """Links that are not turned: bounds of turned ones are too large. The margin is a few millimetres."""
+    client = BulletClient(pb.DIRECT)
+    try:
+        uid = client.loadURDF(robot.urdf)
+        compared = 0
+        for link in range(-1, client.getNumJoints(uid)):
+            if not client.getCollisionShapeData(uid, link):
+                continue
+            mass = client.getBasePositionAndOrientation(uid) if link < 0 else client.getLinkState(uid, link)[:2]
+            inverse = client.invertTransform(*client.getDynamicsInfo(uid, link)[3:5])
+            frame = pose_of(*client.multiplyTransforms(*mass, *inverse))
+            if not np.allclose(pose_of(*mass)[:3, :3], np.eye(3), atol=1e-6):
+                continue
+            [parts] = read_links(client, uid, [link])
+            points = [(placed(part.points, frame), part.radius) for part in parts]
+            low = np.min([one.min(axis=0) - radius for one, radius in points], axis=0)
+            high = np.max([one.max(axis=0) + radius for one, radius in points], axis=0)
+            assert np.abs([low, high] - np.array(client.getAABB(uid, link))).max() < 0.005, link
+            compared += 1
+        assert compared >= 1
+    finally:
+        client.disconnect()
+
+
+def test_diagonal_legs_of_the_trot_swing_together_and_the_others_half_a_period_later() -> None:
+    table = Trot().table
+    half = len(table) // 2
+    assert len(table) == 2 * half
+    for row, positions in enumerate(table):
+        legs = {leg: [positions[joint] for joint in laikago_joints(leg)] for leg in LEGS}
+        assert legs["FR"] == legs["RL"] and legs["FL"] == legs["RR"]
+        later = [table[(row + half) % len(table)][joint] for joint in laikago_joints("FL")]
+        assert legs["FR"] == pytest.approx(later, abs=1e-12)
+    assert set(PHASES) == set(LEGS)
+    angles = np.array([list(positions.values()) for positions in [*table, table[0]]])
+    assert np.abs(np.diff(angles, axis=0)).max() < 0.2, "no joint jumps, not even from the last row to the first"
+
+
+def test_the_rover_weighs_what_its_description_says() -> None:
+    with World() as world:
+        world.spawn_robot("rover", ROVER.urdf, BodyState((0.0, 0.0, 1.0)))
+        body = world.bodies["rover"]
+        assert body.mass == pytest.approx(14.0)
+        masses = [world.client.getDynamicsInfo(body.uid, link)[0] for link in range(-1, 4)]
+        assert masses == pytest.approx([10.0, 1.0, 1.0, 1.0, 1.0])
+        assert set(body.joints) == set(ROVER.wheels)
+
+
+@pytest.mark.parametrize("robot", [HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)
+def test_prepared_descriptions_stay_as_they_are_and_have_a_mass_for_every_link(robot: Robot) -> None:
+    text = prepared(robot.urdf)
+    assert prepared(text) == text
+    assert "$(" not in text and "<visual" not in text
+    assert text.count("<inertial") == text.count("<link")
+    assert (f'value="{MASSLESS:g}"' in text) == (robot is HUSKY)
+
+
+@pytest.mark.parametrize("engine", ["defaults", "whole heightfield", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
+def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
+    [chosen] = [one for one in configurations(quick=True) if one.name == engine] or [None]
+    if chosen is None:
+        pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
+    setup = RobotSetup(
+        robot=ROVER, text=prepared(ROVER.urdf), starts=np.array([[-0.5, -0.4, 0.13], [0.5, 0.4, 0.13]]),
+        heights=np.zeros((51, 51), np.float32), geometry=LEVEL, dt=1.0 / 240.0,
+    )  # fmt: skip
+    shapes = shapes_of(setup.text, prisms=False)
+    with chosen.build(setup) as robots:
+        for _ in range(180):
+            robots.step()
+        links = robots.links()
+        parts = [shapes[name] for name in robots.names]
+        assert np.abs(robots.velocities()).max() < 0.01
+        for positions, orientations, start in zip(*links, setup.starts, strict=True):
+            assert FLAT.least_clearance(parts, positions, orientations) == pytest.approx(0.0, abs=2e-3)
+            chassis = positions[robots.names.index("chassis")]
+            assert chassis == pytest.approx([*start[:2], 0.12], abs=5e-3)
+
+
+def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() -> None:
+    found = scenes(quick=False)
+    assert len({scene.name for scene in found}) == len(found)
+    assert {scene.name for scene in scenes(quick=True)} < {scene.name for scene in found}
+    for scene in found:
+        levels = scene.surface(0.0).below(scene.starts)
+        assert (scene.starts[:, 2] - scene.robot.height >= levels).all(), scene.name
+
+
+def test_what_is_too_deep_or_needs_rescues_is_marked() -> None:
+    scene = RobotScene(robot=ROVER, motion="rest", resolution=0.25)
+
+    def row(p99: float) -> str:
+        results = {name: Result(cost=1.0, p99=p99) for name in ("defaults", "defaults, never asleep")}
+        return study.limits_table([scene], {scene.name: results}).splitlines()[-1]
+
+    assert "**no**" in row(0.0011) and "**no**" not in row(0.0009)
+    good = Stranger(name="r2d2", moving=False, braked=True, drift=0.001, rescues=0)
+    gone = Stranger(name="r2d2", moving=True, braked=True, drift=math.nan, rescues=0)
+    saved = Stranger(name="r2d2", moving=False, braked=False, drift=0.001, rescues=1)
+    verdicts = study.strangers_table([good, gone, saved]).splitlines()[2:]
+    assert ["**no**" in line for line in verdicts] == [False, True, True]
+
+
+def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25)
+    monkeypatch.setattr(study, "scenes", lambda **_: [small])
+    monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
+    assert study.main(["--quick", "--out", str(tmp_path)]) == 0
+    for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
+        assert (tmp_path / name).stat().st_size > 500, name
+    assert study.main(["--scenes", "no such scene"]) == 2
+
+
+@pytest.mark.parametrize("part", ["--quick", "--scenes husky_rest_4cm"])
+def test_a_part_of_a_run_changes_no_document(part: str) -> None:
+    assert study.folder_of(study._parser().parse_args(part.split())) == Path("out/robots")
+    assert study.folder_of(study._parser().parse_args([])) == Path("docs")
