@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from smartmesh_ros import machine_code
+from smartmesh_ros.patches.shapes import DIRECTIONS, directions, hull
 from smartmesh_ros.physics.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.state import BodyState
@@ -49,6 +50,7 @@ def run_through() -> None:
         _with_remote_bodies(world)
     _with_sleeping_bodies()
     _ask_in_a_gap()
+    hull(directions(2 * len(DIRECTIONS)))
     _fuse_maps()
     _check_maps()
 

@@ -137,6 +137,18 @@ def largest_margin(window: Window, travel: Travel) -> float:
 
 
 @compiled
+def highest(window: Window) -> float:
+    """Highest sample of a window [m]; minus infinity if all are holes."""
+    top = -math.inf
+    high, wide = window.heights.shape
+    for a in range(high):
+        for b in range(wide):
+            if window.heights[a, b] > top:
+                top = window.heights[a, b]
+    return top
+
+
+@compiled
 def no_candidates(window: Window, solid: Solid) -> Candidates:
     """The candidates of a solid that reaches no facet of a window."""
     high, wide = window.heights.shape
@@ -207,9 +219,11 @@ def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArra
         for b in range(wide - 1):
             marks[a, b] = 0
     found, most = no_candidates(window, solid), largest_margin(window, travel)
+    if solid.centre.z - extents(solid).z - most > highest(window):
+        return found
     if solid.kind != ShapeKind.COMPOUND:
         return with_facets_of(window, solid, travel, most, found, marks)
-    for k in range(solid.first, solid.first + solid.size):
+    for k in range(solid.first, solid.first + solid.rows):
         found = with_facets_of(window, part_of(solid, k), travel, most, found, marks)
     return found
 

@@ -154,7 +154,7 @@ def gap_to(facet: Facet, solid: Solid, limit: float = math.inf) -> Gap:
     if solid.kind != ShapeKind.COMPOUND:
         return gap_to_convex(facet, solid, limit)
     best = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre)
-    for k in range(solid.first, solid.first + solid.size):
+    for k in range(solid.first, solid.first + solid.rows):
         least = min(limit, best.distance)
         around = ball_gap(facet, part_centre(solid, k), solid.parts[k].reach)
         if around.distance > least:

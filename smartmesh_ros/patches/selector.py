@@ -136,7 +136,7 @@ class Selector:
         return self._batches
 
     def _all_batches(self) -> Iterator[PatchBatch]:
-        supports = self.supports.view(np.ndarray)  # fields of record arrays are read slowly
+        supports = self.supports
         for name, number, _ in self._tiles:
             if name not in self.terrain.tiles:
                 continue
@@ -246,7 +246,7 @@ class Selector:
     def _on_tiles(self, chosen: IntArray) -> list[tuple[_Tile, IntArray]]:
         """Group bodies by tile. A body stays on its tile while it is above it; otherwise it moves to the first tile
         below it, or to the nearest one within its reach."""
-        supports = self.supports.view(np.ndarray)
+        supports = self.supports
         there = np.isfinite(self._bodies[chosen]).all(axis=1)
         supports["state"][chosen[~there]] = Support.NONE
         chosen = chosen[there]

@@ -19,31 +19,46 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
 # [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
-# radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``size``: first
+# radius about the shape's middle; ``radius`` [m]: bounding radius about the centre of mass; ``first``, ``rows``: first
 # row and number of a hull's vertices, or of a compound's parts.
 SHAPE = np.dtype(
-    [
-        ("kind", np.int64),
-        ("half", np.float64, (3,)),
-        ("rounding", np.float64),
-        ("offset", np.float64, (3,)),
-        ("turn", np.float64, (4,)),
-        ("reach", np.float64),
-        ("radius", np.float64),
-        ("first", np.int64),
-        ("size", np.int64),
-    ]
+    (
+        np.record,
+        [
+            ("kind", np.int64),
+            ("half", np.float64, (3,)),
+            ("rounding", np.float64),
+            ("offset", np.float64, (3,)),
+            ("turn", np.float64, (4,)),
+            ("reach", np.float64),
+            ("radius", np.float64),
+            ("first", np.int64),
+            ("rows", np.int64),
+        ],
+    )
 )
 
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].
 BODY_COLUMNS = 13
-# A hull keeps this many vertices, or up to 16 times as many if it would otherwise grow by more than `MOST_GROWTH` [m].
-HULL_VERTICES, MOST_GROWTH = 128, 1e-3
+# A hull of many vertices keeps enough of them that none is farther outside than this [m].
+MOST_GROWTH = 1e-3
 HULL = int(ShapeKind.HULL)  # for compiled functions
 
 CENTRE = (0.0, 0.0, 0.0)
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
+
+
+def directions(count: int) -> FloatArray:
+    """Return unit directions (count, 3), evenly spread (a Fibonacci lattice)."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    aside = np.sqrt(1.0 - z * z)
+    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
+
+
+# Among the vertices of a hull those farthest along these directions are tried first.
+DIRECTIONS = directions(64)
 
 
 class Shapes(NamedTuple):
@@ -104,15 +119,15 @@ def cylinder(
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
     """The convex hull of points (n, 3) [m] in the frame of the centre of mass, grown by ``rounding`` [m].
 
-    Of many points only those are kept that are farthest along evenly spread directions. The hull then grows by as much
-    as the other points stick out.
+    Of many points only those are kept whose hull holds the others but for a millimetre. The hull then grows by as much
+    as the others stick out.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     vertices, growth = _fewer(np.ascontiguousarray(points - middle))
     reach = float(np.linalg.norm(vertices, axis=1).max())
     shape = _shape(ShapeKind.HULL, half.tolist(), rounding + growth, reach, middle.tolist(), UNTURNED)
-    shape.record["size"] = len(vertices)
+    shape.record["rows"] = len(vertices)
     return BodyShape(shape.record, vertices)
 
 
@@ -131,7 +146,7 @@ def compound(parts: Sequence[BodyShape]) -> BodyShape:
         inner.append(BodyShape(record, part.vertices))
     reach = max(part.radius for part in inner)
     shape = _shape(ShapeKind.COMPOUND, (0.5 * (high - low)).tolist(), 0.0, reach, middle.tolist(), UNTURNED)
-    shape.record["size"] = len(inner)
+    shape.record["rows"] = len(inner)
     return BodyShape(shape.record, None, tuple(inner))
 
 
@@ -158,41 +173,37 @@ def _extent(record: Any) -> FloatArray:
 
 def _fewer(vertices: FloatArray) -> tuple[FloatArray, float]:
     """Return the vertices (n, 3) of a hull that are kept, and how far the others are outside their hull [m]."""
-    count = HULL_VERTICES
-    while count < len(vertices):
-        rows = np.unique((_evened(vertices) @ _directions(count).T).argmax(axis=0))
-        kept = np.ascontiguousarray(vertices[rows])
-        growth = outside(kept, vertices)
-        if growth <= MOST_GROWTH or count >= 16 * HULL_VERTICES:
-            return kept, growth
-        count *= 2
-    return vertices, 0.0
+    if len(vertices) <= len(DIRECTIONS):
+        return vertices, 0.0
+    kept, others, growth = _extreme(vertices), vertices, 0.0
+    while len(others):
+        away = distances_outside(kept, others)
+        growth = max(growth, float(away.max(where=away <= MOST_GROWTH, initial=0.0)))
+        others = others[away > MOST_GROWTH]
+        if len(others):
+            kept = np.concatenate([kept, _extreme(others)])
+    return kept, growth
 
 
-def _evened(vertices: FloatArray) -> FloatArray:
-    """Return points (n, 3) scaled to equal extents along each axis, so that thin parts keep as many as others."""
+def _extreme(vertices: FloatArray) -> FloatArray:
+    """Return the vertices that are farthest along one of `DIRECTIONS`, after scaling all to equal extents along each
+    axis, so that thin parts keep as many as others."""
     extents = np.ptp(vertices, axis=0)
-    return vertices / np.where(extents > 0.0, extents, 1.0)
-
-
-def _directions(count: int) -> FloatArray:
-    """Return unit directions (count, 3), evenly spread (a Fibonacci lattice)."""
-    k = np.arange(count) + 0.5
-    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
-    aside = np.sqrt(1.0 - z * z)
-    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
+    evened = vertices / np.where(extents > 0.0, extents, 1.0)
+    return np.ascontiguousarray(vertices[np.unique((evened @ DIRECTIONS.T).argmax(axis=0))])
 
 
 @compiled
-def outside(kept: FloatArray, vertices: FloatArray) -> float:
-    """Return how far points (n, 3) are outside the hull of the points ``kept`` (k, 3) [m]; zero if none is."""
+def distances_outside(kept: FloatArray, vertices: FloatArray) -> FloatArray:
+    """Return how far points (n, 3) are outside the hull of the points ``kept`` (k, 3) (n,) [m]; zero for those
+    inside."""
     x, y, z, zero = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0), Point(0.0, 0.0, 0.0)
     solid = Solid(HULL, zero, x, y, z, zero, 0.0, 0.0, 0, len(kept), kept, np.zeros(0, SHAPE))
-    most = 0.0
+    found = np.zeros(len(vertices))
     for k in range(len(vertices)):
         p = Point(vertices[k, 0], vertices[k, 1], vertices[k, 2])
-        most = max(most, gap_to(Facet(p, p, p), solid).distance)
-    return most
+        found[k] = max(gap_to(Facet(p, p, p), solid).distance, 0.0)
+    return found
 
 
 class ShapeTable:
@@ -222,7 +233,7 @@ class ShapeTable:
             key = parts.tobytes()
             if key not in self._parts:
                 self._parts[key] = len(self.shapes.parts)
-                together = np.concatenate([self.shapes.parts, parts]).view(np.recarray)
+                together = np.concatenate([self.shapes.parts, parts])
                 self.shapes = self.shapes._replace(parts=together)
             record["first"] = self._parts[key]
         return record
@@ -236,7 +247,7 @@ class ShapeTable:
 
 
 def _records(count: int) -> Any:
-    return np.zeros(count, SHAPE).view(np.recarray)
+    return np.zeros(count, SHAPE)
 
 
 @compiled
@@ -256,6 +267,6 @@ def solid_of(shapes: Shapes, slot: int, body) -> Solid:
             u = Point(-w.y / level, w.x / level, 0.0)
             v = Point(w.y * u.z - w.z * u.y, w.z * u.x - w.x * u.z, w.x * u.y - w.y * u.x)
     return Solid(
-        shape.kind, centre, u, v, w, half, shape.rounding, shape.reach, shape.first, shape.size, shapes.vertices,
+        shape.kind, centre, u, v, w, half, shape.rounding, shape.reach, shape.first, shape.rows, shapes.vertices,
         shapes.parts,
     )  # fmt: skip

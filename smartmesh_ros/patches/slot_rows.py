@@ -15,4 +15,4 @@ def with_rows(array: Any, count: int, initial: Any) -> Any:
     longer = np.empty((max(count, 2 * len(array)), *array.shape[1:]), array.dtype)
     longer[: len(array)] = array
     longer[len(array) :] = initial
-    return longer.view(type(array))
+    return longer

@@ -33,7 +33,7 @@ class Solid(NamedTuple):
     """A shape at a pose.
 
     ``kind``: a `ShapeKind`. ``centre``; unit axes ``u``, ``v``, ``w``; ``half`` extents of the core along them; the
-    ``rounding`` radius by which the core is grown; ``reach``: bounding radius about the centre. ``first``, ``size``:
+    ``rounding`` radius by which the core is grown; ``reach``: bounding radius about the centre. ``first``, ``rows``:
     first row and number of rows of a hull in ``vertices`` (V, 3), or of a compound in ``parts``, both in the solid's
     own frame.
     """
@@ -47,7 +47,7 @@ class Solid(NamedTuple):
     rounding: float
     reach: float
     first: int
-    size: int
+    rows: int
     vertices: FloatArray
     parts: Any
 
@@ -84,7 +84,7 @@ def out_of_frame(solid: Solid, p: Point) -> Point:
 def farthest_vertex(solid: Solid, d: Point) -> int:
     """Return the row of a hull's vertex that is farthest along a direction in its own frame."""
     best, found = -math.inf, solid.first
-    for k in range(solid.first, solid.first + solid.size):
+    for k in range(solid.first, solid.first + solid.rows):
         far = solid.vertices[k, 0] * d.x + solid.vertices[k, 1] * d.y + solid.vertices[k, 2] * d.z
         if far > best:
             best, found = far, k
@@ -145,7 +145,7 @@ def part_of(solid: Solid, k: int) -> Solid:
         part.rounding,
         part.reach,
         part.first,
-        part.size,
+        part.rows,
         solid.vertices,
         solid.parts,
     )
@@ -157,7 +157,7 @@ def reach_along(solid: Solid, direction: Point) -> float:
     if solid.kind != ShapeKind.COMPOUND:
         return convex_reach(solid, direction)
     most = -math.inf
-    for k in range(solid.first, solid.first + solid.size):
+    for k in range(solid.first, solid.first + solid.rows):
         middle = dot(minus(part_centre(solid, k), solid.centre), direction)
         if middle + solid.parts[k].reach > most:
             most = max(most, middle + convex_reach(part_of(solid, k), direction))
@@ -166,17 +166,19 @@ def reach_along(solid: Solid, direction: Point) -> float:
 
 @compiled
 def extents(solid: Solid) -> Point:
-    """Half extents of an axis-aligned box around a solid's centre that holds the solid."""
-    if solid.kind == ShapeKind.HULL or solid.kind == ShapeKind.COMPOUND:  # not symmetric about their centres
+    """Half extents of an axis-aligned box around a solid's centre that holds the solid; the smallest one for all but
+    hulls and compounds."""
+    if solid.kind == ShapeKind.CYLINDER:
         return Point(
-            max(reach_along(solid, Point(1.0, 0.0, 0.0)), reach_along(solid, Point(-1.0, 0.0, 0.0))),
-            max(reach_along(solid, Point(0.0, 1.0, 0.0)), reach_along(solid, Point(0.0, -1.0, 0.0))),
-            max(reach_along(solid, Point(0.0, 0.0, 1.0)), reach_along(solid, Point(0.0, 0.0, -1.0))),
+            convex_reach(solid, Point(1.0, 0.0, 0.0)),
+            convex_reach(solid, Point(0.0, 1.0, 0.0)),
+            convex_reach(solid, Point(0.0, 0.0, 1.0)),
         )
+    u, v, w, half, rounding = solid.u, solid.v, solid.w, solid.half, solid.rounding
     return Point(
-        reach_along(solid, Point(1.0, 0.0, 0.0)),
-        reach_along(solid, Point(0.0, 1.0, 0.0)),
-        reach_along(solid, Point(0.0, 0.0, 1.0)),
+        abs(u.x) * half.x + abs(v.x) * half.y + abs(w.x) * half.z + rounding,
+        abs(u.y) * half.x + abs(v.y) * half.y + abs(w.y) * half.z + rounding,
+        abs(u.z) * half.x + abs(v.z) * half.y + abs(w.z) * half.z + rounding,
     )
 
 
@@ -185,5 +187,5 @@ def moved_by(solid: Solid, path: Point, share: float) -> Solid:
     """A solid moved by a share of a path."""
     return Solid(
         solid.kind, along(solid.centre, share, path), solid.u, solid.v, solid.w, solid.half, solid.rounding,
-        solid.reach, solid.first, solid.size, solid.vertices, solid.parts,
+        solid.reach, solid.first, solid.rows, solid.vertices, solid.parts,
     )  # fmt: skip

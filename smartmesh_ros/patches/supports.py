@@ -35,28 +35,31 @@ class Support(IntEnum):
 # ``margin`` [m]: predicted motion of the body relative to the ground until the next update.
 # ``first``: index of the support's first height in `Selector.samples`, -1 = its heights are read from the map.
 SUPPORT = np.dtype(
-    [
-        ("state", np.int64),
-        ("tile", np.int64),
-        ("row", np.int64),
-        ("column", np.int64),
-        ("rows", np.int64),
-        ("columns", np.int64),
-        ("stride", np.int64),
-        *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "normal_x", "normal_y", "normal_z", "gap")),
-        *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
-        *(
-            (name, np.float64)
-            for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation", "margin")
-        ),
-        ("first", np.int64),
-    ]
+    (
+        np.record,
+        [
+            ("state", np.int64),
+            ("tile", np.int64),
+            ("row", np.int64),
+            ("column", np.int64),
+            ("rows", np.int64),
+            ("columns", np.int64),
+            ("stride", np.int64),
+            *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "normal_x", "normal_y", "normal_z", "gap")),
+            *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
+            *(
+                (name, np.float64)
+                for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation", "margin")
+            ),
+            ("first", np.int64),
+        ],
+    )
 )
 
 
 def no_supports(count: int) -> Any:
     """Return a table of ``count`` bodies without support."""
-    table = np.zeros(count, SUPPORT).view(np.recarray)
+    table = np.zeros(count, SUPPORT)
     table["tile"] = table["first"] = -1
     table["gap"], table["deviation"] = np.inf, np.nan
     return table

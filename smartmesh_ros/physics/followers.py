@@ -18,7 +18,7 @@ from smartmesh_ros.terrain.revisions import next_revision
 # ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: has a
 # collider when ground is in reach; otherwise only the patch is computed. ``free``: may be clamped before impact.
 # ``own``: may be lifted out of the ground, because this world moves it. ``remote``: another node simulates it.
-FOLLOWER = np.dtype([(name, np.bool_) for name in ("alive", "awake", "solid", "free", "own", "remote")])
+FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "awake", "solid", "free", "own", "remote")]))
 
 
 @dataclass(eq=False)
@@ -59,7 +59,7 @@ class Followers:
 
     def __init__(self) -> None:
         self.epoch = self.wakes = next_revision()
-        self.table: Any = np.zeros(0, FOLLOWER).view(np.recarray)
+        self.table: Any = np.zeros(0, FOLLOWER)
         self._shapes = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
         self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
@@ -162,6 +162,11 @@ class Followers:
         return self._slots_where("solid", lambda table: table["awake"] & table["solid"])
 
     @property
+    def free(self) -> IntArray:
+        """Slots of the followers that are solid and may be clamped before impact."""
+        return self._slots_where("free", lambda table: table["awake"] & table["solid"] & table["free"])
+
+    @property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
         return self._slots_where("tracked", lambda table: table["alive"] & ~table["solid"])
@@ -170,7 +175,7 @@ class Followers:
         """Return the slots whose records meet a condition, computed once between changes."""
         known = self._chosen.get(name)
         if known is None or known[0] != self.wakes:
-            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table.view(np.ndarray))))
+            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table)))
         return known[1]
 
     def _changed(self) -> None:
@@ -179,7 +184,7 @@ class Followers:
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
         self._shapes.reserve(slots)
-        self._radii = self.shapes.table.view(np.ndarray)["radius"]  # fields of record arrays are read slowly
+        self._radii = self.shapes.table["radius"]
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)
         self.moved_w = with_rows(self.moved_w, slots, 0.0)

@@ -19,6 +19,7 @@ from smartmesh_ros.patches.contact_candidates import (
     Window,
     facet_of,
     heights_of_cell,
+    highest,
     is_ground,
     out_of_reach,
     surface_at,
@@ -227,11 +228,7 @@ def height_at_rest(grid, shapes, slot, body, time, rules, memory_h, memory_r):
     still = Travel(0.0, 0.0, 0.0, 0.0)
     place, window = window_about(grid, solid, still, time, 0.0, rules, memory_h, memory_r)
     own = in_window(grid, place, solid)
-    top = -math.inf
-    for a in range(place.high):
-        for b in range(place.wide):
-            if window.heights[a, b] > top:
-                top = window.heights[a, b]
+    top = highest(window)
     if top == -math.inf:
         return math.nan
     start = top + extents(own).z

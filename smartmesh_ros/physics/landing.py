@@ -105,14 +105,14 @@ class Landing:
         are none."""
         ground, dt = self._ground, physics.dt
         followers = ground.followers
-        if not followers.solid.size:
+        if not followers.free.size:
             return None
         fall = np.array(physics.gravity) * dt
         shallow = max(LANDING.shallow, LANDING.falling * math.hypot(*physics.gravity) * dt * dt)
         codes = np.zeros(followers.capacity, np.int64)
         found = approaching(
-            followers.solid, followers.positions_w, followers.moved_w, followers.states, ground.supports,
-            followers.shapes, followers.table, time - ground.time, dt, fall, shallow, LANDING.near, LANDING.deep, codes,
+            followers.free, followers.positions_w, followers.moved_w, followers.states, ground.supports,
+            followers.shapes, time - ground.time, dt, fall, shallow, LANDING.near, LANDING.deep, codes,
         )  # fmt: skip
         if not found:
             self.tries[:] = 0
@@ -199,18 +199,18 @@ APPROACHING, DEEP = 1, 2
 
 
 @compiled
-def approaching(chosen, positions, moved, states, supports, shapes, table, age, dt, fall, shallow, near, deep, codes):
+def approaching(chosen, positions, moved, states, supports, shapes, age, dt, fall, shallow, near, deep, codes):
     """Write to ``codes`` (S,) which bodies in the slots ``chosen`` (n,) may meet the ground in the coming step, or are
     deep in it; returns their number.
 
     The test uses the plane of the ground nearest to each body at the last update, ``age`` [s] ago. ``positions``,
-    ``moved`` (S, 3) [m], ``states`` (S, 13); ``table`` (S,): records of ``FOLLOWER``.
+    ``moved`` (S, 3) [m], ``states`` (S, 13).
     """
     count = 0
     for k in range(len(chosen)):
         i = chosen[k]
         support = supports[i]
-        if not table[i].free or support.state == Support.NONE or support.state == Support.MESH:
+        if support.state == Support.NONE or support.state == Support.MESH:
             continue
         nx, ny, nz = support.normal_x, support.normal_y, support.normal_z
         went = (

@@ -79,7 +79,7 @@ class HeightMap:
         new, speeds = _checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
-        self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK).view(np.recarray)
+        self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
         self._offsets = untouched_zeros(shape)
         self._shown = math.inf  # instant up to which corrections are blended in [s]; inf = never shown

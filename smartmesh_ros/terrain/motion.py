@@ -51,19 +51,22 @@ INTERVALS_KEPT = 10
 # ``newest``: index of the newest velocity in the ring buffer. ``intervals`` [s]: between the last ``count`` updates.
 # ``updates``: number of updates so far.
 CLOCK = np.dtype(
-    [
-        ("time", np.float64),
-        ("opened", np.float64),
-        ("lifetime", np.float64),
-        ("middle", np.float64),
-        ("middle_1", np.float64),
-        ("middle_2", np.float64),
-        ("known", np.int64),
-        ("newest", np.int64),
-        ("intervals", np.float64, (INTERVALS_KEPT,)),
-        ("count", np.int64),
-        ("updates", np.int64),
-    ]
+    (
+        np.record,
+        [
+            ("time", np.float64),
+            ("opened", np.float64),
+            ("lifetime", np.float64),
+            ("middle", np.float64),
+            ("middle_1", np.float64),
+            ("middle_2", np.float64),
+            ("known", np.int64),
+            ("newest", np.int64),
+            ("intervals", np.float64, (INTERVALS_KEPT,)),
+            ("count", np.int64),
+            ("updates", np.int64),
+        ],
+    )
 )
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # fields that are instants
 

@@ -59,7 +59,7 @@ class TriangleMesh:
         # (3, V), so that the search reads each coordinate contiguously.
         self._now = _checked_vertices(vertices, None).T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
-        self._clock = np.zeros(1, CLOCK).view(np.recarray)
+        self._clock = np.zeros(1, CLOCK)
         self._clock["time"] = time
         self.graph = TriangleGraph(self.triangles, self.size)
         self.edge_length = _mean_edge(self._now, self.triangles)

@@ -16,16 +16,20 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.config import SELECTION, PatchConfig
 from smartmesh_ros.patches.contact_candidates import Window, candidate_facets
+from smartmesh_ros.patches.facets import Facet, Point
+from smartmesh_ros.patches.gaps import gap_to
 from smartmesh_ros.patches.selection import (
     acceleration_by_turning,
     in_window,
     local_body,
+    swing_of,
     travel_of,
     window_memory,
     window_place,
 )
 from smartmesh_ros.patches.selector import rules_for
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, box, solid_of
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, ball, box, capsule, cylinder, solid_of
+from smartmesh_ros.patches.solids import ShapeKind
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.moving_grid import read_window
@@ -226,6 +230,31 @@ def test_every_facet_that_a_body_can_reach_is_found(seed: int, kind: str, moving
     for index in range(len(case.forms)):
         missing = touched_by_brute_force(case, index) - touched_by_the_selection(case, index)
         assert not missing, f"body {index}, a {FORMS[index % len(FORMS)]}, reaches facets {sorted(missing)[:5]}"
+
+
+@given(seeds, st.sampled_from(FORMS), st.floats(0.0, 0.1))
+def test_the_swing_bounds_how_far_a_spin_moves_a_surface(seed: int, name: str, duration: float) -> None:
+    """Distances of the turned surface from the solid before, which are zero for a wheel that spins about its axis."""
+    rng = np.random.default_rng(seed)
+    form = Form(name, 0.3, rng)
+    body = np.zeros(BODY_COLUMNS)
+    body[3:7], body[10:] = random_turn(rng), rng.normal(size=3) * rng.choice([0.3, 3.0, 30.0])
+    before = rotation(body[3:7])
+    solid = solid_of(shapes_of([form.shape]), 0, body)
+    turned = form.surface(rng, 200) @ (turn_about(body[10:] * duration) @ before).T
+    moved = max(gap_to(Facet(p, p, p), solid).distance for p in (Point(*point) for point in turned.tolist()))
+    assert moved <= swing_of(body, solid, duration) + 1e-6
+
+
+@pytest.mark.parametrize("shape", [cylinder(0.2, 0.1), capsule(0.1, 0.4), ball(0.2)])
+def test_a_wheel_that_spins_about_its_axis_sweeps_nothing(shape: BodyShape) -> None:
+    body = np.zeros(BODY_COLUMNS)
+    body[6], body[12] = 1.0, 30.0
+    spinning = solid_of(shapes_of([shape]), 0, body)
+    assert swing_of(body, spinning, 1 / 60) == 0.0
+    body[10] = 1.0
+    tilting = swing_of(body, spinning, 1 / 60)
+    assert tilting == pytest.approx(0.0 if shape.kind == ShapeKind.BALL else shape.radius / 60, rel=1e-6)
 
 
 @examples(40)

@@ -160,7 +160,7 @@ def planned(
     normal: np.ndarray, foot: np.ndarray, rise: float, times: list[float], turn: float = 0.0
 ) -> list[tuple[int, np.ndarray]]:
     """What PyBullet is told at so many times for a plane that rises, and the pose that the box has then."""
-    table = np.zeros(1, COLLIDER).view(np.recarray)
+    table = np.zeros(1, COLLIDER)
     table["extent"] = table["depth"] = 1.0
     support, shape = no_supports(1), shapes_of([ball(0.2)]).table
     support["state"], support["rise"], support["margin"], support["turn_x"] = Support.PLANE, rise, 0.01, turn
@@ -194,7 +194,7 @@ def test_steady_ground_is_told_once() -> None:
 
 
 def test_a_box_that_is_too_small_is_a_misfit() -> None:
-    table, support = np.zeros(1, COLLIDER).view(np.recarray), no_supports(1)
+    table, support = np.zeros(1, COLLIDER), no_supports(1)
     table["extent"] = 0.1
     shape = shapes_of([ball(0.2)]).table
     assert plan_plane(table[0], support[0], shape[0], 0.0, limits(), np.zeros(7), np.zeros(6)) == MISFIT

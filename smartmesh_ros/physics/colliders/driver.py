@@ -187,8 +187,8 @@ class Colliders:
             return
         pool, client = self.pool, self._client_id
         colliders, places = pool.colliders, pool.active[changed]
-        turned = pool.table.view(np.ndarray)["turned"][places].tolist()
-        still = moves_nowhere(supports.view(np.ndarray)[changed])
+        turned = pool.table["turned"][places].tolist()
+        still = moves_nowhere(supports[changed])
         poses, velocities = self._plan.poses[changed].tolist(), self._plan.velocities[changed].tolist()
         set_pose, set_velocity = pb.resetBasePositionAndOrientation, pb.resetBaseVelocity
         for row, (slot, change, place) in enumerate(

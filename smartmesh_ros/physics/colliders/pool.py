@@ -57,7 +57,7 @@ class ColliderPool:
         self._free: dict[tuple[Kind, Key], list[int]] = defaultdict(list)
         self._trimmed = -math.inf  # time of the last trim [s]
         self.colliders: list[Collider] = []
-        self.table = np.zeros(0, COLLIDER).view(np.recarray)
+        self.table = np.zeros(0, COLLIDER)
         self.memory = FieldMemory(np.empty(0), np.empty(0), np.empty(LARGEST_FIELD))
         self.held = np.empty((0, len(KINDS)), np.int64)
         self.active = np.empty(0, np.int64)

@@ -18,14 +18,17 @@ from smartmesh_ros.compiled import compiled
 # the collider's grid; ``tilt_*`` [rad]: tilt since the collider was placed; ``v*`` [m/s], ``w*`` [rad/s]: velocity and
 # angular velocity. ``n*``: upward normal of a box's top.
 COLLIDER = np.dtype(
-    [
-        *((name, np.int64) for name in ("rows", "columns", "first", "there", "turned")),
-        *(
-            (name, np.float64)
-            for name in ("extent", "depth", "spacing", "x", "y", "z", "yaw", "tilt_x", "tilt_y", "time")
-        ),
-        *((name, np.float64) for name in ("vx", "vy", "vz", "wx", "wy", "wz", "nx", "ny", "nz")),
-    ]
+    (
+        np.record,
+        [
+            *((name, np.int64) for name in ("rows", "columns", "first", "there", "turned")),
+            *(
+                (name, np.float64)
+                for name in ("extent", "depth", "spacing", "x", "y", "z", "yaw", "tilt_x", "tilt_y", "time")
+            ),
+            *((name, np.float64) for name in ("vx", "vy", "vz", "wx", "wy", "wz", "nx", "ny", "nz")),
+        ],
+    )
 )
 
 
