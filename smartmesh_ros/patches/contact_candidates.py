@@ -229,6 +229,24 @@ def candidate_facets(window: Window, solid: Solid, travel: Travel, marks: NDArra
 
 
 @compiled
+def nearest_facet(window: Window, solid: Solid) -> Candidates:
+    """Return the facet nearest to a solid as its only candidate; none if there is no ground."""
+    high, wide = window.heights.shape
+    found, best = no_candidates(window, solid), math.inf
+    for a in range(high - 1):
+        for b in range(wide - 1):
+            for upper in range(2):
+                facet = facet_of(window.heights, window.spacing, a, b, upper)
+                if not is_ground(facet):
+                    continue
+                gap = gap_to(facet, solid, best)
+                rank = rank_of(gap, solid)
+                if rank < best:
+                    best, found = rank, Candidates(1, a, a, b, b, a, b, upper, gap, 0.0)
+    return found
+
+
+@compiled
 def surface_at(window: Window, x: float, y: float) -> tuple[float, float]:
     """Height [m] of the ground at (x, y) and its rise until the next update [m]; NaN over holes."""
     high, wide = window.heights.shape

@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.contact_candidates import Travel, Window, candidate_facets, nearest_planes
+from smartmesh_ros.patches.contact_candidates import Window, nearest_facet, nearest_planes
 from smartmesh_ros.patches.report.collect import BFS
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.grid_search import GridSearch
@@ -28,7 +28,6 @@ from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.terrain import Terrain
 
 UNKNOWN_EXTENT = (0.0, 0.0, 0.0, -1.0)
-UNBOUNDED = 1e9  # reach that makes every facet of a patch a candidate [m]
 
 
 class FixedPatches:
@@ -117,7 +116,7 @@ class FixedPatches:
         supports["deviation"][chosen] = np.where((stride == 1) & whole, 0.0, np.nan)
         describe_fixed(
             heightmap.moved_to(time), chosen, shapes, bodies, now.reshape(-1, size, size),
-            (velocities * duration).reshape(-1, size, size), duration, supports, np.zeros((size, size), np.uint8),
+            (velocities * duration).reshape(-1, size, size), duration, supports,
         )  # fmt: skip
         return now
 
@@ -141,7 +140,7 @@ class FixedPatches:
 
 
 @compiled
-def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports, marks):
+def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports):
     """Write the foot, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S)
     [m]."""
     local = np.empty(13)
@@ -153,7 +152,7 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         own = in_window(grid, place, solid)
         h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # array type of `select`
         window = Window(h, r, grid.resolution * place.stride)
-        candidates = candidate_facets(window, own, Travel(0.0, 0.0, 0.0, UNBOUNDED), marks)
+        candidates = nearest_facet(window, own)
         if candidates.facets == 0:
             support.state, support.gap = Support.NONE, math.inf
             continue
