@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from studies.configurations import Family
 from studies.contest import Result
@@ -82,14 +82,16 @@ def draw_all(
             else:
                 _say_nothing(axes)
             axes.tick_params(which="both", labelsize=7)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_minor_formatter(NullFormatter())
             if column == 0:
                 axes.set_title(_wrapped(title), fontsize=8, loc="left")
             else:
                 axes.set_title("deviation", fontsize=7, loc="right", color="0.4")
     handles = _legend({families[name] for found in results.values() for name in found})
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
-    figure.suptitle(f"left: {WORDS['distance']}; right: {WORDS['deviation']}; crosses on top lost bodies", fontsize=10)
-    figure.supxlabel(f"cost: update and step, per {unit} and simulated second [ms]")
+    words = f"left: {WORDS['distance']}; right: {WORDS['deviation']}; crosses on top: lost"
+    figure.supxlabel(f"cost: update and step, per {unit} and simulated second [ms]\n{words}")
     figure.savefig(path, dpi=80)
 
 

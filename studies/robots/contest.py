@@ -27,8 +27,8 @@ from studies.robots.urdf import prepared
 
 # Length of a run, and its beginning that is not measured [s].
 SECONDS, SETTLE = 2.0, 1.0
-# Measurements in a second [Hz].
-SAMPLES = 20.0
+# Measurements in a second [Hz]: no multiple of the rate of the maps, so that they see maps of every age.
+SAMPLES = 30.0
 # Length of the pieces in which engines take turns [s]. The cost is the median over the pieces.
 PIECE = 0.25
 # Processor time in one scene after which an engine is stopped [s].

@@ -16,8 +16,6 @@ from studies.robots.urdf import root_link
 
 # Memory for the contacts of one robot [bytes].
 ARENA = 8 << 20
-# Gain [Nm s/rad] of the servos: joints follow as far as the torque allows, as PyBullet's do.
-GAIN = 50.0
 # Bits of the robots and of the ground: robots touch the ground, and not one another.
 ROBOT, GROUND = 1, 2
 
@@ -33,7 +31,8 @@ class MujocoRobotOptions:
 
 
 class MujocoRobots(RobotEngine):
-    """The ground has no velocity in contacts. Speculative contacts are off: they do nothing on height fields."""
+    """The ground has no velocity in contacts. Speculative contacts are off: they do nothing on height fields. Servos are
+    constraints, as PyBullet's are, but have no limit of torque; driven wheels follow the angle of their speed."""
 
     def __init__(self, setup: RobotSetup, options: MujocoRobotOptions | None = None) -> None:
         self._options = chosen = options or MujocoRobotOptions()
@@ -42,7 +41,6 @@ class MujocoRobots(RobotEngine):
         x, y, _ = setup.geometry.origin
         spec = mujoco.MjSpec()
         spec.option.timestep = setup.dt
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.memory = ARENA * (1 + len(setup.starts))
         spec.add_hfield(
             name="ground", nrow=rows, ncol=columns, userdata=np.zeros(rows * columns, np.float32),
@@ -58,16 +56,16 @@ class MujocoRobots(RobotEngine):
         for prefix in self._prefixes:
             spec.attach(self._loaded(setup), prefix=prefix, frame=spec.worldbody.add_frame())
             for joint in (*robot.stance, *robot.wheels):
-                _drive(spec, f"{prefix}{joint}", robot.torque, holds=joint in robot.stance)
+                _constrain(spec, f"{prefix}{joint}")
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self._heights = self.model.hfield_data.reshape(rows, columns)
         self._note_links()
         for prefix, start in zip(self._prefixes, setup.starts, strict=True):
             self._place(prefix, start, robot.stance)
-            for wheel in robot.wheels:
-                self.data.actuator(f"{prefix}{wheel}").ctrl = setup.speed
         self.hold(robot.stance)
+        self._wheels = [self.model.equality(f"{one}{wheel}").id for one in self._prefixes for wheel in robot.wheels]
+        self._speed = setup.speed
         self.set_ground(setup.heights)
         mujoco.mj_forward(self.model, self.data)
 
@@ -110,9 +108,11 @@ class MujocoRobots(RobotEngine):
     def hold(self, positions: Mapping[str, float]) -> None:
         for prefix in self._prefixes:
             for joint, position in positions.items():
-                self.data.actuator(f"{prefix}{joint}").ctrl = position
+                self.model.eq_data[self.model.equality(f"{prefix}{joint}").id, 0] = position
 
     def step(self) -> None:
+        if self._speed:
+            self.model.eq_data[self._wheels, 0] = self._speed * self.data.time
         mujoco.mj_step(self.model, self.data)
 
     def links(self) -> Links:
@@ -129,11 +129,10 @@ class MujocoRobots(RobotEngine):
         """Nothing is left open."""
 
 
-def _drive(spec: mujoco.MjSpec, joint: str, torque: float, *, holds: bool) -> None:
-    """Add a servo that holds a position, or a speed."""
-    gain = GAIN / SERVO if holds else GAIN
-    actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.gainprm = [gain, *[0.0] * 9]
-    actuator.biasprm = [0.0, -gain if holds else 0.0, -GAIN, *[0.0] * 7]
-    actuator.forcelimited, actuator.forcerange = True, [-torque, torque]
+def _constrain(spec: mujoco.MjSpec, joint: str) -> None:
+    """Add a constraint that holds a joint at a position. An actuator as stiff would make robots tremble: MuJoCo solves
+    contacts without the damping that its integrator adds for actuators."""
+    constraint = spec.add_equality(name=joint, type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
+    constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
+    constraint.data = np.zeros((len(constraint.data), 1))
+    constraint.solref = [0.5 * SERVO, 1.0]  # critically damped: both of its time constants together are that of a servo

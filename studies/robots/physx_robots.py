@@ -14,12 +14,16 @@ from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup, xyzw
-from studies.robots.mujoco_robots import GAIN, GROUND, ROBOT
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
     import sapien
     from sapien import physx
+
+# Gain [Nm s/rad] of the servos: joints follow as far as the torque allows, as PyBullet's do.
+GAIN = 50.0
+# Groups of the robots and of the ground: robots touch the ground, and not one another.
+ROBOT, GROUND = 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -157,4 +157,4 @@ def test_ball_stays_on_ground_that_rises(engine: str) -> None:
 
 def test_unknown_engine_is_refused_by_name() -> None:
     with pytest.raises(InputError, match="smartmesh"):
-        build("rapier", setup(np.zeros((ROWS, COLUMNS))))
+        build("jolt", setup(np.zeros((ROWS, COLUMNS))))
