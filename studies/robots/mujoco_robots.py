@@ -31,8 +31,11 @@ class MujocoRobotOptions:
 
 
 class MujocoRobots(RobotEngine):
-    """The ground has no velocity in contacts. Speculative contacts are off: they do nothing on height fields. Servos are
-    constraints, as PyBullet's are, but have no limit of torque; driven wheels follow the angle of their speed."""
+    """The ground has no velocity in contacts. Speculative contacts are off: they do nothing on height fields.
+
+    Servos are constraints, as PyBullet's are, but have no limit of torque; driven wheels follow the angle of their
+    speed.
+    """
 
     def __init__(self, setup: RobotSetup, options: MujocoRobotOptions | None = None) -> None:
         self._options = chosen = options or MujocoRobotOptions()
