@@ -29,6 +29,7 @@ LONGEST = (
     "node/test_batches.py",
     "studies/test_before_after.py",
     "node/test_robots.py",
+    "studies/test_robots.py",
     "node/test_faults.py",
     "test_machine_code.py",
     "studies/test_mapper.py",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -138,4 +139,5 @@ def _constrain(spec: mujoco.MjSpec, joint: str) -> None:
     constraint = spec.add_equality(name=joint, type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
     constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
     constraint.data = np.zeros((len(constraint.data), 1))
-    constraint.solref = [0.5 * SERVO, 1.0]  # critically damped: both of its time constants together are that of a servo
+    # Overdamped: two time constants, which together are that of a servo. A tighter one would tremble against contacts.
+    constraint.solref = [0.25 * SERVO, math.sqrt(2.0)]

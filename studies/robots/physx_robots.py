@@ -21,7 +21,7 @@ with warnings.catch_warnings():
     from sapien import physx
 
 # Gain [Nm s/rad] of the servos: joints follow as far as the torque allows, as PyBullet's do.
-GAIN = 50.0
+GAIN = 200.0
 # Groups of the robots and of the ground: robots touch the ground, and not one another.
 ROBOT, GROUND = 1, 2
 

@@ -21,11 +21,11 @@ from studies.matrix.arena import square
 from studies.robots import study
 from studies.robots.configurations import configurations
 from studies.robots.contest import shapes_of
-from studies.robots.engine import RobotSetup
+from studies.robots.engine import SERVO, RobotEngine, RobotSetup
 from studies.robots.geometry import GroundPrisms, Part, cylinder, hull, placed, pose_of, read_links, sphere
 from studies.robots.robot import HUSKY, LAIKAGO, LEGS, RACECAR, ROVER, Robot, laikago_joints
 from studies.robots.scene import RobotScene, scenes
-from studies.robots.strangers import Stranger
+from studies.robots.strangers import Stranger, run_stranger
 from studies.robots.trot import PHASES, Trot
 from studies.robots.urdf import MASSLESS, prepared
 
@@ -158,6 +158,41 @@ def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
             assert chassis == pytest.approx([*start[:2], 0.12], abs=5e-3)
 
 
+def test_speculative_contacts_of_mujoco_help_on_a_plane_and_not_on_height_fields() -> None:
+    """Why they are off. If this fails, MuJoCo has learnt it: switch them on."""
+    mujoco = pytest.importorskip("mujoco")
+
+    def depth(ground: str, *, speculative: bool) -> float:
+        spec = mujoco.MjSpec()
+        spec.option.timestep = 1.0 / 240.0
+        spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SPECULATIVE if speculative else 0
+        if ground == "plane":
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2, 2, 1])
+        else:
+            spec.add_hfield(name="g", nrow=41, ncol=41, size=[2, 2, 1, 1], userdata=np.zeros(1681, np.float32))
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="g")
+        ball = spec.worldbody.add_body(pos=[0.013, 0.021, 0.3])
+        ball.add_freejoint()
+        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=1, solref=[2.0 / 240.0, 1], priority=1)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.qvel[2] = -20.0
+        lowest = 1.0
+        for _ in range(60):
+            mujoco.mj_step(model, data)
+            lowest = min(lowest, float(data.qpos[2]))
+        return 0.02 - lowest
+
+    assert depth("plane", speculative=True) < 0.1 * depth("plane", speculative=False)
+    assert depth("field", speculative=True) == pytest.approx(depth("field", speculative=False), rel=0.01)
+
+
+def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
+    found = run_stranger("r2d2", moving=False, braked=True)
+    assert found.passed
+    assert found.drift < 2e-3
+
+
 def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() -> None:
     found = scenes(quick=False)
     assert len({scene.name for scene in found}) == len(found)
@@ -196,3 +231,32 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
     assert study.folder_of(study._parser().parse_args(part.split())) == Path("out/robots")
     assert study.folder_of(study._parser().parse_args([])) == Path("docs")
+
+
+@pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
+def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
+    """In the air the error of a joint shrinks with the time constant of the servo."""
+    [chosen] = [one for one in configurations(quick=True) if one.name == engine] or [None]
+    if chosen is None:
+        pytest.skip(f"{engine}: {missing('mujoco') or missing('physx')}")
+    setup = RobotSetup(
+        robot=LAIKAGO, text=prepared(LAIKAGO.urdf), starts=np.array([[0.0, 0.0, 5.0]]),
+        heights=np.zeros((51, 51), np.float32), geometry=LEVEL, dt=1.0 / 240.0,
+    )  # fmt: skip
+    knee = laikago_joints("FR")[2]
+
+    def toe(robots: RobotEngine) -> float:
+        """Distance of a toe from its upper leg [m], which depends on the knee alone."""
+        positions = robots.links().positions[0]
+        return math.dist(*(positions[robots.names.index(name)] for name in ("toeFR", "FR_upper_leg")))
+
+    with chosen.build(setup) as robots:
+        robots.hold(LAIKAGO.stance)
+        path = []
+        for step in range(96):
+            robots.hold({**LAIKAGO.stance, knee: LAIKAGO.stance[knee] - (0.3 if step >= 24 else 0.0)})
+            robots.step()
+            path.append(toe(robots))
+    first, last = path[22], path[-1]
+    after = path[24 + round(240.0 * SERVO) - 1]
+    assert (after - last) / (first - last) == pytest.approx(math.exp(-1.0), abs=0.12)
