@@ -166,7 +166,8 @@ def _plot(
 def _label(
     axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], families: Mapping[str, Family]
 ) -> None:
-    """Writes the names beside the points, each where it covers no other."""
+    """Writes the names beside the points, each where it covers no other and stays within the panel."""
+    right = axes.bbox.x1
     spots = {name: axes.transData.transform(place) for name, place in places.items()}
     taken: list[tuple[float, float, float, float]] = []
     for name, text in texts.items():
@@ -174,7 +175,11 @@ def _label(
         width = 4.6 * len(text)
         offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]
-        free = [(dx, dy) for dx, dy in offsets if not _covers((x + dx, y + dy, width, 9.0), taken)]
+        free = [
+            (dx, dy)
+            for dx, dy in offsets
+            if x + dx + width <= right and not _covers((x + dx, y + dy, width, 9.0), taken)
+        ]
         dx, dy = free[0] if free else offsets[0]
         taken.append((x + dx, y + dy, width, 9.0))
         axes.annotate(
