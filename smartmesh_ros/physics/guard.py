@@ -15,6 +15,7 @@ from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.config import SELECTION
 from smartmesh_ros.patches.selection import window_memory
 from smartmesh_ros.patches.selector import rules_for
+from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.impact import height_at_rest
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
@@ -41,14 +42,15 @@ class Guard:
         ground, followers = self._ground, self._ground.followers
         if not followers.solid.size:
             return 0
+        middles = middles_of(followers.solid, followers.shapes, followers.states)
         found = possibly_buried(
-            followers.solid, followers.states, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
+            followers.solid, middles, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
         )
-        slots = followers.solid[found]
+        slots, middles = followers.solid[found], middles[found]
         if not slots.size:
             return 0
-        heights, velocities = ground.terrain.at(followers.states[slots, :2], time)
-        below = followers.states[slots, 2] < heights
+        heights, velocities = ground.terrain.at(middles[:, :2], time)
+        below = middles[:, 2] < heights
         lifts: dict[int, tuple[float, float]] = {}
         for slot, height, rate in zip(
             *(values[below].tolist() for values in (slots, heights, velocities)), strict=True
@@ -76,12 +78,23 @@ class Guard:
 
 
 @compiled
+def middles_of(chosen: IntArray, shapes: Any, states: FloatArray) -> FloatArray:
+    """Return the middles of the shapes of the followers in the slots ``chosen`` (n,) (n, 3) [m]. The centre of mass of
+    a link may be beside its shape, and then below the ground without harm."""
+    middles = np.empty((len(chosen), 3))
+    for k in range(len(chosen)):
+        centre = solid_of(shapes, chosen[k], states[chosen[k]]).centre
+        middles[k, 0], middles[k, 1], middles[k, 2] = centre.x, centre.y, centre.z
+    return middles
+
+
+@compiled
 def possibly_buried(
-    chosen: IntArray, states: FloatArray, supports: Any, shapes: Any, table: Any, near: float
+    chosen: IntArray, middles: FloatArray, supports: Any, shapes: Any, table: Any, near: float
 ) -> BoolArray:
     """Return which of the followers in the slots ``chosen`` (n,) may be under the ground (n,): those without support,
-    and those whose middle is not well above the plane under them. ``table``: records of ``FOLLOWER``; only bodies that
-    may be lifted count."""
+    and those whose middle (n, 3) is not well above the plane under them. ``table``: records of ``FOLLOWER``; only
+    bodies that may be lifted count."""
     found = np.zeros(len(chosen), np.bool_)
     for k in range(len(chosen)):
         i = chosen[k]
@@ -89,9 +102,9 @@ def possibly_buried(
             continue
         support = supports[i]
         above = (
-            (states[i, 0] - support.foot_x) * support.facet_x
-            + (states[i, 1] - support.foot_y) * support.facet_y
-            + (states[i, 2] - support.foot_z) * support.facet_z
+            (middles[k, 0] - support.foot_x) * support.facet_x
+            + (middles[k, 1] - support.foot_y) * support.facet_y
+            + (middles[k, 2] - support.foot_z) * support.facet_z
         )
         found[k] = support.state == Support.NONE or above < near * shapes.table[i].radius
     return found

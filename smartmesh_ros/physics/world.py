@@ -23,6 +23,7 @@ from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.guest_config import GuestConfig
+from smartmesh_ros.physics.guard import middles_of
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.limits import FARTHEST_BODY, require_possible
@@ -404,13 +405,13 @@ class World:
         return [wrench for wrench in found if not self._is_guest(wrench.body)]
 
     def below_ground(self) -> list[str]:
-        """Return simulated bodies and links whose centre was under the ground at the last update, because a collider
+        """Return simulated bodies and links whose middle was under the ground at the last update, because a collider
         failed."""
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
-        positions = followers.positions_w[own]
-        heights = self.terrain.at(positions[:, :2], self.time).heights
-        return [followers[slot].name for slot in own[positions[:, 2] < heights].tolist()]
+        middles = middles_of(own, followers.shapes, followers.states)
+        heights = self.terrain.at(middles[:, :2], self.ground.time).heights
+        return [followers[slot].name for slot in own[middles[:, 2] < heights].tolist()]
 
     def _simulate(self) -> None:
         """Step PyBullet with the motors' efforts."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -15,6 +14,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.evaluation.clearance import rotate
+from smartmesh_ros.physics.obj_parts import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 
 # Depth of the prisms [m]: deeper than any link sinks.
@@ -92,7 +92,7 @@ def _read_link(client: Any, uid: int, link: int) -> list[Part]:
             found.append(cylinder(size[1], size[0], pose))
         elif kind == pb.GEOM_CAPSULE:
             found.append(capsule(size[1], size[0], pose))
-        elif len(parts := obj_parts(Path(shape[4].decode()))) > 1:  # PyBullet gives the vertices of the first only
+        elif len(parts := _objects(shape[4].decode())) > 1:  # PyBullet gives the vertices of one only
             found += [hull(points * size, pose) for points in parts]
         else:  # the vertices of a mesh are given in the frame of the link's inertia
             points = np.array(client.getMeshData(uid, link, collisionShapeIndex=index)[1])
@@ -100,22 +100,9 @@ def _read_link(client: Any, uid: int, link: int) -> list[Part]:
     return found
 
 
-def obj_parts(file: Path) -> list[FloatArray]:
-    """Return the vertices (K, 3) of each part of a Wavefront file, each of which PyBullet collides by its hull; an
-    empty list for other files."""
-    if file.suffix != ".obj" or not file.is_file():
-        return []
-    vertices: list[list[float]] = []
-    parts: list[set[int]] = [set()]
-    for line in file.read_text().splitlines():
-        match line.split():
-            case ["v", x, y, z, *_]:
-                vertices.append([float(x), float(y), float(z)])
-            case ["o" | "g", *_]:
-                parts.append(set())
-            case ["f", *corners]:
-                parts[-1] |= {int(corner.split("/")[0]) - 1 for corner in corners}
-    return [np.array(vertices)[sorted(part)] for part in parts if part]
+def _objects(file: str) -> list[FloatArray]:
+    """Return the vertices (K, 3) of each object of an OBJ file, an empty list for other files."""
+    return obj_parts(file) if file.endswith(".obj") else []
 
 
 def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:

@@ -162,3 +162,18 @@ def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
         assert mean[:3] == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
         assert mean[3:] == pytest.approx([0.0, 0.0, 0.0], abs=0.02 * weight * 0.2)
         assert wrenches["box"].centre == pytest.approx(world.state("box").position)
+
+
+def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_rescue() -> None:
+    """A pendulum-like link: a box on the ground, and its centre of mass a quarter of a metre below it."""
+    urdf = (
+        '<robot name="keel"><link name="base"><inertial><origin xyz="0 0 -0.35"/><mass value="5"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link></robot>'
+    )
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
+        world.spawn_robot("keel", urdf, BodyState((2.0, 2.0, -0.24)))
+        world.step(240)
+        assert world.state("keel").position[2] == pytest.approx(-0.25, abs=0.01)
+        assert world.rescues == 0
+        assert world.below_ground() == []
