@@ -99,7 +99,7 @@ setup(
     distclass=WithMachineCode,
     cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml"]},
+    package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml", "soil/soils.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

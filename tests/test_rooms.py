@@ -27,8 +27,8 @@ BULLET = ["pybullet", "pybullet_utils", "pybullet_data"]
 @pytest.mark.parametrize(
     ("rooms", "blocked"),
     [
-        (["terrain", "search", "patches", "physics"], ROS),
-        (["terrain", "search", "patches"], [*ROS, *BULLET]),
+        (["terrain", "search", "patches", "physics", "soil"], ROS),
+        (["terrain", "search", "patches", "soil"], [*ROS, *BULLET]),
     ],
 )
 def test_rooms_load_without(rooms: list[str], blocked: list[str]) -> None:

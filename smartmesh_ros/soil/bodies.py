@@ -1,0 +1,179 @@
+"""Bodies that press the soil, as the soil model needs them: shapes, places and velocities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE
+
+FootKind = Literal["box", "sphere", "cylinder", "capsule"]
+_CODES = {"box": BOX, "sphere": SPHERE, "cylinder": CYLINDER, "capsule": CAPSULE}
+# Number of dimensions of each kind.
+_SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+
+
+@dataclass(frozen=True)
+class FootShape:
+    """Shape of a body.
+
+    ``size`` [m]: edge lengths x, y, z of a box; radius of a sphere; radius and height of a cylinder, or of a capsule
+    without its half spheres, both along z. ``centre`` [m], ``turn`` (quaternion x, y, z, w): place of the shape in the
+    frame of the body's centre of mass. Raises `InputError`.
+    """
+
+    kind: FootKind
+    size: tuple[float, ...]
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(FootKind):
+            raise InputError("shape", f"there is no shape {self.kind!r}; choose {', '.join(get_args(FootKind))}")
+        if len(self.size) != _SIZES[self.kind] or not all(0.0 < value < 1e6 for value in self.size):
+            raise InputError(
+                "shape",
+                f"a {self.kind} has {_SIZES[self.kind]} dimensions above zero [m], not {self.size}",
+            )
+
+    def write(self, foot: Any) -> None:
+        """Write the shape to a record of ``FOOT``."""
+        foot["kind"], foot["centre"], foot["turn"] = _CODES[self.kind], self.centre, self.turn
+        if self.kind == "box":
+            foot["half"] = [0.5 * edge for edge in self.size]
+        else:
+            foot["half"] = [self.size[0], self.size[0], 0.5 * self.size[-1] if len(self.size) > 1 else 0.0]
+
+
+class PressingBodies(Protocol):
+    """Where `Soil` gets bodies from."""
+
+    def read(self, name: str, foot: Any) -> bool:
+        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+
+    def set_grip(self, name: str, grip: float) -> None:
+        """Set the friction coefficient of a body with the soil, if that is possible."""
+
+
+class BulletBodies:
+    """Bodies of a PyBullet world, by the names that contacts use.
+
+    ``client``: the connected `BulletClient`, or the module ``pybullet``. ``world``: a `smartmesh_ros.World`; its bodies
+    and robots then are known by themselves. Without one, `add` each body.
+    """
+
+    def __init__(self, client: Any, world: Any = None) -> None:
+        self._client = client
+        self._world = world
+        self._known: dict[str, tuple[int, int, FootShape]] = {}
+        self._grips: dict[str, float] = {}
+
+    def add(self, name: str, body: int, link: int = -1, shape: FootShape | None = None) -> None:
+        """Add a PyBullet body or link under a name; its shape is read from PyBullet unless it is given.
+
+        PyBullet does not report shapes of bodies in maximal coordinates, and no size of meshes. Of several shapes of a
+        link the first counts. Raises `InputError`.
+        """
+        self._known[name] = body, link, shape or self._shape_of(name, body, link)
+
+    def read(self, name: str, foot: Any) -> bool:
+        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+        if name not in self._known and not self._find(name):
+            return False
+        body, link, shape = self._known[name]
+        try:
+            if link < 0:
+                pose, velocity = self._client.getBasePositionAndOrientation(body), self._client.getBaseVelocity(body)
+            else:
+                found = self._client.getLinkState(body, link, computeLinkVelocity=1)
+                pose, velocity = found[:2], found[6:8]
+        except Exception:  # noqa: BLE001  # PyBullet's error, whose class this room does not import
+            del self._known[name]
+            return False
+        shape.write(foot)
+        foot["state"] = (*pose[0], *pose[1], *velocity[0], *velocity[1])
+        return True
+
+    def set_grip(self, name: str, grip: float) -> None:
+        """Set the friction of a body; colliders of the ground have friction 1, and PyBullet multiplies the two."""
+        if name in self._known and abs(grip - self._grips.get(name, -1.0)) > 1e-3:
+            self._grips[name] = grip
+            body, link, _ = self._known[name]
+            self._client.changeDynamics(body, link, lateralFriction=grip)
+
+    def _find(self, name: str) -> bool:
+        """Look a body of the world up, and note it."""
+        root, _, part = name.partition("/")
+        body = None if self._world is None else self._world.bodies.get(root)
+        if body is None:
+            return False
+        if not part:
+            known = None if body.shape is None else _shape_like(body.shape)
+            self.add(name, body.uid, -1, known)
+            return True
+        for link, called in body.links.items():
+            if called == part:
+                self.add(name, body.uid, link)
+                return True
+        return False
+
+    def _shape_of(self, name: str, body: int, link: int) -> FootShape:
+        found = self._client.getCollisionShapeData(body, link)
+        kinds: dict[int, FootKind] = {
+            self._client.GEOM_SPHERE: "sphere", self._client.GEOM_BOX: "box", self._client.GEOM_CYLINDER: "cylinder",
+            self._client.GEOM_CAPSULE: "capsule",
+        }  # fmt: skip
+        for _, _, kind, size, _, centre, turn in found:
+            if kind in kinds:
+                sizes = {"sphere": size[:1], "box": size}.get(kinds[kind], (size[1], size[0]))
+                return FootShape(kinds[kind], tuple(sizes), tuple(centre), tuple(turn))
+        raise InputError(
+            "shape", f"{name!r} has no box, sphere, cylinder or capsule to press the soil with; give its shape to add()"
+        )
+
+
+def _shape_like(shape: Any) -> FootShape:
+    """Return the shape of a body of a `World`, such as `smartmesh_ros.Box`."""
+    kind: Any = type(shape).__name__.lower()
+    return FootShape(kind, tuple(shape.dimensions.values()), tuple(shape.centre))
+
+
+class GivenBodies:
+    """Bodies whose states are set by hand, such as those of messages and of studies."""
+
+    def __init__(self) -> None:
+        self._feet: dict[str, tuple[FootShape, tuple[float, ...]]] = {}
+        self.grips: dict[str, float] = {}
+
+    def put(self, name: str, shape: FootShape, state: Iterable[float]) -> None:
+        """Set a body's ``shape``, and its ``state`` (13,): position [m] and quaternion of its centre of mass, linear
+        [m/s] and angular velocity [rad/s], all in the terrain's frame. Raises `InputError`."""
+        numbers = tuple(float(value) for value in state)
+        length = float(np.linalg.norm(numbers[3:7]))
+        if len(numbers) != 13 or not np.isfinite(numbers).all() or abs(length - 1.0) > 1e-3:
+            raise InputError(
+                "state", f"the state of {name!r} is {numbers}; it must be 13 finite numbers, unit quaternion"
+            )
+        self._feet[name] = shape, numbers
+
+    def keep(self, names: Iterable[str]) -> None:
+        """Forget all bodies but ``names``."""
+        kept = set(names)
+        self._feet = {name: foot for name, foot in self._feet.items() if name in kept}
+
+    def read(self, name: str, foot: Any) -> bool:
+        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+        if name not in self._feet:
+            return False
+        shape, state = self._feet[name]
+        shape.write(foot)
+        foot["state"] = state
+        return True
+
+    def set_grip(self, name: str, grip: float) -> None:
+        """Note the friction coefficient of a body."""
+        self.grips[name] = grip

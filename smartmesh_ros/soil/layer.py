@@ -1,0 +1,57 @@
+"""State of the soil under each sample of a height map."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.terrain.grid import FloatArray
+
+Floats = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+# Columns of the table of soils, in the order of `SoilType`.
+KPHI, KC, EXPONENT, COHESION, FRICTION, SHEAR, ELASTIC, DAMPING = range(8)
+
+
+class SoilLayer(NamedTuple):
+    """Soil of a height map, for compiled functions; all (rows, columns) unless noted.
+
+    ``level`` [m]: height of the soil as it was never pressed, without the map's z. ``target`` [m]: height at the end of
+    the current update. ``plastic`` [m]: sinkage that remains without load. ``yielded`` [Pa]: highest pressure so far.
+    ``pressure`` [Pa]: of the last update. ``shear_x``, ``shear_y`` [m]: shear displacement of the loaded soil, along
+    columns and rows. ``known`` [m]: height in the map as of the last update; another height there is new ground.
+    ``touched``: 1 = the other fields hold values. ``moves``: 1 = the last update gave the sample a velocity.
+    ``pressed``: number of the last update in which a body pressed the sample. ``kinds``: rows of ``soils``. ``soils``
+    (S, 8): parameters of the soils in the order of `SoilType`, friction as its tangent.
+    """
+
+    level: FloatArray
+    target: FloatArray
+    plastic: Floats
+    yielded: Floats
+    pressure: Floats
+    shear_x: Floats
+    shear_y: Floats
+    known: Floats
+    touched: Bytes
+    moves: Bytes
+    pressed: NDArray[np.int32]
+    kinds: Bytes
+    soils: FloatArray
+
+
+def untouched_layer(shape: tuple[int, int], soils: list[SoilType], kinds: Bytes) -> SoilLayer:
+    """Return soil that nobody has touched; memory is allocated when it is written."""
+    table = np.array([astuple(soil) for soil in soils], np.float64)
+    table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
+    fields: dict[str, Any] = {name: np.zeros(shape) for name in ("level", "target")}
+    fields |= {name: np.zeros(shape, np.float32) for name in ("plastic", "yielded", "pressure", "shear_x", "shear_y")}
+    fields |= {name: np.zeros(shape, np.uint8) for name in ("touched", "moves")}
+    return SoilLayer(
+        **fields, known=np.zeros(shape, np.float32), pressed=np.zeros(shape, np.int32), kinds=kinds, soils=table
+    )

@@ -1,0 +1,253 @@
+"""How far bodies press the soil down in an update.
+
+The samples under a body take the form of its underside, moved down and leant so that the pressures of the samples, each
+by its own sinkage and sinking speed, have the force and the moments of the body's contacts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.compiled import compiled
+from smartmesh_ros.soil.balancing import (
+    ALONG_X,
+    ALONG_Y,
+    AREA,
+    KIND,
+    LEVEL,
+    LOW,
+    MODULUS,
+    NOW,
+    PLASTIC,
+    YIELDED,
+    Samples,
+    balance,
+    lean_over,
+    loaded,
+    pressed_to,
+)  # fmt: skip
+from smartmesh_ros.soil.feet import SPHERE, bounds, covered_share, patch_width, rotation_of, slope_of, underside
+from smartmesh_ros.soil.law import plastic_after, shear_at
+from smartmesh_ros.soil.layer import COHESION, ELASTIC, FRICTION, KC, KPHI, SHEAR, SoilLayer
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_grid
+
+# Smaller loads count as none [N].
+LEAST_LOAD = 1e-6
+# First row and column of no samples.
+NOWHERE = 2**31
+
+
+class Press(NamedTuple):
+    """Settings of an update: its ``time`` and duration ``dt`` [s], its ``number``, `SoilConfig.load_time` [s],
+    `SoilConfig.lean_time` [s] and `SoilConfig.fastest` [m/s]."""
+
+    time: float
+    dt: float
+    number: int
+    load_time: float
+    lean_time: float
+    fastest: float
+
+
+@compiled
+def press_all(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, samples: Samples) -> int:
+    """Press all ``feet``, records of ``FOOT``, into the soil; return 0, or the number of samples that ``samples`` must
+    hold at least."""
+    for k in range(len(feet)):
+        foot = feet[k]
+        filter_load(foot, press)
+        foot.sinkage, foot.area, foot.carried, foot.grip, foot.displaced = 0.0, 0.0, 0.0, 0.0, 0.0
+        foot.first[0], foot.first[1], foot.last[0], foot.last[1] = NOWHERE, NOWHERE, -1, -1
+        if foot.load <= LEAST_LOAD:
+            foot.load = foot.centre_of_load[0] = foot.centre_of_load[1] = 0.0
+            foot.seat = math.nan
+            continue
+        missing = press_one(grid, layer, foot, press, samples)
+        if missing > 0:
+            return missing
+    return 0
+
+
+@compiled
+def filter_load(foot: Any, press: Press) -> None:
+    """Filter the load of a body, and its place, which noisy contacts change within a step."""
+    share = -math.expm1(-press.dt / press.load_time) if press.load_time > 0.0 else 1.0
+    foot.load += share * (foot.force - foot.load)
+    share = -math.expm1(-press.dt / press.lean_time) if press.lean_time > 0.0 else 1.0
+    if foot.force > 0.0:
+        for axis in range(2):
+            change = foot.place[axis] - foot.centre_of_load[axis]
+            foot.centre_of_load[axis] += share * min(foot.force / foot.load, 1.0) * change
+
+
+@compiled
+def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press, samples: Samples) -> int:
+    """Press one body into the soil; return 0, or the missing number of samples."""
+    rotation, middle, motion = placed(grid, foot)
+    half = np.array([foot.half[0], foot.half[1], foot.half[2]])
+    rows, columns = layer.level.shape
+    spacing = grid.resolution
+    half_x, half_y = bounds(foot.kind, half, rotation, spacing)
+    top, bottom = max(int(middle[1] - half_y / spacing), 0), min(int(middle[1] + half_y / spacing) + 1, rows - 1)
+    left, right = max(int(middle[0] - half_x / spacing), 0), min(int(middle[0] + half_x / spacing) + 1, columns - 1)
+    if bottom < top or right < left:
+        return 0
+    needed = (bottom - top + 1) * (right - left + 1)
+    if needed > len(samples.cells):
+        return needed
+    width, size = patch_width(foot.kind, half, rotation), max(half_x, half_y)
+    count, touch = 0, math.inf
+    for r in range(top, bottom + 1):
+        for c in range(left, right + 1):
+            x, y = (c - middle[0]) * spacing, (r - middle[1]) * spacing
+            low = underside(foot.kind, half, rotation, x, y, spacing)
+            if low == math.inf or math.isnan(grid.heights[r, c]):
+                continue
+            note_ground(grid, layer, r, c)
+            now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
+            soil = layer.soils[layer.kinds[r, c]]
+            samples.cells[count, 0], samples.cells[count, 1] = r, c
+            values = samples.values[count]
+            values[LOW], values[NOW], values[LEVEL] = middle[2] + low, now, layer.level[r, c]
+            values[AREA] = covered_share(foot.kind, half, rotation, x, y, spacing) * spacing * spacing
+            values[MODULUS] = soil[KC] / width + soil[KPHI]
+            values[ALONG_X], values[ALONG_Y] = x / size, y / size
+            values[PLASTIC], values[YIELDED], values[KIND] = layer.plastic[r, c], layer.yielded[r, c], layer.kinds[r, c]
+            if values[AREA] > 0.0:
+                touch = min(touch, middle[2] + low - now)
+            count += 1
+    if touch == math.inf:
+        return 0
+    deepest = touch + press.fastest * press.dt
+    count = keep_reached(samples, count, deepest)
+    own = slope_of(foot.kind, rotation)
+    lean = np.array([touch, 0.0, 0.0])
+    if foot.seat == foot.seat:  # start where the body was carried before
+        lean[0] = min(middle[2] - foot.seat, deepest)
+    known = foot.kind != SPHERE and not math.isnan(foot.centre_of_load[0])  # a ball does not lean
+    if known:
+        x, y = foot.centre_of_load[0], foot.centre_of_load[1]
+        moments = foot.load / size * np.array([grid.cos * x + grid.sin * y, grid.cos * y - grid.sin * x])
+        most = press.fastest * press.dt
+        if foot.seat == foot.seat:
+            for axis in range(2):
+                lean[1 + axis] = min(max((own[axis] - foot.slope[axis]) * size, -most), most)
+        known = lean_over(layer.soils, samples, count, foot.load, moments, lean, deepest, most, press.dt)
+    if not known:
+        lean[0] = balance(layer.soils, samples, count, foot.load, lean, lean[0], deepest, press.dt)
+    foot.seat = middle[2] - lean[0]
+    foot.slope[0], foot.slope[1] = own[0] - lean[1] / size, own[1] - lean[2] / size
+    settle(layer, samples, count, lean, press, foot, middle, motion, spacing)
+    return 0
+
+
+@compiled
+def placed(grid: MovingGrid, foot: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a shape's rotation to the axes of the grid (3, 3); its middle: fractional column and row, and height [m]
+    without the grid's z; and the velocity [m/s] of the middle and the spin [rad/s], in axes of the grid (6,)."""
+    body, own, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    offset, middle, motion, q = np.zeros(3), np.empty(3), np.empty(6), np.empty(4)
+    for k in range(4):
+        q[k] = foot.state[3 + k]
+    rotation_of(q, body)
+    for k in range(4):
+        q[k] = foot.turn[k]
+    rotation_of(q, own)
+    for i in range(3):
+        for j in range(3):
+            offset[i] += body[i, j] * foot.centre[j]
+            total = 0.0
+            for k in range(3):
+                total += body[i, k] * own[k, j]
+            rotation[i, j] = total
+    for j in range(3):
+        x, y = rotation[0, j], rotation[1, j]
+        rotation[0, j], rotation[1, j] = grid.cos * x + grid.sin * y, grid.cos * y - grid.sin * x
+    row, column = to_grid(grid, foot.state[0] + offset[0], foot.state[1] + offset[1])
+    middle[0], middle[1], middle[2] = column, row, foot.state[2] + offset[2] - grid.z
+    spin_x, spin_y, spin_z = foot.state[10], foot.state[11], foot.state[12]
+    vx = foot.state[7] + spin_y * offset[2] - spin_z * offset[1]
+    vy = foot.state[8] + spin_z * offset[0] - spin_x * offset[2]
+    motion[0], motion[1] = grid.cos * vx + grid.sin * vy, grid.cos * vy - grid.sin * vx
+    motion[2] = foot.state[9] + spin_x * offset[1] - spin_y * offset[0]
+    motion[3], motion[4] = grid.cos * spin_x + grid.sin * spin_y, grid.cos * spin_y - grid.sin * spin_x
+    motion[5] = spin_z
+    return rotation, middle, motion
+
+
+@compiled
+def note_ground(grid: MovingGrid, layer: SoilLayer, r: int, c: int) -> None:
+    """Take a sample into the layer when a body first touches it, and again after the map there was changed by others:
+    it then is new soil."""
+    height = grid.heights[r, c]
+    if layer.touched[r, c] == 1 and height == layer.known[r, c]:
+        return
+    layer.touched[r, c], layer.moves[r, c] = 1, 0
+    layer.level[r, c] = layer.target[r, c] = height
+    layer.known[r, c] = height
+    layer.plastic[r, c] = layer.yielded[r, c] = layer.pressure[r, c] = 0.0
+    layer.shear_x[r, c] = layer.shear_y[r, c] = 0.0
+
+
+@compiled
+def keep_reached(samples: Samples, count: int, deepest: float) -> int:
+    """Drop samples that the body does not reach ``deepest`` [m] below its place; return how many are left."""
+    kept = 0
+    for k in range(count):
+        if samples.values[k, LOW] - deepest < samples.values[k, LEVEL]:
+            samples.cells[kept] = samples.cells[k]
+            samples.values[kept] = samples.values[k]
+            kept += 1
+    return kept
+
+
+@compiled
+def settle(
+    layer: SoilLayer, samples: Samples, count: int, lean: FloatArray, press: Press, foot: Any, middle: FloatArray,
+    motion: FloatArray, spacing: float,
+) -> None:  # fmt: skip
+    """Press the samples down by a ``lean``, see `pressed_to`, and write the results to the ``foot``."""
+    force, resistance = 0.0, 0.0
+    cell = spacing * spacing
+    for k in range(count):
+        pressure, total, _ = loaded(layer.soils, samples.values[k], lean, press.dt)
+        if total <= 0.0:
+            continue
+        r, c = samples.cells[k, 0], samples.cells[k, 1]
+        soil, share = layer.soils[layer.kinds[r, c]], samples.values[k, AREA]
+        height = pressed_to(samples.values[k], lean)
+        sinkage, before = layer.level[r, c] - height, layer.plastic[r, c]
+        after, yielded = plastic_after(sinkage, pressure, before, layer.yielded[r, c], soil[ELASTIC])
+        layer.plastic[r, c], layer.yielded[r, c], layer.pressure[r, c] = after, yielded, pressure
+        # Two bodies on a sample: the deeper one counts.
+        again = layer.pressed[r, c] == press.number
+        layer.target[r, c] = min(layer.target[r, c], height) if again else height
+        layer.pressed[r, c] = press.number
+        foot.displaced += (layer.plastic[r, c] - before) * cell
+        shear_x, shear_y = slip_at(motion, middle, r, c, height, spacing)
+        layer.shear_x[r, c] += shear_x * press.dt
+        layer.shear_y[r, c] += shear_y * press.dt
+        displacement = math.hypot(layer.shear_x[r, c], layer.shear_y[r, c])
+        resistance += share * shear_at(pressure, displacement, soil[COHESION], soil[FRICTION], soil[SHEAR])
+        force += share * pressure
+        foot.area += share
+        foot.sinkage = max(foot.sinkage, sinkage)
+        foot.first[0], foot.first[1] = min(foot.first[0], r), min(foot.first[1], c)
+        foot.last[0], foot.last[1] = max(foot.last[0], r), max(foot.last[1], c)
+    foot.carried, foot.grip = force, resistance / force if force > 0.0 else 0.0
+
+
+@compiled
+def slip_at(
+    motion: FloatArray, middle: FloatArray, r: int, c: int, height: float, spacing: float
+) -> tuple[float, float]:
+    """Return the horizontal velocity of the body's surface over the soil at a sample, along columns and rows [m/s].
+
+    ``motion`` (6,): velocity and spin of the shape, see `placed`.
+    """
+    x, y, z = (c - middle[0]) * spacing, (r - middle[1]) * spacing, height - middle[2]
+    return motion[0] + motion[4] * z - motion[5] * y, motion[1] + motion[5] * x - motion[3] * z

@@ -1,0 +1,252 @@
+"""Soil under the bodies of a terrain: it gives way under contact forces and keeps what was pressed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.balancing import Samples
+from smartmesh_ros.soil.bodies import PressingBodies
+from smartmesh_ros.soil.config import SoilConfig, SoilType
+from smartmesh_ros.soil.feet import FOOT
+from smartmesh_ros.soil.flowing import Flow, finish_all, no_blocks, write_changes
+from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
+from smartmesh_ros.soil.pressing import Press, press_all
+from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+
+class Contact(Protocol):
+    """A contact of a body with the ground, such as `World.contacts` returns."""
+
+    @property
+    def body(self) -> str:
+        """Name of the body or link."""
+
+    @property
+    def position(self) -> Sequence[float]:
+        """Place of the contact in the terrain's frame [m] (3,)."""
+
+    @property
+    def normal(self) -> Sequence[float]:
+        """Unit normal, from the ground into the body (3,)."""
+
+    @property
+    def normal_force(self) -> float:
+        """Force along the normal [N]; NaN = unknown."""
+
+
+class Load(NamedTuple):
+    """Vertical ``force`` [N] of a body on the soil, and its place ``x``, ``y`` [m] in the terrain's frame; NaN =
+    unknown, then the soil does not change how the body leans."""
+
+    force: float
+    x: float = math.nan
+    y: float = math.nan
+
+
+class Region(NamedTuple):
+    """A changed rectangle of the map: its first ``row`` and ``column``, new ``heights`` (h, w) [m] relative to the
+    map's z, and ``velocities`` (h, w) [m/s]."""
+
+    row: int
+    column: int
+    heights: Floats
+    velocities: Floats
+
+
+class FootResult(NamedTuple):
+    """What the soil does to a body.
+
+    ``sinkage`` [m]: the deepest. ``area`` [m^2]: pressed. ``carried`` [N]: by the soil's pressure, without damping.
+    ``grip``: largest shear force over pressing force. ``load`` [N]: filtered contact force. ``seat`` [m]: height of the
+    shape's middle, without the map's z, at which the soil carries the load; NaN = without load.
+    """
+
+    sinkage: float
+    area: float
+    carried: float
+    grip: float
+    load: float
+    seat: float
+
+
+NO_LOAD = Load(0.0, 0.0, 0.0)
+
+
+class Soil:
+    """Soil on a height map, driven by contact forces.
+
+    At each update the samples under each body in contact take the form of its underside, so far down that the pressures
+    of the samples carry the body's vertical contact force. `apply` then gives the map a velocity, with which the
+    samples reach that depth at the end of the update; the map must be `extrapolate`d (the default) for that, else its
+    samples jump. ::
+
+        with World(HeightMap(np.zeros((201, 201)), resolution=0.02)) as world:
+            world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.12)))
+            soil = Soil(world.terrain, "dry_sand", BulletBodies(world.client, world))
+            for _ in range(240):
+                world.step(4)
+                soil.apply(world.contacts(), 4 * world.dt, world.time)
+            print(soil.results()["box"].sinkage)
+
+    ``terrain``: a height map, or a terrain whose ``tile`` is one. ``soil``: a soil, its name in ``soils.yaml``, or
+    several of either; ``kinds`` (rows, columns) then tells which one each sample is, by its place in the list.
+    ``bodies``: shapes, places and velocities of the bodies, see `BulletBodies` and `GivenBodies`. Raises `InputError`.
+    """
+
+    def __init__(
+        self,
+        terrain: MainMesh | Terrain,
+        soil: SoilType | str | Sequence[SoilType | str],
+        bodies: PressingBodies,
+        config: SoilConfig | None = None,
+        *,
+        kinds: ArrayLike | None = None,
+        tile: str = "",
+    ) -> None:
+        self.config = config or SoilConfig()
+        self.bodies = bodies
+        self.soils = _soils_of(soil)
+        mesh = Terrain.of(terrain).tile(tile)
+        if not isinstance(mesh, HeightMap):
+            raise InputError("terrain", "soil needs a height map; general meshes do not give way")
+        self.map = mesh
+        shape = (mesh.geometry.rows, mesh.geometry.columns)
+        self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
+        self._names: list[str] = []
+        self._feet: Any = np.zeros(0, FOOT).view(np.recarray)
+        self.number = 0  # of the last update
+        self._samples = _room_for(4096)
+        self._dirty = no_blocks(shape)
+
+    def apply(self, contacts: Iterable[Contact], dt: float, time: float | None = None) -> int:
+        """Press the soil by the contacts of the last step, for the next ``dt`` [s]; return the number of changed
+        rectangles of the map. ``time`` [s]: the instant on the terrain's clock; None = the map's newest time + ``dt``.
+
+        Raises `InputError` for a contact of an unknown body, and then changes nothing.
+        """
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise InputError("time", f"dt is {dt} s; it must be above zero")
+        now = self.map.time + dt if time is None else time
+        regions = self.press(_loads(contacts), dt, now)
+        for region in regions:
+            self.map.update_region(*region[:3], time=now, velocities=region.velocities)
+        if self.config.grip:
+            for name, foot in zip(self._names, self._feet, strict=True):
+                if foot["carried"] > 0.0:
+                    self.bodies.set_grip(name, float(foot["grip"]))
+        return len(regions)
+
+    def press(self, loads: dict[str, Load], dt: float, time: float) -> list[Region]:
+        """Press the soil by the ``loads`` of bodies; return the changes of the map, which the caller must
+        give it at ``time`` [s] before the next call. Raises `InputError` for an unknown body."""
+        self._choose(loads)
+        self.number += 1
+        config = self.config
+        grid = self.map.moved_to(time)
+        press = Press(time, dt, self.number, config.load_time, config.lean_time, config.fastest)
+        carries = self.map.motion.mode == "extrapolate" and not self.map.motion.corrects
+        drop = math.tan(math.radians(config.repose)) * grid.resolution
+        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, carries)
+        before = self._feet[["load", "centre_of_load"]].copy()
+        while missing := press_all(grid, self.layer, self._feet, press, self._samples):
+            self._samples = _room_for(2 * missing)
+            self._feet[["load", "centre_of_load"]] = before
+            self.number += 1
+            press = press._replace(number=self.number)
+        finish_all(grid, self.layer, self._feet, press, flow, self._dirty)
+        regions = []
+        for top, left, bottom, right in self._dirty[self._dirty[:, :, 2] >= 0].tolist():
+            shape = (bottom - top + 1, right - left + 1)
+            heights, velocities = np.empty(shape, np.float32), np.empty(shape, np.float32)
+            write_changes(grid, self.layer, np.array([top, left]), press, flow, heights, velocities)
+            regions.append(Region(top, left, heights, velocities))
+        return regions
+
+    def results(self) -> dict[str, FootResult]:
+        """Return what the soil did to each body in the last update."""
+        fields = ("sinkage", "area", "carried", "grip", "load", "seat")
+        return {
+            name: FootResult(*(float(foot[field]) for field in fields))
+            for name, foot in zip(self._names, self._feet, strict=True)
+        }
+
+    def sinkage(self) -> FloatArray:
+        """Return how far the ground lies below the level of its soil (rows, columns) [m], zero where nobody touched
+        it."""
+        touched = self.layer.touched == 1
+        return np.where(touched, self.layer.level - self.layer.target, 0.0)
+
+    def reset(self) -> None:
+        """Take the ground as it is now for soil that nobody has touched."""
+        for values in self.layer[:-2]:
+            values[...] = 0
+        self._names, self._feet = [], self._feet[:0]
+
+    def _choose(self, loads: dict[str, Load]) -> None:
+        """Keep the bodies with contact or with soil that still moves, and read their shapes and states."""
+        old = {name: row for row, name in enumerate(self._names)}
+        busy = (self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)
+        names = [name for name, row in old.items() if busy[row] or name in loads]
+        names += [name for name in loads if name not in old]
+        feet: Any = np.zeros(len(names), FOOT).view(np.recarray)
+        feet["last"] = feet["seen_last"] = -1
+        feet["seat"] = math.nan
+        for row, name in enumerate(names):
+            if name in old:
+                feet[row] = self._feet[old[name]]
+            foot = feet.view(np.ndarray)[row]
+            known = self.bodies.read(name, foot)
+            if not known and name in loads:
+                raise InputError("unknown_body", f"there is a contact of {name!r}, which is no known body")
+            load = loads.get(name, NO_LOAD)
+            x, y = foot["state"][:2]
+            foot["force"], foot["place"] = load.force, (load.x - x, load.y - y)
+            if not known:
+                foot["load"] = 0.0
+        self._names, self._feet = names, feet
+
+
+def _loads(contacts: Iterable[Contact]) -> dict[str, Load]:
+    """Return the load of each body; contacts without a force are left out."""
+    sums: dict[str, list[float]] = {}
+    for contact in contacts:
+        force = contact.normal_force * contact.normal[2]
+        if force > 0.0:  # not NaN
+            x, y, _ = contact.position
+            total = sums.setdefault(contact.body, [0.0, 0.0, 0.0])
+            total[0] += force
+            total[1] += force * x
+            total[2] += force * y
+    return {body: Load(force, x / force, y / force) for body, (force, x, y) in sums.items()}
+
+
+def _soils_of(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:
+    chosen = [soil] if isinstance(soil, SoilType | str) else list(soil)
+    if not 1 <= len(chosen) <= 255:
+        raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to 255")
+    return [soil_named(each) if isinstance(each, str) else each for each in chosen]
+
+
+def _kinds_of(kinds: ArrayLike | None, shape: tuple[int, int], count: int) -> Bytes:
+    """Return the map of soils; raises `InputError`."""
+    if kinds is None:
+        return np.zeros(shape, np.uint8)
+    array = np.asarray(kinds)
+    if array.shape != shape or array.dtype.kind not in "iub":
+        raise InputError("soil", f"kinds are {array.shape} of type {array.dtype}; they must be {shape} integers")
+    if array.min() < 0 or array.max() >= count:
+        raise InputError("soil", f"kinds are {array.min()} to {array.max()}; there are soils 0 to {count - 1}")
+    return array.astype(np.uint8)
+
+
+def _room_for(samples: int) -> Samples:
+    return Samples(np.empty((samples, 2), np.int64), np.empty((samples, 10)))

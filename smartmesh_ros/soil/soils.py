@@ -1,0 +1,51 @@
+"""Soils by name, from ``soils.yaml`` or a file of the same form."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.config import SoilType
+
+KNOWN = Path(__file__).parent / "soils.yaml"
+
+
+@cache
+def soils_of(file: Path = KNOWN) -> dict[str, SoilType]:
+    """Return the soils of a YAML file by name. Raises `InputError`."""
+    try:
+        content = yaml.safe_load(file.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise InputError("soil", f"{file} cannot be read as YAML: {error}") from None
+    if not isinstance(content, dict) or not content:
+        raise InputError("soil", f"{file} holds no soils; it must map names to parameters, as {KNOWN} does")
+    return {str(name): _soil(str(name), values) for name, values in content.items()}
+
+
+def soil_named(name: str, file: Path = KNOWN) -> SoilType:
+    """Return a soil by its name in a YAML file. Raises `InputError`."""
+    known = soils_of(file)
+    if name not in known:
+        raise InputError("unknown_soil", f"there is no soil {name!r}; known: {', '.join(known)}")
+    return known[name]
+
+
+def _soil(name: str, values: Any) -> SoilType:
+    known = [field.name for field in fields(SoilType)]
+    if not isinstance(values, dict):
+        raise InputError("soil", f"soil {name!r} must map parameters to numbers: {', '.join(known)}")
+    numbers = {key: value for key, value in values.items() if key != "source"}
+    if unknown := [str(key) for key in numbers if key not in known]:
+        raise InputError("soil", f"soil {name!r} has no parameter {unknown[0]!r}; known: {', '.join(known)}")
+    try:
+        return SoilType(**numbers)
+    except TypeError:
+        missing = [key for key in known[:6] if key not in numbers]
+        raise InputError("soil", f"soil {name!r} lacks {', '.join(missing)}") from None
+    except InputError as error:
+        raise InputError("soil", f"soil {name!r}: {error}") from None

@@ -1,0 +1,1 @@
+"""Soil: closed forms, a measured wheel, and cost."""

@@ -1,0 +1,89 @@
+"""Soil in a PyBullet world: contacts give load and place."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World
+from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.soils import soil_named
+from studies.soil.trials import plate_sinkage
+
+FLAT = np.zeros((101, 101))
+
+
+def run(world: World, soil: Soil, seconds: float) -> float:
+    """Step a world with its soil; return the time of the last change of the ground [s]."""
+    last = 0.0
+    for _ in range(round(seconds / world.dt)):
+        world.step()
+        if soil.apply(world.contacts(), world.dt, world.time):
+            last = world.time
+    return last
+
+
+def test_a_box_sinks_to_the_closed_form_then_rests_and_sleeps() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("box", Box(0.2, 0.2, 0.2), 5e3 * 0.04 / 9.81, BodyState((2.003, 2.007, 0.1005)))
+        soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world))
+        assert run(world, soil, 2.0) < 0.6
+        assert 0.1 - world.state("box").position[2] == pytest.approx(
+            plate_sinkage(soil_named("lunar"), 0.2, 5e3), rel=0.1
+        )
+        assert world.is_asleep("box")
+
+
+@pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(0.15, 0.2)])
+def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Box | Sphere | Cylinder) -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
+        soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world))
+        highest, landed = 0.0, False
+        for _ in range(round(4.0 / world.dt)):
+            world.step()
+            soil.apply(world.contacts(), world.dt, world.time)
+            height = world.state("heavy").position[2]
+            landed = landed or height < 0.2
+            highest = max(highest, height) if landed else highest
+        assert highest < 0.25
+        assert 0.0 < soil.sinkage().max() < 0.2
+        assert world.rescues == 0
+
+
+def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
+    """On a slope below the angle of friction a box creeps by millimetres and stays; above, it slides."""
+    found = {}
+    for degrees in (15.0, 45.0):
+        x = np.tile(0.04 * np.arange(101), (101, 1))
+        with World(HeightMap(-math.tan(math.radians(degrees)) * x, resolution=0.04)) as world:
+            world.spawn("box", Box(0.2, 0.2, 0.1), 20.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, align=True)
+            soil = Soil(world.terrain, "dry_sand", BulletBodies(world.client, world))
+            run(world, soil, 1.5)
+            found[degrees] = world.state("box").position[0] - 2.0
+    assert found[15.0] < 0.1
+    assert found[45.0] > 0.3
+
+
+def test_lost_contact_and_removed_bodies_leave_their_print() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.101)))
+        soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world))
+        run(world, soil, 0.5)
+        deep = soil.sinkage().max()
+        world.move("box", BodyState((2.0, 2.0, 1.0)))
+        run(world, soil, 0.3)
+        world.remove("box")
+        run(world, soil, 1.0)
+        assert soil.results() == {}
+        assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
+
+
+def test_soil_without_grip_leaves_friction_alone() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.101)))
+        soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world), SoilConfig(grip=False))
+        run(world, soil, 0.3)
+        assert world.client.getDynamicsInfo(world.bodies["box"].uid, -1)[1] == pytest.approx(0.5)
