@@ -13,6 +13,9 @@ from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.states import simulated_states
 from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.soil.bodies import FootShape, GivenBodies
+from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -53,6 +56,19 @@ def run_through() -> None:
     hull(directions(2 * len(DIRECTIONS)))
     _fuse_maps()
     _check_maps()
+    press_soil()
+
+
+def press_soil() -> None:
+    """Press a box into soil, with and without a known place of its load."""
+    ground = HeightMap(np.zeros((SIDE, SIDE)), resolution=SPACING)
+    bodies = GivenBodies()
+    soil = Soil(ground, "dry_sand", bodies, SoilConfig(flow=0.5, slides=1))
+    place = 0.5 * LENGTH
+    bodies.put("box", FootShape("box", (SPACING,) * 3), (place, place, 0.5 * SPACING, 0, 0, 0, 1, *([0.0] * 6)))
+    for number, load in enumerate((Load(1e4), Load(1e4, place, place), Load(0.0))):
+        for region in soil.press({"box": load}, 0.01, 0.01 * number):
+            ground.update_region(*region[:3], time=0.01 * number, velocities=region.velocities)
 
 
 def _spawn_bodies(world: World) -> None:

@@ -14,6 +14,7 @@ STUDIES = {
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
+    "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
     "view-cost": ("studies.view_cost.study", "what the view costs the node that it shows"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }

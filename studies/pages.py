@@ -25,6 +25,7 @@ _CORE = ("terrain", "search", "patches", "physics")
 # The rooms that the figures of a block depend on, by its subject.
 SUBJECTS = {
     "core": _CORE,
+    "soil": ("terrain", "soil"),
     "node": (*_CORE, "node"),
     "tuner": (*_CORE, "evaluation", "tune"),
     "client": (*_CORE, "node", "client"),

@@ -136,7 +136,7 @@ class Soil:
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError("time", f"dt is {dt} s; it must be above zero")
         now = self.map.time + dt if time is None else time
-        regions = self.press(_loads(contacts), dt, now)
+        regions = self.press(loads_of(contacts), dt, now)
         for region in regions:
             self.map.update_region(*region[:3], time=now, velocities=region.velocities)
         if self.config.grip:
@@ -215,7 +215,7 @@ class Soil:
         self._names, self._feet = names, feet
 
 
-def _loads(contacts: Iterable[Contact]) -> dict[str, Load]:
+def loads_of(contacts: Iterable[Contact]) -> dict[str, Load]:
     """Return the load of each body; contacts without a force are left out."""
     sums: dict[str, list[float]] = {}
     for contact in contacts:

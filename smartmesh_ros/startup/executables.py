@@ -36,6 +36,12 @@ def terrain_sensor() -> None:
     _start("terrain_sensor", "smartmesh_ros.node.sensor.terrain_sensor")
 
 
+def soil() -> None:
+    """Run the soil."""
+    silence_pybullet()
+    _start("soil", "smartmesh_ros.node.soil.soil_node")
+
+
 def fleet_front() -> None:
     """Run the front of a fleet."""
     silence_pybullet()

@@ -1,0 +1,85 @@
+"""Messages of the node ``soil``."""
+
+from __future__ import annotations
+
+import array
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from smartmesh_msgs.msg import ContactArray, HeightmapUpdate
+from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.soil import Region, Soil
+
+
+class PressingContact(NamedTuple):
+    """A contact of a body with the ground, as `Soil` takes it."""
+
+    body: str
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    normal_force: float
+
+
+def contacts_from(message: ContactArray) -> list[PressingContact]:
+    """Convert a message; contacts of tracked bodies, which have no force, are left out. Raises `InputError`."""
+    found = []
+    for contact in message.contacts:
+        numbers = (contact.position.x, contact.position.y, contact.position.z, contact.normal.z)
+        if not np.isfinite(numbers).all() or np.isinf(contact.normal_force):
+            raise InputError("non_finite", f"the contact of {contact.body_id!r} has values that are not finite")
+        if contact.normal_force > 0.0:
+            normal = (contact.normal.x, contact.normal.y, contact.normal.z)
+            found.append(PressingContact(contact.body_id, numbers[:3], normal, contact.normal_force))
+    return found
+
+
+def update_message(header: Header, tile: str, region: Region) -> HeightmapUpdate:
+    """Return a changed rectangle as a message."""
+    height, width = region.heights.shape
+    return HeightmapUpdate(
+        header=header, tile=tile, x=region.column, y=region.row, width=width, height=height,
+        heights=_floats(region.heights), velocities=_floats(region.velocities),
+    )  # fmt: skip
+
+
+def grid_map_message(kind: Any, header: Header, soil: Soil) -> Any:
+    """Return the deformed terrain as a grid map of the class ``kind``: elevation and sinkage [m], pressure [Pa].
+
+    Cell (0, 0) of a grid map is the one farthest along +x and +y. The map's yaw is not part of a grid map.
+    """
+    geometry = soil.map.geometry
+    message = kind(header=header)
+    message.info.resolution = geometry.resolution
+    message.info.length_x = geometry.columns * geometry.resolution
+    message.info.length_y = geometry.rows * geometry.resolution
+    middle = geometry.to_world(0.5 * (geometry.rows - 1), 0.5 * (geometry.columns - 1))
+    message.info.pose.position.x, message.info.pose.position.y = middle.tolist()
+    message.info.pose.orientation.w = 1.0
+    layers = {
+        "elevation": soil.map.heights + np.float32(geometry.origin[2]),
+        "sinkage": soil.sinkage(),
+        "pressure": soil.layer.pressure,
+    }
+    message.layers, message.basic_layers = list(layers), ["elevation"]
+    message.data = [_layer(values) for values in layers.values()]
+    return message
+
+
+def _layer(values: ArrayLike) -> Float32MultiArray:
+    cells = np.asarray(values, np.float32).T[::-1, ::-1]  # rows along -x, columns along -y
+    along_x, along_y = cells.shape
+    message = Float32MultiArray(data=_floats(cells.T))
+    message.layout.dim = [
+        MultiArrayDimension(label="column_index", size=along_y, stride=along_x * along_y),
+        MultiArrayDimension(label="row_index", size=along_x, stride=along_x),
+    ]
+    return message
+
+
+def _floats(values: ArrayLike) -> array.array[float]:
+    result = array.array("f")
+    result.frombytes(np.ascontiguousarray(values, np.float32).tobytes())
+    return result

@@ -1,0 +1,223 @@
+"""``make soil``: the soil against closed forms, a measured wheel, and its cost; writes docs/soil.md and its pictures."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from time import perf_counter
+from typing import NamedTuple
+
+import matplotlib
+import numpy as np
+
+from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.physics.world import World
+from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.soil.soils import soil_named, soils_of
+from smartmesh_ros.terrain.heightmap import HeightMap
+from studies.pages import ROOT, fill
+from studies.soil.trials import (
+    TOWED,
+    PlateTrial,
+    TowedWheel,
+    Wheel,
+    plate_sinkage,
+    sled_shear,
+    wheel_sinkage,
+    wheel_work,
+    wong_reece,
+)
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+PAGE = ROOT / "docs" / "soil.md"
+PICTURES = ROOT / "docs" / "images" / "soil"
+SPACINGS = (0.005, 0.01, 0.02, 0.04)
+PRESSURES = (5e3, 10e3, 20e3)
+
+
+class Measured(NamedTuple):
+    """A run of the smooth wheel of robomechanics/3d-terramechanics: pull, load [N] and sinkage [m] at a slip."""
+
+    slip: float
+    pull: float
+    load: float
+    sinkage: float
+
+
+SMOOTH = (
+    Measured(-0.5, -17.2, 23.2, 23.7e-3), Measured(-0.2, -7.3, 23.7, 15.1e-3), Measured(0.0, -1.3, 24.6, 14.4e-3),
+    Measured(0.23, 0.7, 24.6, 17.9e-3), Measured(0.5, 1.0, 25.3, 22.7e-3), Measured(0.75, 0.8, 24.0, 25.4e-3),
+    Measured(0.9, 1.5, 25.7, 25.7e-3),
+)  # fmt: skip
+K10 = Wheel(radius=0.058, width=0.05, load=24.6)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def plates() -> str:
+    """Return the table of plates: closed form, and the worst deviation on each grid."""
+    rows = []
+    for name in soils_of():
+        soil = soil_named(name)
+        wanted = [plate_sinkage(soil, PlateTrial.edge, pressure) for pressure in PRESSURES]
+        row = [name, " / ".join(f"{1e3 * value:.2f}" for value in wanted)]
+        for spacing in SPACINGS:
+            worst = 0.0
+            for pressure, value in zip(PRESSURES, wanted, strict=True):
+                trial = PlateTrial(name, spacing=spacing)
+                trial.press(pressure, 1.5)
+                worst = max(worst, abs(trial.sinkage / value - 1.0))
+            row.append(f"{100.0 * worst:.2f} %")
+        trial = PlateTrial(name, spacing=0.02)
+        trial.press(10e3, 1.0)
+        trial.press(10e3, 0.5, pull=0.02)
+        row.append(f"{100.0 * (trial.shear / sled_shear(soil, 10e3, trial.pulled) - 1.0):+.2f} %")
+        rows.append(row)
+    head = ["soil", "closed form at 5 / 10 / 20 kPa [mm]", *(f"{1e3 * d:g} mm grid" for d in SPACINGS), "sled, 10 mm"]
+    return table(head, rows)
+
+
+def wheels() -> str:
+    """Return the table of towed wheels."""
+    rows = []
+    for name in soils_of():
+        soil = soil_named(name)
+        row = [name, f"{1e3 * wheel_sinkage(soil, TOWED):.2f}"]
+        for spacing, elastic in ((0.005, None), (0.01, None), (0.02, None), (0.01, soil.elastic_K)):
+            wheel = TowedWheel(name, spacing=spacing, **({} if elastic is None else {"elastic": elastic}))
+            wheel.roll(0.3)
+            sunk = wheel.sinkage / wheel_sinkage(soil, TOWED) - 1.0
+            work = wheel.resistance / wheel_work(soil, TOWED, wheel.sinkage) - 1.0
+            row.append(f"{100.0 * sunk:+.1f} / {100.0 * work:+.1f} %")
+        rows.append(row)
+    head = ["soil", "closed form [mm]", "5 mm grid", "10 mm grid", "20 mm grid", "10 mm grid, elastic_K 2e8"]
+    return table(head, rows)
+
+
+def measured() -> str:
+    """Return the table of the measured wheel, and draw its chart."""
+    rows, ours, theirs = [], [], []
+    for run in SMOOTH:
+        wheel = Wheel(radius=K10.radius, width=K10.width, load=run.load)
+        trial = TowedWheel("k10_sand", wheel, spacing=0.005, slip=run.slip if run.slip else 1e-6, elastic=2e8)
+        trial.roll(0.2)
+        sinkage, pull = wong_reece(soil_named("k10_sand"), wheel, run.slip)
+        ours.append((trial.sinkage, trial.pull / run.load))
+        theirs.append((sinkage, pull / run.load))
+        rows.append([
+            f"{run.slip:g}", f"{1e3 * run.sinkage:.1f}", f"{1e3 * trial.sinkage:.1f}", f"{1e3 * sinkage:.1f}",
+            f"{run.pull / run.load:+.2f}", f"{trial.pull / run.load:+.2f}", f"{pull / run.load:+.2f}",
+        ])  # fmt: skip
+    draw(np.array(ours), np.array(theirs))
+    head = ["slip", "sinkage [mm]: measured", "soil", "Wong-Reece", "pull / load: measured", "soil", "Wong-Reece"]
+    return table(head, rows)
+
+
+def draw(ours: np.ndarray, theirs: np.ndarray) -> None:
+    """Draw sinkage and pull against slip."""
+    slips = [run.slip for run in SMOOTH]
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4))
+    for axis, index, name, values in (
+        (axes[0], 0, "sinkage [mm]", [1e3 * run.sinkage for run in SMOOTH]),
+        (axes[1], 1, "pull / load", [run.pull / run.load for run in SMOOTH]),
+    ):
+        scale = 1e3 if index == 0 else 1.0
+        axis.plot(slips, values, "ko", label="measured")
+        axis.plot(slips, scale * ours[:, index], "C0o-", label="this soil, 5 mm grid")
+        axis.plot(slips, scale * theirs[:, index], "C1--", label="Wong-Reece")
+        axis.set_xlabel("slip")
+        axis.set_ylabel(name)
+        axis.grid(alpha=0.3)
+    axes[0].legend()
+    figure.tight_layout()
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    figure.savefig(PICTURES / "wheel.png", dpi=90)
+
+
+def cost() -> str:
+    """Return the table of the time of an update."""
+    rows = []
+    kinds: list[tuple[str, Shape, int, float]] = [
+        ("1 ball of 0.1 m, rolling", Sphere(0.1), 1, 0.5), ("100 balls of 0.1 m, rolling", Sphere(0.1), 100, 0.5),
+        ("100 boxes of 0.1 m, at rest", Box(0.1, 0.1, 0.1), 100, 0.0),
+        ("100 boxes of 0.2 m, at rest", Box(0.2, 0.2, 0.2), 100, 0.0),
+    ]  # fmt: skip
+    for what, shape, number, speed in kinds:
+        early, late = times(shape, number, speed)
+        rows.append([what, f"{early:.3f}", f"{late:.3f}"])
+    return table(["bodies on a 20 mm grid, updates at 60 Hz", "first 0.5 s [ms]", "after 1.5 s [ms]"], rows)
+
+
+def times(shape: Shape, number: int, speed: float) -> tuple[float, float]:
+    """Return the median times of an update [ms] while bodies sink, and later."""
+    with World(HeightMap(np.zeros((1001, 1001)), resolution=0.02)) as world:
+        for index in range(number):
+            place = (2.0 + 1.6 * (index % 10), 2.0 + 1.6 * (index // 10), 0.0)
+            world.spawn(f"b{index}", shape, 10.0, BodyState(place, linear=(speed, 0.0, 0.0)), on_ground=True)
+        soil = Soil(world.terrain, "dry_sand", BulletBodies(world.client, world))
+        took = []
+        for _ in range(120):
+            world.step(4)
+            contacts = world.contacts()
+            start = perf_counter()
+            soil.apply(contacts, 4 * world.dt, world.time)
+            took.append(1e3 * (perf_counter() - start))
+    return float(np.median(took[1:30])), float(np.median(took[90:]))
+
+
+def boxes() -> str:
+    """Return the table of boxes that PyBullet sets onto soil, by their contacts alone."""
+    rows = []
+    for name in ("dry_sand", "lunar"):
+        wanted = plate_sinkage(soil_named(name), 0.2, 5e3)
+        for spacing in (0.01, 0.02, 0.04):
+            row = [name, f"{1e3 * spacing:g}", f"{1e3 * wanted:.2f}"]
+            for every in (1, 4):
+                side = round(4.0 / spacing) + 1
+                with World(HeightMap(np.zeros((side, side)), resolution=spacing)) as world:
+                    world.spawn("box", Box(0.2, 0.2, 0.2), 5e3 * 0.04 / 9.81, BodyState((2.003, 2.007, 0.1005)))
+                    soil = Soil(world.terrain, name, BulletBodies(world.client, world), SoilConfig())
+                    last = 0.0
+                    for _ in range(480 // every):
+                        world.step(every)
+                        if soil.apply(world.contacts(), every * world.dt, world.time):
+                            last = world.time
+                    sunk = 0.1 - world.state("box").position[2]
+                    rest = "sleeps" if world.is_asleep("box") else "awake"
+                row.append(f"{1e3 * sunk:.2f} ({100.0 * (sunk / wanted - 1.0):+.0f} %), {last:.2f} s, {rest}")
+            rows.append(row)
+    head = [
+        "soil",
+        "grid [mm]",
+        "closed form [mm]",
+        "update at each step (240 Hz)",
+        "update at each fourth step (60 Hz)",
+    ]
+    return table(head, rows)
+
+
+BLOCKS = {"plates": plates, "towed wheels": wheels, "measured wheel": measured, "boxes": boxes, "cost of soil": cost}
+
+
+def main() -> None:
+    """Run the study, and write its tables into docs/soil.md."""
+    parser = argparse.ArgumentParser(prog="python -m studies soil", description=__doc__)
+    parser.add_argument("--only", choices=BLOCKS, help="run one part")
+    chosen = parser.parse_args().only
+    found = {name: make() for name, make in BLOCKS.items() if chosen in (None, name)}
+    for name, content in found.items():
+        print(f"\n{name}\n{content}")
+    fill(PAGE, found)
+
+
+if __name__ == "__main__":
+    main()

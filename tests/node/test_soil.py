@@ -1,0 +1,125 @@
+"""The node soil and a collider over real DDS: bodies sink, rest and sleep; bad input is refused."""
+
+import math
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from grid_map_msgs.msg import GridMap
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Contact, ContactArray, HeightmapUpdate
+from smartmesh_msgs.srv import SpawnBody
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.testing.process import START_TIMEOUT
+from studies.soil.trials import plate_sinkage
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+PLATE = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.1])
+RATES = {"publish.contacts": 240.0, "publish.body_states": 240.0}
+SIDE = 101
+
+
+def height_of(probe: Probe, name: str) -> float:
+    return next(body.pose.position.z for body in probe.latest("body_states").bodies if body.id == name)
+
+
+def seconds(message: Any) -> float:
+    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
+
+
+def publish_flat(probe: Probe) -> None:
+    probe.publish_map(np.zeros((SIDE, SIDE), np.float32), resolution=0.04, origin=(-2.0, -2.0, 0.0))
+    probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] != "0")
+
+
+@pytest.mark.parametrize("name", ["lunar"])
+def test_a_body_sinks_to_the_closed_form_and_then_no_update_comes(probe: Probe, name: str) -> None:
+    updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
+    grids = probe.listen("/soil/grid_map", GridMap, LATCHED)
+    with probe.running("terrain_collider", RATES), probe.running("soil", {"soil": name, "grid_map_rate": 5.0}):
+        probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
+        publish_flat(probe)
+        mass = 5e3 * 0.04 / 9.81
+        assert probe.call("spawn_body", SpawnBody, id="plate", shape=PLATE, mass=mass,
+                          pose=pose_message((0.003, 0.007, 0.0505))).success  # fmt: skip
+        probe.wait_for(lambda: bool(updates))
+        probe.wait_for(lambda: seconds(probe.latest("body_states")) > seconds(updates[-1]) + 1.0)
+        sent = len(updates)
+        sunk = 0.05 - height_of(probe, "plate")
+        assert sunk == pytest.approx(plate_sinkage(soil_named(name), 0.2, 5e3), rel=0.15)
+        probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
+        assert len(updates) == sent
+        probe.wait_for(lambda: bool(grids))
+        grid = grids[-1]
+        assert list(grid.layers) == ["elevation", "sinkage", "pressure"]
+        sinkage = np.array(grid.data[1].data)
+        assert sinkage.max() == pytest.approx(sunk, rel=0.2)
+        assert np.count_nonzero(sinkage) < 100
+
+
+def test_contacts_of_other_frames_and_unknown_bodies_are_refused(probe: Probe) -> None:
+    with probe.running("soil") as node:
+        contacts = probe.node.create_publisher(ContactArray, "/terrain_collider/contacts", 10)
+        probe.wait_for(lambda: contacts.get_subscription_count() == 1, timeout=START_TIMEOUT)
+        probe.wait_for(lambda: probe.publishers["heightmap"].get_subscription_count() == 1)
+        probe.publish_map(np.zeros((9, 9), np.float32), resolution=0.1)
+        contact = Contact(body_id="ghost", normal_force=3.0)
+        contact.normal.z = 1.0
+        stamps = count(1)
+        for frame, words in (("mars", "frame is 'mars'; the map's is 'map'"), ("map", "no shape and state of 'ghost'")):
+
+            def refused(frame: str = frame, words: str = words) -> bool:
+                number = next(stamps)
+                stamp = Time(sec=1 + number // 10, nanosec=number % 10 * 100_000_000)
+                contacts.publish(ContactArray(header=Header(stamp=stamp, frame_id=frame), contacts=[contact]))
+                return words in node.output
+
+            probe.wait_for(refused)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"soil": "cheese"}, "no soil 'cheese'"),
+        ({"flow": 2.0}, "flow"),
+        ({"soils_file": "/none.yaml"}, "cannot be read"),
+    ],
+)
+def test_the_node_refuses_to_start_with_what_is_impossible(parameters: dict[str, object], words: str) -> None:
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.parameter import Parameter
+
+    from smartmesh_ros.node.soil.soil_node import SoilNode
+
+    context = Context()
+    rclpy.init(context=context)
+    try:
+        given = [Parameter(name, value=value) for name, value in parameters.items()]
+        with pytest.raises(InputError, match=words):
+            SoilNode(context=context, parameter_overrides=given)
+    finally:
+        rclpy.shutdown(context=context)
+
+
+def test_contacts_that_are_not_finite_are_refused() -> None:
+    from smartmesh_ros.node.soil.soil_messages import contacts_from
+
+    contact = Contact(body_id="a", normal_force=1.0)
+    contact.normal.z = math.nan
+    with pytest.raises(InputError, match="'a' has values that are not finite"):
+        contacts_from(ContactArray(contacts=[contact]))
+
+
+def test_the_shipped_soils_are_installed() -> None:
+    from smartmesh_ros.soil.soils import KNOWN
+
+    assert Path(KNOWN).is_file()
