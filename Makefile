@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz clean soil
+.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz clean soil rover
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -50,6 +50,9 @@ robots:  ## robots on rough and moving ground, beside other engines (about 12 mi
 
 start-study:  ## from a node's command to its first answer, compiled and not (two minutes; on a machine with nothing to do)
 	@$(RUN) -- python scripts/start_study.py $(ARGS)
+
+rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
+	@$(RUN) studies -- $(STUDIES) rover $(ARGS)
 
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)

@@ -14,6 +14,7 @@ STUDIES = {
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
+    "rover": ("studies.soil.rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
     "view-cost": ("studies.view_cost.study", "what the view costs the node that it shows"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
@@ -29,7 +30,6 @@ def usage() -> str:
 
 
 def main() -> None:
-    """Runs the study that the command line names."""
     name, options = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else ("", [])
     if name in ("-h", "--help"):
         print(usage())

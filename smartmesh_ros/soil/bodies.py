@@ -10,9 +10,14 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE
+from smartmesh_ros.terrain.grid import FloatArray
 
 FootKind = Literal["box", "sphere", "cylinder", "capsule"]
 _CODES = {"box": BOX, "sphere": SPHERE, "cylinder": CYLINDER, "capsule": CAPSULE}
+# Rotations of a cylinder's axis from z to x, y and z.
+_TURNS = ((0.0, 0.5**0.5, 0.0, 0.5**0.5), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5), (0.0, 0.0, 0.0, 1.0))
+# Share of a cylinder's radius at which vertices of its mesh count as on its rim. PyBullet gives URDF cylinders 32 sides.
+ON_RIM = 0.97
 # Number of dimensions of each kind.
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
 
@@ -75,8 +80,8 @@ class BulletBodies:
     def add(self, name: str, body: int, link: int = -1, shape: FootShape | None = None) -> None:
         """Add a PyBullet body or link under a name; its shape is read from PyBullet unless it is given.
 
-        PyBullet does not report shapes of bodies in maximal coordinates, and no size of meshes. Of several shapes of a
-        link the first counts. Raises `InputError`.
+        PyBullet does not report shapes of bodies in maximal coordinates. Of several shapes of a link the first counts; a
+        mesh counts as the cylinder or box around it. Raises `InputError`.
         """
         self._known[name] = body, link, shape or self._shape_of(name, body, link)
 
@@ -131,9 +136,33 @@ class BulletBodies:
             if kind in kinds:
                 sizes = {"sphere": size[:1], "box": size}.get(kinds[kind], (size[1], size[0]))
                 return FootShape(kinds[kind], tuple(sizes), tuple(centre), tuple(turn))
+            if kind == self._client.GEOM_MESH and (known := self._shape_of_mesh(body, link)) is not None:
+                return known
         raise InputError(
             "shape", f"{name!r} has no box, sphere, cylinder or capsule to press the soil with; give its shape to add()"
         )
+
+    def _shape_of_mesh(self, body: int, link: int) -> FootShape | None:
+        """Return the shape of a mesh: the box or cylinder around it; None if PyBullet does not report its vertices."""
+        try:
+            vertices = np.array(self._client.getMeshData(body, link)[1], np.float64)
+        except Exception:  # noqa: BLE001  # PyBullet's error, whose class this room does not import
+            return None
+        return _shape_around(vertices) if vertices.ndim == 2 and len(vertices) else None
+
+
+def _shape_around(vertices: FloatArray) -> FootShape:
+    """Return the cylinder along an axis on whose rim all vertices (n, 3) [m] lie, else the box around them."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    x, y, z = centre.tolist()
+    for axis, turn in enumerate(_TURNS):
+        others = [k for k in range(3) if k != axis]
+        radius = float(half[others].max())
+        rim = np.hypot(*(vertices - centre)[:, others].T)
+        if rim.min() > ON_RIM * radius and rim.max() < radius / ON_RIM:
+            return FootShape("cylinder", (radius, 2.0 * float(half[axis])), (x, y, z), turn)
+    return FootShape("box", tuple(np.maximum(2.0 * half, 1e-6).tolist()), (x, y, z))
 
 
 def _shape_like(shape: Any) -> FootShape:

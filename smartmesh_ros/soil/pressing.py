@@ -35,6 +35,8 @@ from smartmesh_ros.soil.layer import COHESION, ELASTIC, FRICTION, KC, KPHI, SHEA
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_grid
 
+# Distance over which slopes of undersides are taken [m].
+STEP = 1e-5
 # Smaller loads count as none [N].
 LEAST_LOAD = 1e-6
 # First row and column of no samples.
@@ -51,6 +53,19 @@ class Press(NamedTuple):
     load_time: float
     lean_time: float
     fastest: float
+
+
+class PlacedShape(NamedTuple):
+    """A shape in axes of the grid: its ``kind`` and ``half`` lengths as in ``FOOT``; ``rotation`` (3, 3); ``middle``:
+    fractional column and row, and height [m] without the grid's z; ``motion`` (6,): velocity [m/s] of the middle, and
+    spin [rad/s]; ``spacing`` [m] of the samples."""
+
+    kind: int
+    half: FloatArray
+    rotation: FloatArray
+    middle: FloatArray
+    motion: FloatArray
+    spacing: float
 
 
 @compiled
@@ -87,8 +102,8 @@ def filter_load(foot: Any, press: Press) -> None:
 @compiled
 def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press, samples: Samples) -> int:
     """Press one body into the soil; return 0, or the missing number of samples."""
-    rotation, middle, motion = placed(grid, foot)
-    half = np.array([foot.half[0], foot.half[1], foot.half[2]])
+    shape = placed(grid, foot)
+    half, rotation, middle = shape.half, shape.rotation, shape.middle
     rows, columns = layer.level.shape
     spacing = grid.resolution
     half_x, half_y = bounds(foot.kind, half, rotation, spacing)
@@ -141,14 +156,13 @@ def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press, sampl
         lean[0] = balance(layer.soils, samples, count, foot.load, lean, lean[0], deepest, press.dt)
     foot.seat = middle[2] - lean[0]
     foot.slope[0], foot.slope[1] = own[0] - lean[1] / size, own[1] - lean[2] / size
-    settle(layer, samples, count, lean, press, foot, middle, motion, spacing)
+    settle(layer, samples, count, lean, press, foot, shape)
     return 0
 
 
 @compiled
-def placed(grid: MovingGrid, foot: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a shape's rotation to the axes of the grid (3, 3); its middle: fractional column and row, and height [m]
-    without the grid's z; and the velocity [m/s] of the middle and the spin [rad/s], in axes of the grid (6,)."""
+def placed(grid: MovingGrid, foot: Any) -> PlacedShape:
+    """Return the shape of a record of ``FOOT`` in axes of the grid."""
     body, own, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     offset, middle, motion, q = np.zeros(3), np.empty(3), np.empty(6), np.empty(4)
     for k in range(4):
@@ -176,7 +190,8 @@ def placed(grid: MovingGrid, foot: Any) -> tuple[FloatArray, FloatArray, FloatAr
     motion[2] = foot.state[9] + spin_x * offset[1] - spin_y * offset[0]
     motion[3], motion[4] = grid.cos * spin_x + grid.sin * spin_y, grid.cos * spin_y - grid.sin * spin_x
     motion[5] = spin_z
-    return rotation, middle, motion
+    half = np.array([foot.half[0], foot.half[1], foot.half[2]])
+    return PlacedShape(foot.kind, half, rotation, middle, motion, grid.resolution)
 
 
 @compiled
@@ -207,12 +222,11 @@ def keep_reached(samples: Samples, count: int, deepest: float) -> int:
 
 @compiled
 def settle(
-    layer: SoilLayer, samples: Samples, count: int, lean: FloatArray, press: Press, foot: Any, middle: FloatArray,
-    motion: FloatArray, spacing: float,
-) -> None:  # fmt: skip
+    layer: SoilLayer, samples: Samples, count: int, lean: FloatArray, press: Press, foot: Any, shape: PlacedShape
+) -> None:
     """Press the samples down by a ``lean``, see `pressed_to`, and write the results to the ``foot``."""
     force, resistance = 0.0, 0.0
-    cell = spacing * spacing
+    cell = shape.spacing * shape.spacing
     for k in range(count):
         pressure, total, _ = loaded(layer.soils, samples.values[k], lean, press.dt)
         if total <= 0.0:
@@ -228,7 +242,7 @@ def settle(
         layer.target[r, c] = min(layer.target[r, c], height) if again else height
         layer.pressed[r, c] = press.number
         foot.displaced += (layer.plastic[r, c] - before) * cell
-        shear_x, shear_y = slip_at(motion, middle, r, c, height, spacing)
+        shear_x, shear_y = slip_at(shape, r, c, samples.values[k, LOW])
         layer.shear_x[r, c] += shear_x * press.dt
         layer.shear_y[r, c] += shear_y * press.dt
         displacement = math.hypot(layer.shear_x[r, c], layer.shear_y[r, c])
@@ -242,12 +256,26 @@ def settle(
 
 
 @compiled
-def slip_at(
-    motion: FloatArray, middle: FloatArray, r: int, c: int, height: float, spacing: float
-) -> tuple[float, float]:
-    """Return the horizontal velocity of the body's surface over the soil at a sample, along columns and rows [m/s].
+def slip_at(shape: PlacedShape, r: int, c: int, low: float) -> tuple[float, float]:
+    """Return the velocity at which the body's surface shears the soil at a sample, along columns and rows [m/s]: its
+    size is that of the velocity along the surface. ``low`` [m]: height of the surface."""
+    x, y = (c - shape.middle[0]) * shape.spacing, (r - shape.middle[1]) * shape.spacing
+    z, motion = low - shape.middle[2], shape.motion
+    vx = motion[0] + motion[4] * z - motion[5] * y
+    vy = motion[1] + motion[5] * x - motion[3] * z
+    vz = motion[2] + motion[3] * y - motion[4] * x
+    slope_x, slope_y = gradient_at(shape, x, y, z)
+    into = (vx * slope_x + vy * slope_y - vz) / (1.0 + slope_x * slope_x + slope_y * slope_y)
+    vx, vy, vz = vx - into * slope_x, vy - into * slope_y, vz + into
+    level = math.hypot(vx, vy)
+    share = math.sqrt(vx * vx + vy * vy + vz * vz) / level if level > 1e-12 else 0.0
+    return vx * share, vy * share
 
-    ``motion`` (6,): velocity and spin of the shape, see `placed`.
-    """
-    x, y, z = (c - middle[0]) * spacing, (r - middle[1]) * spacing, height - middle[2]
-    return motion[0] + motion[4] * z - motion[5] * y, motion[1] + motion[5] * x - motion[3] * z
+
+@compiled
+def gradient_at(shape: PlacedShape, x: float, y: float, z: float) -> tuple[float, float]:
+    """Return the slope of the underside at (x, y) [m] along columns and rows, by differences towards the middle."""
+    dx, dy = -math.copysign(STEP, x), -math.copysign(STEP, y)
+    at_x = underside(shape.kind, shape.half, shape.rotation, x + dx, y, shape.spacing)
+    at_y = underside(shape.kind, shape.half, shape.rotation, x, y + dy, shape.spacing)
+    return (at_x - z) / dx if at_x < math.inf else 0.0, (at_y - z) / dy if at_y < math.inf else 0.0

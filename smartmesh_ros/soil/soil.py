@@ -16,7 +16,7 @@ from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT
 from smartmesh_ros.soil.flowing import Flow, finish_all, no_blocks, write_changes
 from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
-from smartmesh_ros.soil.pressing import Press, press_all
+from smartmesh_ros.soil.pressing import NOWHERE, Press, press_all
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -199,7 +199,7 @@ class Soil:
         names += [name for name in loads if name not in old]
         feet: Any = np.zeros(len(names), FOOT).view(np.recarray)
         feet["last"] = feet["seen_last"] = -1
-        feet["seat"] = math.nan
+        feet["seen_first"], feet["seat"] = NOWHERE, math.nan
         for row, name in enumerate(names):
             if name in old:
                 feet[row] = self._feet[old[name]]

@@ -1,4 +1,4 @@
-"""``make soil``: the soil against closed forms, a measured wheel, and its cost; writes docs/soil.md and its pictures."""
+"""``make soil``: soil against closed forms and a measured wheel, and its cost; fills docs/soil.md."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from studies.pages import ROOT, fill
 from studies.soil.trials import (
+    RIGID,
     TOWED,
     PlateTrial,
     TowedWheel,
@@ -92,8 +93,8 @@ def wheels() -> str:
     for name in soils_of():
         soil = soil_named(name)
         row = [name, f"{1e3 * wheel_sinkage(soil, TOWED):.2f}"]
-        for spacing, elastic in ((0.005, None), (0.01, None), (0.02, None), (0.01, soil.elastic_K)):
-            wheel = TowedWheel(name, spacing=spacing, **({} if elastic is None else {"elastic": elastic}))
+        for spacing, elastic in ((0.005, RIGID), (0.01, RIGID), (0.02, RIGID), (0.01, soil.elastic_K)):
+            wheel = TowedWheel(name, spacing=spacing, elastic=elastic)
             wheel.roll(0.3)
             sunk = wheel.sinkage / wheel_sinkage(soil, TOWED) - 1.0
             work = wheel.resistance / wheel_work(soil, TOWED, wheel.sinkage) - 1.0
