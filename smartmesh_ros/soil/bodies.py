@@ -16,8 +16,10 @@ FootKind = Literal["box", "sphere", "cylinder", "capsule"]
 _CODES = {"box": BOX, "sphere": SPHERE, "cylinder": CYLINDER, "capsule": CAPSULE}
 # Rotations of a cylinder's axis from z to x, y and z.
 _TURNS = ((0.0, 0.5**0.5, 0.0, 0.5**0.5), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5), (0.0, 0.0, 0.0, 1.0))
-# Share of a cylinder's radius at which vertices of its mesh count as on its rim. PyBullet gives URDF cylinders 32 sides.
+# Share of a cylinder's radius at which vertices of its mesh count as on its rim; PyBullet gives URDF cylinders 32.
 ON_RIM = 0.97
+# Smaller changes of friction are not worth a call.
+LEAST_CHANGE = 0.01
 # Number of dimensions of each kind.
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
 
@@ -80,8 +82,8 @@ class BulletBodies:
     def add(self, name: str, body: int, link: int = -1, shape: FootShape | None = None) -> None:
         """Add a PyBullet body or link under a name; its shape is read from PyBullet unless it is given.
 
-        PyBullet does not report shapes of bodies in maximal coordinates. Of several shapes of a link the first counts; a
-        mesh counts as the cylinder or box around it. Raises `InputError`.
+        PyBullet does not report shapes of bodies in maximal coordinates. Of several shapes of a link the first counts.
+        A mesh counts as the cylinder or box around it. Raises `InputError`.
         """
         self._known[name] = body, link, shape or self._shape_of(name, body, link)
 
@@ -105,7 +107,7 @@ class BulletBodies:
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction of a body; colliders of the ground have friction 1, and PyBullet multiplies the two."""
-        if name in self._known and abs(grip - self._grips.get(name, -1.0)) > 1e-3:
+        if name in self._known and abs(grip - self._grips.get(name, -1.0)) > LEAST_CHANGE:
             self._grips[name] = grip
             body, link, _ = self._known[name]
             self._client.changeDynamics(body, link, lateralFriction=grip)

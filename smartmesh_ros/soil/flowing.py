@@ -17,7 +17,8 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at
 
 class Flow(NamedTuple):
     """Settings of an update's flow: ``share``, ``rim`` and ``slides`` as in `SoilConfig`; ``drop`` [m]: largest
-    difference of neighbouring samples at the angle of repose; ``still`` [m]; ``carries``: the terrain moves on by the
+    difference of neighbouring samples at the angle of repose; ``still`` [m], ``farthest`` [m]: smallest change, and
+    largest change of samples that rise or have no load, in an update; ``carries``: the terrain moves on by the
     velocities it is given."""
 
     share: float
@@ -25,6 +26,7 @@ class Flow(NamedTuple):
     slides: int
     drop: float
     still: float
+    farthest: float
     carries: bool
 
 
@@ -180,12 +182,14 @@ def write_changes(
             if layer.touched[r, c] == 0 or layer.known[r, c] != grid.heights[r, c]:
                 continue
             now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
-            left = layer.target[r, c] - now
+            left = min(layer.target[r, c] - now, flow.farthest)
+            if layer.pressed[r, c] != press.number:
+                left = max(left, -flow.farthest)
             if abs(left) > flow.still and flow.carries:
                 heights[i, j], speeds[i, j] = now, left / press.dt
                 layer.moves[r, c] = 1
             elif abs(left) > flow.still or layer.moves[r, c] == 1:
-                heights[i, j] = layer.target[r, c]
+                heights[i, j] = now + left
                 layer.moves[r, c] = 0
             layer.known[r, c] = heights[i, j]
 

@@ -37,6 +37,8 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_grid
 
 # Distance over which slopes of undersides are taken [m].
 STEP = 1e-5
+# Largest friction coefficient of a body. Cohesion makes that of light bodies large without limit.
+MOST_GRIP = 2.0
 # Smaller loads count as none [N].
 LEAST_LOAD = 1e-6
 # First row and column of no samples.
@@ -252,7 +254,7 @@ def settle(
         foot.sinkage = max(foot.sinkage, sinkage)
         foot.first[0], foot.first[1] = min(foot.first[0], r), min(foot.first[1], c)
         foot.last[0], foot.last[1] = max(foot.last[0], r), max(foot.last[1], c)
-    foot.carried, foot.grip = force, resistance / force if force > 0.0 else 0.0
+    foot.carried, foot.grip = force, min(resistance / foot.load, MOST_GRIP)
 
 
 @compiled

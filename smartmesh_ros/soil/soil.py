@@ -155,7 +155,7 @@ class Soil:
         press = Press(time, dt, self.number, config.load_time, config.lean_time, config.fastest)
         carries = self.map.motion.mode == "extrapolate" and not self.map.motion.corrects
         drop = math.tan(math.radians(config.repose)) * grid.resolution
-        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, carries)
+        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carries)
         before = self._feet[["load", "centre_of_load"]].copy()
         while missing := press_all(grid, self.layer, self._feet, press, self._samples):
             self._samples = _room_for(2 * missing)

@@ -27,7 +27,8 @@ import matplotlib.pyplot as plt
 
 ROVER = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 WHEELS = {"front_left_wheel": -1.0, "rear_left_wheel": -1.0, "front_right_wheel": 1.0, "rear_right_wheel": 1.0}
-RADIUS, TRACK = 0.178, 0.57  # of the wheels, and between them [m]
+RADIUS = 0.178  # of the wheels [m]
+AHEAD = 0.6  # distance of the point that the rover steers to [m]
 SPACING = 0.03  # of the map [m]
 RELIEF = 0.6  # of the map, from its lowest to its highest sample [m]
 PLACE = (6.0, 5.0)  # middle of the eight [m]
@@ -45,14 +46,27 @@ def ground() -> HeightMap:
     return HeightMap(fine - fine.mean(), resolution=SPACING)
 
 
-def drive(world: World, time: float) -> None:
-    """Set the speeds of the wheels: a left loop, then a right loop, from the crossing of the eight."""
-    turn = 2.0 * math.pi * LOOP / SPEED
-    side = 1.0 if time % (2.0 * turn) < turn else -1.0
-    # Wheels that do not steer slip sideways as they turn: the skid costs about half of the turn.
-    spread = side * 1.6 * 0.5 * TRACK / LOOP
+def on_the_eight(way: float) -> tuple[float, float]:
+    """Return the point of the eight after a ``way`` [m] from its crossing: a left circle, then a right one."""
+    side = 1.0 if way % (4.0 * math.pi * LOOP) < 2.0 * math.pi * LOOP else -1.0
+    angle = way / LOOP
+    return PLACE[0] + LOOP * math.sin(angle), PLACE[1] + side * LOOP * (1.0 - math.cos(angle))
+
+
+def drive(world: World, way: float) -> float:
+    """Steer the rover towards the eight, some way ahead of it; return that way along the eight [m]."""
+    state = world.state("rover")
+    x, y, _ = state.position
+    while math.dist((x, y), on_the_eight(way)) < AHEAD:
+        way += 0.02
+    tx, ty = on_the_eight(way)
+    qx, qy, qz, qw = state.orientation
+    heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    error = (math.atan2(ty - y, tx - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
+    spread = max(-1.0, min(1.0, 1.5 * error))
     for joint, right in WHEELS.items():
         world.drive("rover", joint, SPEED / RADIUS * (1.0 + right * spread), 60.0)
+    return way
 
 
 def shaded(heights: FloatArray) -> FloatArray:
@@ -88,7 +102,7 @@ def main() -> None:
     """Drive, and write the pictures to a folder."""
     parser = argparse.ArgumentParser(prog="python -m studies rover", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
-    parser.add_argument("--seconds", type=float, default=42.0, help="time to drive")
+    parser.add_argument("--seconds", type=float, default=70.0, help="time to drive")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
@@ -96,15 +110,16 @@ def main() -> None:
         before = frame(soil, [], "before")
         world.spawn_robot("rover", str(ROVER), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         track: list[tuple[float, float]] = []
+        way = AHEAD
         frames = [before]
         for number in range(round(options.seconds / world.dt)):
             if number % 24 == 0:
-                drive(world, max(world.time - 1.0, 0.0)) if world.time > 1.0 else None
+                way = drive(world, way) if world.time > 1.0 else way
                 x, y, _ = world.state("rover").position
                 track.append((x, y))
             world.step()
             soil.apply(world.contacts(), world.dt, world.time)
-            if number % 120 == 119:
+            if number % 240 == 239:
                 frames.append(frame(soil, track, f"{world.time:.0f} s, {SOIL} soil"))
         after = frame(soil, track, f"after {world.time:.0f} s")
         print(f"deepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")

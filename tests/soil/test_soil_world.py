@@ -87,3 +87,15 @@ def test_soil_without_grip_leaves_friction_alone() -> None:
         soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world), SoilConfig(grip=False))
         run(world, soil, 0.3)
         assert world.client.getDynamicsInfo(world.bodies["box"].uid, -1)[1] == pytest.approx(0.5)
+
+
+def test_soil_that_flows_does_not_throw_what_rolls_through_it() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("ball", Sphere(0.15), 40.0, BodyState((1.0, 2.0, 0.151), linear=(1.5, 0.0, 0.0)))
+        soil = Soil(world.terrain, "lunar", BulletBodies(world.client, world), SoilConfig(flow=1.0, slides=5))
+        for _ in range(480):
+            world.step()
+            soil.apply(world.contacts(), world.dt, world.time)
+            assert world.state("ball").position[2] < 0.2
+        assert soil.map.heights.max() > 0.002  # a rim
+        assert soil.sinkage().max() > 0.01
