@@ -65,8 +65,9 @@ class SoilConfig:
     place of these forces, which decides how a body leans into the soil; noisy contacts need more. ``fastest`` [m/s]:
     limit of the sinking speed. ``still`` [m/s]: ground that moves more slowly stays where it is, so that updates end;
     raising it leaves more of the last sinkage out. ``flow_speed`` [m/s]: limit of the speed of samples that rise or
-    have no load; raising it lets the rim throw bodies. ``grip``: set the friction of bodies by the shear law, if the
-    source of the bodies can.
+    have no load; raising it lets the rim throw bodies. ``carried_speed`` [m/s]: samples that sink
+    faster jump, without a velocity: a collider has one velocity and spin for all its samples, and rut walls that
+    collapse would spin it. ``grip``: set the friction of bodies by the shear law, if the source of the bodies can.
     """
 
     flow: float = 0.0
@@ -78,6 +79,7 @@ class SoilConfig:
     fastest: float = 2.0
     still: float = 1e-3
     flow_speed: float = 0.1
+    carried_speed: float = 0.3
     grip: bool = True
 
     def __post_init__(self) -> None:
@@ -85,7 +87,7 @@ class SoilConfig:
             "flow": (0.0, 1.0), "rim": (1, 20), "repose": (1.0, 89.0), "slides": (0, 100), "load_time": (0.0, 10.0),
             "lean_time": (0.0, 100.0),
             "fastest": (1e-3, 100.0), "still": (0.0, 0.1),
-            "flow_speed": (1e-3, 100.0),
+            "flow_speed": (1e-3, 100.0), "carried_speed": (0.0, 100.0),
         }  # fmt: skip
         for name, (low, high) in limits.items():
             value = getattr(self, name)

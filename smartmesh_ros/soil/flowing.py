@@ -18,8 +18,8 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at
 class Flow(NamedTuple):
     """Settings of an update's flow: ``share``, ``rim`` and ``slides`` as in `SoilConfig`; ``drop`` [m]: largest
     difference of neighbouring samples at the angle of repose; ``still`` [m], ``farthest`` [m]: smallest change, and
-    largest change of samples that rise or have no load, in an update; ``carries``: the terrain moves on by the
-    velocities it is given."""
+    largest change of samples that rise or have no load, in an update; ``carried`` [m]: largest
+    change that a velocity carries, others jump; 0 = the terrain does not move on by velocities."""
 
     share: float
     rim: int
@@ -27,7 +27,7 @@ class Flow(NamedTuple):
     drop: float
     still: float
     farthest: float
-    carries: bool
+    carried: float
 
 
 @compiled
@@ -185,7 +185,7 @@ def write_changes(
             left = min(layer.target[r, c] - now, flow.farthest)
             if layer.pressed[r, c] != press.number:
                 left = max(left, -flow.farthest)
-            if abs(left) > flow.still and flow.carries:
+            if flow.still < abs(left) <= flow.carried:
                 heights[i, j], speeds[i, j] = now, left / press.dt
                 layer.moves[r, c] = 1
             elif abs(left) > flow.still or layer.moves[r, c] == 1:

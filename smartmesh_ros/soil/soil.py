@@ -153,9 +153,10 @@ class Soil:
         config = self.config
         grid = self.map.moved_to(time)
         press = Press(time, dt, self.number, config.load_time, config.lean_time, config.fastest)
-        carries = self.map.motion.mode == "extrapolate" and not self.map.motion.corrects
+        extrapolates = self.map.motion.mode == "extrapolate" and not self.map.motion.corrects
+        carried = config.carried_speed * dt if extrapolates else 0.0
         drop = math.tan(math.radians(config.repose)) * grid.resolution
-        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carries)
+        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
         before = self._feet[["load", "centre_of_load"]].copy()
         while missing := press_all(grid, self.layer, self._feet, press, self._samples):
             self._samples = _room_for(2 * missing)

@@ -32,9 +32,9 @@ AHEAD = 0.6  # distance of the point that the rover steers to [m]
 SPACING = 0.03  # of the map [m]
 RELIEF = 0.6  # of the map, from its lowest to its highest sample [m]
 PLACE = (6.0, 5.0)  # middle of the eight [m]
-LOOP = 1.6  # radius of its loops [m]
+LOOP = 1.8  # radius of its loops [m]
 SPEED = 0.5  # [m/s]
-SOIL = "lunar"
+SOIL = "hit_lss1"
 
 
 def ground() -> HeightMap:
@@ -63,7 +63,7 @@ def drive(world: World, way: float) -> float:
     qx, qy, qz, qw = state.orientation
     heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     error = (math.atan2(ty - y, tx - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
-    spread = max(-1.0, min(1.0, 1.5 * error))
+    spread = max(-0.8, min(0.8, 1.2 * error))
     for joint, right in WHEELS.items():
         world.drive("rover", joint, SPEED / RADIUS * (1.0 + right * spread), 60.0)
     return way
@@ -106,7 +106,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
-        soil = Soil(world.terrain, SOIL, BulletBodies(world.client, world), SoilConfig(flow=0.4, slides=2))
+        soil = Soil(world.terrain, SOIL, BulletBodies(world.client, world), SoilConfig())
         before = frame(soil, [], "before")
         world.spawn_robot("rover", str(ROVER), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         track: list[tuple[float, float]] = []
@@ -119,8 +119,8 @@ def main() -> None:
                 track.append((x, y))
             world.step()
             soil.apply(world.contacts(), world.dt, world.time)
-            if number % 240 == 239:
-                frames.append(frame(soil, track, f"{world.time:.0f} s, {SOIL} soil"))
+            if number % 480 == 479:
+                frames.append(frame(soil, track, f"{world.time:.0f} s on {SOIL}"))
         after = frame(soil, track, f"after {world.time:.0f} s")
         print(f"deepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")
     pair = Image.new("RGB", (before.width + after.width, before.height))

@@ -185,7 +185,7 @@ class SoilNode(Node):
         loads = loads_of(contacts_from(message))
         for name in [name for name in loads if not self._bodies.knows(name)]:
             del loads[name]
-            problem = f"there is no shape and state of {name!r}; it presses no soil, like all meshes"
+            problem = f"there is no shape and state of {name!r}; it presses no soil"
             self.refusals.add("terrain_collider/contacts", InputError("unknown_body", problem))
         for region in self.soil.press(loads, dt, time):
             self._send(message.header, region, time)
