@@ -32,8 +32,8 @@ AHEAD = 0.6  # distance of the point that the rover steers to [m]
 SPACING = 0.03  # of the map [m]
 RELIEF = 0.6  # of the map, from its lowest to its highest sample [m]
 PLACE = (6.0, 5.0)  # middle of the eight [m]
-LOOP = 1.8  # radius of its loops [m]
-SPEED = 0.5  # [m/s]
+LOOP = 1.5  # radius of its loops [m]
+SPEED = 0.6  # [m/s]
 SOIL = "hit_lss1"
 
 
@@ -63,7 +63,7 @@ def drive(world: World, way: float) -> float:
     qx, qy, qz, qw = state.orientation
     heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     error = (math.atan2(ty - y, tx - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
-    spread = max(-0.8, min(0.8, 1.2 * error))
+    spread = max(-0.8, min(0.8, 1.5 * error))
     for joint, right in WHEELS.items():
         world.drive("rover", joint, SPEED / RADIUS * (1.0 + right * spread), 60.0)
     return way
@@ -90,7 +90,7 @@ def frame(soil: Soil, track: list[tuple[float, float]], title: str) -> Any:
     if track:
         axis.plot(*np.array(track).T, color="tab:blue", lw=0.8)
         axis.plot(*track[-1], "o", color="tab:blue")
-    axis.set(xlabel="x [m]", ylabel="y [m]", title=title, xlim=(2.5, 9.5), ylim=(0.8, 8.2))
+    axis.set(xlabel="x [m]", ylabel="y [m]", title=title, xlim=(1.5, 10.5), ylim=(0.3, 9.6))
     figure.tight_layout()
     content = io.BytesIO()
     figure.savefig(content, dpi=80)
@@ -102,7 +102,7 @@ def main() -> None:
     """Drive, and write the pictures to a folder."""
     parser = argparse.ArgumentParser(prog="python -m studies rover", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
-    parser.add_argument("--seconds", type=float, default=70.0, help="time to drive")
+    parser.add_argument("--seconds", type=float, default=80.0, help="time to drive")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
