@@ -11,11 +11,21 @@ from builtin_interfaces.msg import Time
 from grid_map_msgs.msg import GridMap
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import Contact, ContactArray, HeightmapUpdate
+from smartmesh_msgs.msg import (
+    BodyDescription,
+    BodyDescriptionArray,
+    Contact,
+    ContactArray,
+    HeightmapUpdate,
+    TrackedBody,
+    TrackedBodyArray,
+)
 from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.soil.message_bodies import MessageBodies
+from smartmesh_ros.soil.feet import CYLINDER, FOOT
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.testing import Probe, pose_message
 from smartmesh_ros.testing.process import START_TIMEOUT
@@ -123,3 +133,36 @@ def test_the_shipped_soils_are_installed() -> None:
     from smartmesh_ros.soil.soils import KNOWN
 
     assert Path(KNOWN).is_file()
+
+
+ROBOT = """<robot name="bot">
+  <link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision></link>
+  <link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+  <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
+    <origin xyz="0.3 0.2 -0.1"/><axis xyz="0 1 0"/></joint>
+</robot>"""
+
+
+def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
+    bodies = MessageBodies()
+    try:
+        robot = BodyDescription(id="bot", shape=BodyDescription.ROBOT, urdf=ROBOT)
+        broken = BodyDescription(id="wreck", shape=BodyDescription.ROBOT, urdf="<robot/>")
+        problems = bodies.take_descriptions(BodyDescriptionArray(bodies=[robot, broken]))
+        assert ["'wreck' presses no soil" in str(problem) for problem in problems] == [True]
+        pose = pose_message((1.0, 2.0, 3.0))
+        pose.orientation.z, pose.orientation.w = math.sqrt(0.5), math.sqrt(0.5)  # turned by 90 degrees about z
+        bodies.take_states(TrackedBodyArray(bodies=[TrackedBody(id="bot", pose=pose)]))
+        bodies.take_joints({"axle": 0.3}, {"axle": 2.0})
+        foot = np.zeros(1, FOOT)[0]
+        assert bodies.read("bot/wheel", foot)
+        assert foot["kind"] == CYLINDER
+        assert foot["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
+        assert foot["state"][:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
+        assert np.linalg.norm(foot["state"][10:]) == pytest.approx(2.0, abs=1e-3)
+        assert not bodies.knows("bot/nothing")
+        assert not bodies.knows("nobody")
+    finally:
+        bodies.close()
