@@ -32,6 +32,7 @@ LONGEST = (
     "studies/test_robots.py",
     "node/test_faults.py",
     "test_machine_code.py",
+    "soil/test_soil_world.py",
     "studies/test_mapper.py",
     "studies/test_bench.py",
     "studies/test_accuracy.py",

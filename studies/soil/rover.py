@@ -28,19 +28,19 @@ import matplotlib.pyplot as plt
 ROVER = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 WHEELS = {"front_left_wheel": -1.0, "rear_left_wheel": -1.0, "front_right_wheel": 1.0, "rear_right_wheel": 1.0}
 RADIUS = 0.178  # of the wheels [m]
-AHEAD = 0.6  # distance of the point that the rover steers to [m]
+AHEAD = 1.0  # way along the eight to the point that the rover steers to [m]
 SPACING = 0.03  # of the map [m]
 RELIEF = 0.6  # of the map, from its lowest to its highest sample [m]
-PLACE = (6.0, 5.0)  # middle of the eight [m]
-LOOP = 1.5  # radius of its loops [m]
-SPEED = 0.6  # [m/s]
+PLACE = (6.0, 6.3)  # middle of the eight [m]
+LOOP = 2.2  # radius of its loops [m]
+SPEED = 0.9  # [m/s]
 SOIL = "hit_lss1"
 
 
 def ground() -> HeightMap:
     """Return a smooth part of the elevation model, on a fine grid."""
     coarse = jacksboro_fault(RELIEF)[100:142, 150:202].astype(np.float64)
-    rows, columns = np.linspace(0, 41, 331), np.linspace(0, 51, 401)
+    rows, columns = np.linspace(0, 41, 421), np.linspace(0, 51, 401)
     along = np.array([np.interp(columns, np.arange(52), row) for row in coarse])
     fine = np.array([np.interp(rows, np.arange(42), column) for column in along.T]).T
     return HeightMap(fine - fine.mean(), resolution=SPACING)
@@ -54,12 +54,11 @@ def on_the_eight(way: float) -> tuple[float, float]:
 
 
 def drive(world: World, way: float) -> float:
-    """Steer the rover towards the eight, some way ahead of it; return that way along the eight [m]."""
+    """Steer the rover towards the eight, some way ahead; return how far along the eight it is [m]."""
     state = world.state("rover")
     x, y, _ = state.position
-    while math.dist((x, y), on_the_eight(way)) < AHEAD:
-        way += 0.02
-    tx, ty = on_the_eight(way)
+    way = min((way + 0.02 * step for step in range(100)), key=lambda way: math.dist((x, y), on_the_eight(way)))
+    tx, ty = on_the_eight(way + AHEAD)
     qx, qy, qz, qw = state.orientation
     heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     error = (math.atan2(ty - y, tx - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
@@ -80,7 +79,7 @@ def frame(soil: Soil, track: list[tuple[float, float]], title: str) -> Any:
     """Return a picture of the ground and its sinkage from above."""
     heights = soil.map.heights.astype(np.float64)
     extent = (0.0, (heights.shape[1] - 1) * SPACING, 0.0, (heights.shape[0] - 1) * SPACING)
-    figure, axis = plt.subplots(figsize=(7.2, 5.6))
+    figure, axis = plt.subplots(figsize=(6.0, 6.4))
     axis.imshow(shaded(heights), cmap="gray", origin="lower", extent=extent, vmin=0.0, vmax=1.0)
     sunk = 1e3 * soil.sinkage()
     shown = axis.imshow(
@@ -90,7 +89,7 @@ def frame(soil: Soil, track: list[tuple[float, float]], title: str) -> Any:
     if track:
         axis.plot(*np.array(track).T, color="tab:blue", lw=0.8)
         axis.plot(*track[-1], "o", color="tab:blue")
-    axis.set(xlabel="x [m]", ylabel="y [m]", title=title, xlim=(1.5, 10.5), ylim=(0.3, 9.6))
+    axis.set(xlabel="x [m]", ylabel="y [m]", title=title, xlim=(1.5, 10.5), ylim=(0.6, 12.0))
     figure.tight_layout()
     content = io.BytesIO()
     figure.savefig(content, dpi=80)
@@ -102,7 +101,7 @@ def main() -> None:
     """Drive, and write the pictures to a folder."""
     parser = argparse.ArgumentParser(prog="python -m studies rover", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
-    parser.add_argument("--seconds", type=float, default=80.0, help="time to drive")
+    parser.add_argument("--seconds", type=float, default=50.0, help="time to drive")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:
@@ -110,7 +109,7 @@ def main() -> None:
         before = frame(soil, [], "before")
         world.spawn_robot("rover", str(ROVER), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         track: list[tuple[float, float]] = []
-        way = AHEAD
+        way = 0.0
         frames = [before]
         for number in range(round(options.seconds / world.dt)):
             if number % 24 == 0:
@@ -119,7 +118,7 @@ def main() -> None:
                 track.append((x, y))
             world.step()
             soil.apply(world.contacts(), world.dt, world.time)
-            if number % 480 == 479:
+            if number % 360 == 359:
                 frames.append(frame(soil, track, f"{world.time:.0f} s on {SOIL}"))
         after = frame(soil, track, f"after {world.time:.0f} s")
         print(f"deepest rut {1e3 * soil.sinkage().max():.0f} mm, rescues {world.rescues}, lost {world.lost}")

@@ -139,7 +139,8 @@ ROBOT = """<robot name="bot">
   <link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision></link>
   <link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+    <collision><origin rpy="1.5707963 0 0"/>
+      <geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
   <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
     <origin xyz="0.3 0.2 -0.1"/><axis xyz="0 1 0"/></joint>
 </robot>"""
