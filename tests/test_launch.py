@@ -54,7 +54,7 @@ def test_all_launch_files_have_the_same_arguments_and_start_what_exists(launch: 
 def test_defaults_are_those_of_the_node(launch: Launch) -> None:
     collider, *_ = launch.of("Node")
     *files, last = collider.kwargs["parameters"]
-    assert {Path(file).stem for file in files} <= {"elevation_mapping"}
+    assert {Path(file).stem for file in files} <= {"elevation_mapping", "soil"}
     assert last == {"use_sim_time": False}
     assert collider.kwargs["namespace"] == ""
     variables = {item.args[0]: item.args[1] for item in launch.of("SetEnvironmentVariable")}

@@ -101,7 +101,7 @@ def main() -> None:
     """Drive, and write the pictures to a folder."""
     parser = argparse.ArgumentParser(prog="python -m studies rover", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
-    parser.add_argument("--seconds", type=float, default=50.0, help="time to drive")
+    parser.add_argument("--seconds", type=float, default=110.0, help="time to drive")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with World(ground()) as world:

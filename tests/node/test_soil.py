@@ -54,7 +54,7 @@ def publish_flat(probe: Probe) -> None:
 def test_a_body_sinks_to_the_closed_form_and_then_no_update_comes(probe: Probe, name: str) -> None:
     updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
     grids = probe.listen("/soil/grid_map", GridMap, LATCHED)
-    with probe.running("terrain_collider", RATES), probe.running("soil", {"soil": name, "grid_map_rate": 5.0}):
+    with probe.running("terrain_collider", RATES), probe.running("soil", {"soil": name, "grid_map_rate": 5.0, "load_time": 0.2}):
         probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
@@ -64,14 +64,14 @@ def test_a_body_sinks_to_the_closed_form_and_then_no_update_comes(probe: Probe, 
         probe.wait_for(lambda: seconds(probe.latest("body_states")) > seconds(updates[-1]) + 1.0)
         sent = len(updates)
         sunk = 0.05 - height_of(probe, "plate")
-        assert sunk == pytest.approx(plate_sinkage(soil_named(name), 0.2, 5e3), rel=0.15)
+        assert sunk == pytest.approx(plate_sinkage(soil_named(name), 0.2, 5e3), rel=0.3)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         assert len(updates) == sent
         probe.wait_for(lambda: bool(grids))
         grid = grids[-1]
         assert list(grid.layers) == ["elevation", "sinkage", "pressure"]
         sinkage = np.array(grid.data[1].data)
-        assert sinkage.max() == pytest.approx(sunk, rel=0.2)
+        assert sinkage.max() == pytest.approx(sunk, rel=0.3)
         assert np.count_nonzero(sinkage) < 100
 
 
