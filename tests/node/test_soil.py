@@ -54,7 +54,10 @@ def publish_flat(probe: Probe) -> None:
 def test_a_body_sinks_to_the_closed_form_and_then_no_update_comes(probe: Probe, name: str) -> None:
     updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
     grids = probe.listen("/soil/grid_map", GridMap, LATCHED)
-    with probe.running("terrain_collider", RATES), probe.running("soil", {"soil": name, "grid_map_rate": 5.0, "load_time": 0.2}):
+    with (
+        probe.running("terrain_collider", RATES),
+        probe.running("soil", {"soil": name, "grid_map_rate": 5.0, "load_time": 0.2}),
+    ):
         probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
         publish_flat(probe)
         mass = 5e3 * 0.04 / 9.81
