@@ -30,6 +30,7 @@ def usage() -> str:
 
 
 def main() -> None:
+    """Runs the study that the command line names."""
     name, options = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else ("", [])
     if name in ("-h", "--help"):
         print(usage())

@@ -22,8 +22,8 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guard import middles_of
+from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.limits import FARTHEST_BODY, require_possible

@@ -51,9 +51,8 @@ def test_the_subjects_differ_and_the_pages_name_them() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     marked = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_of(page)}
     assert marked == {
-        "accuracy.md", "benchmarks.md", "performance.md", "other_simulators.md", "robot_charts.md", "tuning.md",
+        "accuracy.md", "benchmarks.md", "performance.md", "other_simulators.md", "robot_charts.md", "soil.md",
+        "tuning.md",
     }  # fmt: skip
-    pages = {"accuracy.md", "benchmarks.md", "performance.md", "other_simulators.md", "soil.md", "tuning.md"}
-    assert marked == pages
     for page in (ROOT / "docs").glob("*.md"):
         assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
