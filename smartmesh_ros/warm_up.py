@@ -14,7 +14,7 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.states import simulated_states
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.soil.bodies import FootShape, GivenBodies
-from smartmesh_ros.soil.config import SoilConfig
+from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.terrain.fusion import FusionConfig, fuse, nothing_known
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -27,6 +27,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 # Samples along each side of the maps, and their spacing [m].
 SIDE, SPACING = 8, 0.25
 LENGTH = (SIDE - 1) * SPACING
+SOIL = SoilType(1e6, 0.0, 1.0, 1e3, 30.0, 0.01)
 
 
 def warm_up() -> float:
@@ -63,7 +64,7 @@ def press_soil() -> None:
     """Press a box into soil, with and without a known place of its load."""
     ground = HeightMap(np.zeros((SIDE, SIDE)), resolution=SPACING)
     bodies = GivenBodies()
-    soil = Soil(ground, "dry_sand", bodies, SoilConfig(flow=0.5, slides=1))
+    soil = Soil(ground, SOIL, bodies, SoilConfig(flow=0.5, slides=1))
     place = 0.5 * LENGTH
     bodies.put("box", FootShape("box", (SPACING,) * 3), (place, place, 0.5 * SPACING, 0, 0, 0, 1, *([0.0] * 6)))
     for number, load in enumerate((Load(1e4), Load(1e4, place, place), Load(0.0))):

@@ -7,8 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilType
 
@@ -18,6 +16,10 @@ KNOWN = Path(__file__).parent / "soils.yaml"
 @cache
 def soils_of(file: Path = KNOWN) -> dict[str, SoilType]:
     """Return the soils of a YAML file by name. Raises `InputError`."""
+    try:
+        import yaml  # every ROS has it; the core alone needs it for soils by name only
+    except ImportError:
+        raise InputError("soil", "soils by name need PyYAML: pip install pyyaml, or give a SoilType") from None
     try:
         content = yaml.safe_load(file.read_text())
     except (OSError, yaml.YAMLError) as error:
