@@ -27,7 +27,9 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 # Samples along each side of the maps, and their spacing [m].
 SIDE, SPACING = 8, 0.25
 LENGTH = (SIDE - 1) * SPACING
-SOIL = SoilType(1e6, 0.0, 1.0, 1e3, 30.0, 0.01)
+SOIL = SoilType(
+    Bekker_Kphi=1e6, Bekker_Kc=0.0, Bekker_n=1.0, Mohr_cohesion=1e3, Mohr_friction=30.0, Janosi_shear=0.01
+)  # fmt: skip
 
 
 def warm_up() -> float:
