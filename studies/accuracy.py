@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from smartmesh_ros.evaluation.machine import describe
@@ -21,6 +20,7 @@ from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
 from studies.pages import fill
+from studies.progress import Progress
 from studies.results_file import read_results, save_results
 from studies.tables import front_table, scene_table, summary_table
 
@@ -32,10 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     images = out / "images" / "accuracy"
     images.mkdir(parents=True, exist_ok=True)
     warm_up()
-    began = perf_counter()
-
-    def say(line: str) -> None:
-        print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+    say = Progress()
 
     found = describe()
     versions: Any = found["versions"]
@@ -58,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     save_results(path, data)
     if (page := out / "accuracy.md").exists():
         fill(page, blocks)
-    print(f"wrote {path} and {images} in {perf_counter() - began:.0f} s")
+    print(f"wrote {path} and {images} in {say.elapsed:.0f} s")
     return 0
 
 

@@ -25,8 +25,8 @@ FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "awake",
 class Follower:
     """An attached body or link, with a patch under it.
 
-    ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``.
-    ``slot``: its row in the tables of `Followers`. ``collider``: PyBullet body of its current collider, None = no
+    ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``. ``slot``: its row in the tables of
+    `Followers`. ``collider``: PyBullet body of its current collider, None = no
     collider. ``ball``: the shape is a ball. ``round``: the shape is a cylinder or capsule that moves freely; wheels are
     excluded, because their joints hold them.
     """
@@ -52,9 +52,9 @@ class Follower:
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``; ``states``
-    (S, 13) at the last update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one
-    step [m]. ``epoch`` changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
+    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``; ``states`` (S, 13) at the last
+    update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one step [m]. ``epoch``
+    changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
     """
 
     def __init__(self) -> None:

@@ -6,11 +6,10 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 from typing import Any
 
 import smartmesh_ros
@@ -21,6 +20,7 @@ from studies.before_after.contest import Compared, compare
 from studies.before_after.picture import draw
 from studies.before_after.robots import SIDE, compare_robots, records, robot_cases, robots_missed, robots_table
 from studies.before_after.tables import calls_table, kinds_table, missed, speed_table
+from studies.progress import Progress
 
 PIECES, QUICK_PIECES, ROBOT_PIECES = 9, 3, 2
 
@@ -32,11 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = cases(quick=options.quick)
     chosen = [case for case in cases(quick=False) if case.name in options.cases] if options.cases else known
     pieces = options.pieces or (QUICK_PIECES if options.quick else PIECES)
-    began = perf_counter()
-
-    def say(line: str) -> None:
-        print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
-
+    say = Progress()
     if options.robots:
         return _robots(options, folders, say)
     try:
@@ -54,13 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     (options.out / "before_after.json").write_text(json.dumps(data, indent=1) + "\n")
     draw(options.out / "before_after.png", compared)
     print(page)
-    print(f"wrote {options.out}/before_after.md, .json and .png in {perf_counter() - began:.0f} s")
+    print(f"wrote {options.out}/before_after.md, .json and .png in {say.elapsed:.0f} s")
     return 0
 
 
-def _robots(options: argparse.Namespace, folders: dict[str, Path], say: Callable[[str], None]) -> int:
+def _robots(options: argparse.Namespace, folders: dict[str, Path], say: Progress) -> int:
     """Run the cases with robots; write JSON and a table."""
-    began = perf_counter()
     pieces = options.pieces or ROBOT_PIECES
     try:
         with TemporaryDirectory() as scratch:
@@ -89,7 +84,7 @@ def _robots(options: argparse.Namespace, folders: dict[str, Path], say: Callable
     data = {"machine": describe(), "commits": commits, "pieces": pieces, "cases": records(compared)}
     (options.out / "robots.json").write_text(json.dumps(data, indent=1) + "\n")
     print(page)
-    print(f"wrote {options.out}/robots.md and .json in {perf_counter() - began:.0f} s")
+    print(f"wrote {options.out}/robots.md and .json in {say.elapsed:.0f} s")
     return 0
 
 

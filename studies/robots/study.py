@@ -8,7 +8,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from smartmesh_ros.errors import InputError
@@ -18,6 +17,7 @@ from studies.chart import draw_all, draw_scene
 from studies.configurations import Family
 from studies.contest import Result
 from studies.pages import fill
+from studies.progress import Progress
 from studies.results_file import save_results
 from studies.robots.configurations import configurations
 from studies.robots.contest import run_scene
@@ -42,10 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     images = out / "images" / "robots"
     images.mkdir(parents=True, exist_ok=True)
     warm_up()
-    began = perf_counter()
-
-    def say(line: str) -> None:
-        print(f"\r\033[K{perf_counter() - began:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+    say = Progress()
 
     chosen = [known[name] for name in options.scenes] or scenes(quick=options.quick)
     configured = configurations(quick=options.quick)
@@ -72,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"robots: {error}", file=sys.stderr)
         return 2
-    print(f"{blocks['limits']}\n\nwrote {out}/{PAGE}, {TABLES}, {DATA} and {images} in {perf_counter() - began:.0f} s")
+    print(f"{blocks['limits']}\n\nwrote {out}/{PAGE}, {TABLES}, {DATA} and {images} in {say.elapsed:.0f} s")
     return 0
 
 

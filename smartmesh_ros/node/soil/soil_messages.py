@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from smartmesh_msgs.msg import ContactArray, HeightmapUpdate
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.outputs.arrays import floats
 from smartmesh_ros.soil.soil import Region, Soil
 
 
@@ -41,7 +41,7 @@ def update_message(header: Header, tile: str, region: Region) -> HeightmapUpdate
     height, width = region.heights.shape
     return HeightmapUpdate(
         header=header, tile=tile, x=region.column, y=region.row, width=width, height=height,
-        heights=_floats(region.heights), velocities=_floats(region.velocities),
+        heights=floats(region.heights), velocities=floats(region.velocities),
     )  # fmt: skip
 
 
@@ -71,15 +71,9 @@ def grid_map_message(kind: Any, header: Header, soil: Soil) -> Any:
 def _layer(values: ArrayLike) -> Float32MultiArray:
     cells = np.asarray(values, np.float32).T[::-1, ::-1]  # rows along -x, columns along -y
     along_x, along_y = cells.shape
-    message = Float32MultiArray(data=_floats(cells.T))
+    message = Float32MultiArray(data=floats(cells.T))
     message.layout.dim = [
         MultiArrayDimension(label="column_index", size=along_y, stride=along_x * along_y),
         MultiArrayDimension(label="row_index", size=along_x, stride=along_x),
     ]
     return message
-
-
-def _floats(values: ArrayLike) -> array.array[float]:
-    result = array.array("f")
-    result.frombytes(np.ascontiguousarray(values, np.float32).tobytes())
-    return result
