@@ -22,10 +22,8 @@ class FollowerReader:
     def read_positions(self) -> FloatArray:
         """Return the centres of mass of the awake followers (n, 3) [m], in the order of `Followers.awake`."""
         self._list_awake()
-        if not self._robots:
-            return np.array(self._calls.positions(self._bases), np.float64).reshape(-1, 3)
         positions = np.empty((self._count, 3))
-        positions[self._base_places] = np.array(self._calls.positions(self._bases)).reshape(-1, 3)
+        positions[self._base_places] = np.array(self._calls.positions(self._bases), np.float64).reshape(-1, 3)
         for body, links, places in self._robots:
             positions[places] = self._calls.link_positions(body, links)
         return positions
@@ -34,8 +32,6 @@ class FollowerReader:
         """Return position, orientation (x, y, z, w), velocity and angular velocity of the awake followers (n, 13) [m,
         m/s, rad/s]."""
         self._list_awake()
-        if not self._robots:
-            return self._calls.states(self._bases)
         states = np.empty((self._count, 13))
         states[self._base_places] = self._calls.states(self._bases)
         for body, links, places in self._robots:
