@@ -10,11 +10,21 @@ from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.testing.probe import Probe
 
 
+# The domain of the session. A fixture that several modules import is a fixture of each to pytest.
+DOMAIN = pytest.StashKey[int]()
+
+
 @pytest.fixture(scope="session")
-def domain() -> Iterator[int]:
-    """A DDS domain that nothing else on this machine uses, limited to this machine."""
+def domain(pytestconfig: pytest.Config) -> Iterator[int]:
+    """A DDS domain that nothing else on this machine uses, limited to this machine; one for the whole session, also if
+    several modules import this fixture."""
+    if DOMAIN in pytestconfig.stash:
+        yield pytestconfig.stash[DOMAIN]
+        return
     with isolated() as number:
+        pytestconfig.stash[DOMAIN] = number
         yield number
+    del pytestconfig.stash[DOMAIN]
 
 
 @pytest.fixture

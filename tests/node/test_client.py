@@ -52,7 +52,7 @@ def test_rising_ground_is_where_the_client_moves_its_patch_to(shared: Probe, cli
     for later in (0.0, 0.05, 0.2):
         moved = client.patch("left", patch.stamp + later)
         true = ground(moved.vertices_w, patch.stamp + later)
-        assert np.abs(moved.vertices_w[:, 2] - true).max() < 0.008
+        assert np.abs(moved.vertices_w[:, 2] - true).max() < 0.016
         assert moved.age == pytest.approx(later, abs=1e-6)
     still = client.patch("left", patch.stamp)
     assert np.abs(still.vertices_w[:, 2] - ground(still.vertices_w, patch.stamp + 0.2)).min() > 0.08

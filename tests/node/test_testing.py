@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from time import monotonic, sleep
 
 import numpy as np
@@ -21,6 +22,13 @@ from smartmesh_ros.testing import Process
 process = Process("terrain_source")
 print(process.process.pid, flush=True)
 sys.stdin.readline()
+"""
+
+
+USES_THE_DOMAIN = """
+import os
+def test_the_environment_names_it(domain):
+    assert os.environ["ROS_DOMAIN_ID"] == str(domain)
 """
 
 
@@ -99,6 +107,19 @@ def test_a_domain_that_somebody_is_in_is_left_alone(domain: int) -> None:
         wait_until(lambda: in_use(number))
     with source, isolated() as other:
         assert other != number, "its lock is free, but a node is still there"
+
+
+def test_folders_that_import_the_fixture_share_a_domain(tmp_path: Path) -> None:
+    """Also a test of the first folder that comes after one of the second."""
+    names = ("first/test_one.py", "second/test_two.py", "first/test_three.py")
+    for file in (tmp_path / name for name in names):
+        file.parent.mkdir(exist_ok=True)
+        (file.parent / "conftest.py").write_text("from smartmesh_ros.testing import domain")
+        file.write_text(USES_THE_DOMAIN)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *names]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+    assert result.returncode == 0, result.stdout
+    assert "3 passed" in result.stdout
 
 
 def test_a_domain_that_the_user_chose_is_kept(
