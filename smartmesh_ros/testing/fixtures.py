@@ -9,7 +9,6 @@ import pytest
 from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.testing.probe import Probe
 
-
 # The domain of the session. A fixture that several modules import is a fixture of each to pytest.
 DOMAIN = pytest.StashKey[int]()
 
