@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.soil.law import pressure_at, stiffness_at
-from smartmesh_ros.soil.layer import DAMPING, ELASTIC, EXPONENT
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray
 
-# Columns of the samples under a body: underside and present height [m], covered area [m^2], Bekker's modulus, distance
-# from the body's middle along columns and rows, in sizes of the body; and fields of `SoilLayer`.
-LOW, NOW, AREA, MODULUS, ALONG_X, ALONG_Y, LEVEL, PLASTIC, YIELDED, KIND = range(10)
+# A sample under a body, at (``row``, ``column``). Heights [m] without the grid's z: of the body's underside ``low``, of
+# the ground ``now`` and as it was never pressed, ``level``. ``area`` [m^2]: covered by the body. ``x``, ``y``: distance
+# from the body's middle along columns and rows, in sizes of the body. ``plastic`` [m], ``yielded`` [Pa]: see
+# `SoilLayer`. ``modulus``: Bekker's, with the width of the patch. ``exponent``, ``elastic``, ``damping``: of its soil.
+SAMPLE = np.dtype(
+    (
+        np.record,
+        [
+            ("row", np.int64), ("column", np.int64), ("low", np.float64), ("now", np.float64), ("level", np.float64),
+            ("area", np.float64), ("x", np.float64), ("y", np.float64), ("plastic", np.float64),
+            ("yielded", np.float64), ("modulus", np.float64), ("exponent", np.float64), ("elastic", np.float64),
+            ("damping", np.float64),
+        ],
+    )
+)  # fmt: skip
 # Most rounds of the search for the sinkage. Newton's method needs three to six; bisection is the fallback.
 ROUNDS = 40
 # Most rounds, and halvings of a step, of the search for the lean.
@@ -22,41 +33,31 @@ LEAN_ROUNDS, HALVINGS = 4, 2
 LOAD_ERROR, MOMENT_ERROR = 1e-5, 1e-3
 
 
-class Samples(NamedTuple):
-    """Work arrays for the samples under a body: ``cells`` (n, 2) rows and columns, ``values`` (n, 10)."""
-
-    cells: IntArray
-    values: FloatArray
+@compiled
+def pressed_to(sample: Any, lean: FloatArray) -> float:
+    """Return the height [m] to which a record of ``SAMPLE`` is pressed by a ``lean`` (3,): how far the body goes down
+    [m], and how much farther at its size along columns and rows [m]."""
+    return sample.low - lean[0] - lean[1] * sample.x - lean[2] * sample.y
 
 
 @compiled
-def pressed_to(values: FloatArray, lean: FloatArray) -> float:
-    """Return the height [m] to which a sample is pressed by a ``lean`` (3,): how far the body goes down [m], and
-    how much farther at its size along columns and rows [m]."""
-    return values[LOW] - lean[0] - lean[1] * values[ALONG_X] - lean[2] * values[ALONG_Y]
-
-
-@compiled
-def loaded(soils: FloatArray, values: FloatArray, lean: FloatArray, dt: float) -> tuple[float, float, float]:
+def loaded(sample: Any, lean: FloatArray, dt: float) -> tuple[float, float, float]:
     """Return the soil's pressure [Pa] on a sample, the total with damping, and the derivative of the total by the
     sinkage [Pa/m]. The total is zero where the body lifts off."""
-    soil = soils[int(values[KIND])]
-    height = pressed_to(values, lean)
-    sinkage, plastic = values[LEVEL] - height, values[PLASTIC]
+    height = pressed_to(sample, lean)
+    sinkage = sample.level - height
     if sinkage <= 0.0:
         return 0.0, 0.0, 0.0
-    pressure = pressure_at(sinkage, plastic, values[YIELDED], values[MODULUS], soil[EXPONENT], soil[ELASTIC])
-    total = pressure + soil[DAMPING] * (values[NOW] - height) / dt
+    pressure = pressure_at(sinkage, sample.plastic, sample.yielded, sample.modulus, sample.exponent, sample.elastic)
+    total = pressure + sample.damping * (sample.now - height) / dt
     if total <= 0.0:
         return 0.0, 0.0, 0.0
-    return pressure, total, stiffness_at(sinkage, pressure, plastic, soil[EXPONENT], soil[ELASTIC]) + soil[DAMPING] / dt
+    stiffness = stiffness_at(sinkage, pressure, sample.plastic, sample.exponent, sample.elastic)
+    return pressure, total, stiffness + sample.damping / dt
 
 
 @compiled
-def balance(
-    soils: FloatArray, samples: Samples, count: int, load: float, lean: FloatArray, start: float, deepest: float,
-    dt: float,
-) -> float:  # fmt: skip
+def balance(samples: Any, load: float, lean: FloatArray, start: float, deepest: float, dt: float) -> float:
     """Return how far the body goes down [m], at most ``deepest``, so that the soil carries a ``load`` [N].
 
     Newton's method from ``start``, with bisection where it leaves the bracket: the force grows with the depth. The
@@ -65,16 +66,16 @@ def balance(
     trial = lean.copy()
     trial[0] = 0.0
     low, high = start, deepest
-    for k in range(count):  # the highest place, at which the body touches nothing
-        low = min(low, pressed_to(samples.values[k], trial) - samples.values[k, LEVEL])
+    for sample in samples:  # the highest place, at which the body touches nothing
+        low = min(low, pressed_to(sample, trial) - sample.level)
     trial[0] = start
     for _ in range(ROUNDS):
         force, slope = 0.0, 0.0
-        for k in range(count):
-            if samples.values[k, AREA] > 0.0:
-                _, total, stiffness = loaded(soils, samples.values[k], trial, dt)
-                force += samples.values[k, AREA] * total
-                slope += samples.values[k, AREA] * stiffness
+        for sample in samples:
+            if sample.area > 0.0:
+                _, total, stiffness = loaded(sample, trial, dt)
+                force += sample.area * total
+                slope += sample.area * stiffness
         if abs(force - load) <= LOAD_ERROR * load:
             break
         if force < load:
@@ -91,18 +92,16 @@ def balance(
 
 @compiled
 def residual(
-    soils: FloatArray, samples: Samples, count: int, load: float, moments: FloatArray, lean: FloatArray, dt: float,
-    missing: FloatArray, slopes: FloatArray,
-) -> float:  # fmt: skip
+    samples: Any, load: float, moments: FloatArray, lean: FloatArray, dt: float, missing: FloatArray, slopes: FloatArray
+) -> float:
     """Write what the soil's force and moments lack (3,) [N], and their derivatives by ``lean`` (3, 3) [N/m]; return the
     largest lack as a share of the ``load``."""
     missing[0], missing[1], missing[2] = load, moments[0], moments[1]
     slopes[:, :] = 0.0
-    for k in range(count):
-        area = samples.values[k, AREA]
+    for sample in samples:
+        area, x, y = sample.area, sample.x, sample.y
         if area > 0.0:
-            _, total, stiffness = loaded(soils, samples.values[k], lean, dt)
-            x, y = samples.values[k, ALONG_X], samples.values[k, ALONG_Y]
+            _, total, stiffness = loaded(sample, lean, dt)
             missing[0] -= area * total
             missing[1] -= area * total * x
             missing[2] -= area * total * y
@@ -135,14 +134,13 @@ def solve_3x3(a: FloatArray, b: FloatArray, x: FloatArray) -> bool:
 
 @compiled
 def lean_over(
-    soils: FloatArray, samples: Samples, count: int, load: float, moments: FloatArray, lean: FloatArray, deepest: float,
-    most: float, dt: float,
-) -> bool:  # fmt: skip
+    samples: Any, load: float, moments: FloatArray, lean: FloatArray, deepest: float, most: float, dt: float
+) -> bool:
     """Change ``lean`` until the soil has the ``load`` [N] and the ``moments`` (2,) [N], relative to the body's size, of
     the contacts, by Newton's method with halved steps; return False if that was not reached. The lean of a body stays
     below ``most`` [m]: contacts at its edge may need more than the soil there can give."""
     missing, slopes, step, trial = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty(3)
-    worst = residual(soils, samples, count, load, moments, lean, dt, missing, slopes)
+    worst = residual(samples, load, moments, lean, dt, missing, slopes)
     for _ in range(LEAN_ROUNDS):
         if worst <= MOMENT_ERROR:
             return True
@@ -153,7 +151,7 @@ def lean_over(
             trial[0] = min(lean[0] + step[0], deepest)
             trial[1] = min(max(lean[1] + step[1], -most), most)
             trial[2] = min(max(lean[2] + step[2], -most), most)
-            found = residual(soils, samples, count, load, moments, trial, dt, missing, slopes)
+            found = residual(samples, load, moments, trial, dt, missing, slopes)
             if found < worst:
                 better = True
                 break

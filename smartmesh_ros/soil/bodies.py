@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 
@@ -56,11 +56,19 @@ class FootShape:
             foot["half"] = [self.size[0], self.size[0], 0.5 * self.size[-1] if len(self.size) > 1 else 0.0]
 
 
+class PressingBody(NamedTuple):
+    """A body that presses the soil: its ``shape``, and its ``state`` (13,), position [m] and quaternion of its centre
+    of mass, linear [m/s] and angular velocity [rad/s], all in the terrain's frame."""
+
+    shape: FootShape
+    state: tuple[float, ...]
+
+
 class PressingBodies(Protocol):
     """Where `Soil` gets bodies from."""
 
-    def read(self, name: str, foot: Any) -> bool:
-        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+    def read(self, name: str) -> PressingBody | None:
+        """Return a body, None if there is no such body."""
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction coefficient of a body with the soil, if that is possible."""
@@ -87,10 +95,10 @@ class BulletBodies:
         """
         self._known[name] = body, link, shape or self._shape_of(name, body, link)
 
-    def read(self, name: str, foot: Any) -> bool:
-        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+    def read(self, name: str) -> PressingBody | None:
+        """Return a body, None if there is no such body."""
         if name not in self._known and not self._find(name):
-            return False
+            return None
         body, link, shape = self._known[name]
         try:
             if link < 0:
@@ -100,10 +108,8 @@ class BulletBodies:
                 pose, velocity = found[:2], found[6:8]
         except Exception:  # noqa: BLE001  # PyBullet's error, whose class this room does not import
             del self._known[name]
-            return False
-        shape.write(foot)
-        foot["state"] = (*pose[0], *pose[1], *velocity[0], *velocity[1])
-        return True
+            return None
+        return PressingBody(shape, (*pose[0], *pose[1], *velocity[0], *velocity[1]))
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction of a body; colliders of the ground have friction 1, and PyBullet multiplies the two."""
@@ -177,7 +183,7 @@ class GivenBodies:
     """Bodies whose states are set by hand, such as those of messages and of studies."""
 
     def __init__(self) -> None:
-        self._feet: dict[str, tuple[FootShape, tuple[float, ...]]] = {}
+        self._bodies: dict[str, PressingBody] = {}
         self.grips: dict[str, float] = {}
 
     def put(self, name: str, shape: FootShape, state: Iterable[float]) -> None:
@@ -189,21 +195,16 @@ class GivenBodies:
             raise InputError(
                 "state", f"the state of {name!r} is {numbers}; it must be 13 finite numbers, unit quaternion"
             )
-        self._feet[name] = shape, numbers
+        self._bodies[name] = PressingBody(shape, numbers)
 
     def keep(self, names: Iterable[str]) -> None:
         """Forget all bodies but ``names``."""
         kept = set(names)
-        self._feet = {name: foot for name, foot in self._feet.items() if name in kept}
+        self._bodies = {name: body for name, body in self._bodies.items() if name in kept}
 
-    def read(self, name: str, foot: Any) -> bool:
-        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
-        if name not in self._feet:
-            return False
-        shape, state = self._feet[name]
-        shape.write(foot)
-        foot["state"] = state
-        return True
+    def read(self, name: str) -> PressingBody | None:
+        """Return a body, None if there is no such body."""
+        return self._bodies.get(name)
 
     def set_grip(self, name: str, grip: float) -> None:
         """Note the friction coefficient of a body."""

@@ -26,13 +26,16 @@ BOX, SPHERE, CYLINDER, CAPSULE = 1, 2, 3, 4
 # these samples that the next update must look at. Results: ``sinkage`` [m], the deepest; ``area`` [m^2]; ``carried``
 # [N], by the soil's pressure; ``grip``, shear force over pressing force; ``displaced`` [m^3], in the last update.
 FOOT = np.dtype(
-    [
-        ("kind", np.int64), ("half", np.float64, 3), ("centre", np.float64, 3), ("turn", np.float64, 4),
-        ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2), ("load", np.float64),
-        ("centre_of_load", np.float64, 2), ("seat", np.float64), ("slope", np.float64, 2), ("first", np.int64, 2),
-        ("last", np.int64, 2), ("seen_first", np.int64, 2), ("seen_last", np.int64, 2), ("sinkage", np.float64),
-        ("area", np.float64), ("carried", np.float64), ("grip", np.float64), ("displaced", np.float64),
-    ]
+    (
+        np.record,
+        [
+            ("kind", np.int64), ("half", np.float64, 3), ("centre", np.float64, 3), ("turn", np.float64, 4),
+            ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2), ("load", np.float64),
+            ("centre_of_load", np.float64, 2), ("seat", np.float64), ("slope", np.float64, 2), ("first", np.int64, 2),
+            ("last", np.int64, 2), ("seen_first", np.int64, 2), ("seen_last", np.int64, 2), ("sinkage", np.float64),
+            ("area", np.float64), ("carried", np.float64), ("grip", np.float64), ("displaced", np.float64),
+        ],
+    )
 )  # fmt: skip
 
 

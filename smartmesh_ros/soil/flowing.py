@@ -171,27 +171,37 @@ def note_changes(
 
 @compiled
 def write_changes(
-    grid: MovingGrid, layer: SoilLayer, rectangle: IntArray, press: Press, flow: Flow, heights: Any, speeds: Any
+    grid: MovingGrid, layer: SoilLayer, rectangles: IntArray, press: Press, flow: Flow, heights: Any, speeds: Any
 ) -> None:
-    """Write the new ``heights`` (h, w) [m] and ``speeds`` (h, w) [m/s] of a rectangle: samples start where they are and
-    reach their target at the end of the update."""
-    for i in range(heights.shape[0]):
-        for j in range(heights.shape[1]):
-            r, c = rectangle[0] + i, rectangle[1] + j
-            heights[i, j], speeds[i, j] = grid.heights[r, c], 0.0
-            if layer.touched[r, c] == 0 or layer.known[r, c] != grid.heights[r, c]:
-                continue
-            now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
-            left = min(layer.target[r, c] - now, flow.farthest)
-            if layer.pressed[r, c] != press.number:
-                left = max(left, -flow.farthest)
-            if flow.still < abs(left) <= flow.carried:
-                heights[i, j], speeds[i, j] = now, left / press.dt
-                layer.moves[r, c] = 1
-            elif abs(left) > flow.still or layer.moves[r, c] == 1:
-                heights[i, j] = now + left
-                layer.moves[r, c] = 0
-            layer.known[r, c] = heights[i, j]
+    """Write the new heights [m] and speeds [m/s] of ``rectangles`` (n, 4), as in the blocks of `finish_all`, to
+    ``heights`` and ``speeds`` (N,), one rectangle after the other, each row by row."""
+    k = 0
+    for top, left, bottom, right in rectangles:
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                heights[k], speeds[k] = change_at(grid, layer, r, c, press, flow)
+                k += 1
+
+
+@compiled
+def change_at(grid: MovingGrid, layer: SoilLayer, r: int, c: int, press: Press, flow: Flow) -> tuple[float, float]:
+    """Return the new height [m] and speed [m/s] of a sample, and note them: it starts where it is and reaches its
+    target at the end of the update."""
+    height, speed = grid.heights[r, c], 0.0
+    if layer.touched[r, c] == 0 or layer.known[r, c] != height:
+        return height, speed
+    now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
+    left = min(layer.target[r, c] - now, flow.farthest)
+    if layer.pressed[r, c] != press.number:
+        left = max(left, -flow.farthest)
+    if flow.still < abs(left) <= flow.carried:
+        height, speed = np.float32(now), left / press.dt
+        layer.moves[r, c] = 1
+    elif abs(left) > flow.still or layer.moves[r, c] == 1:
+        height = np.float32(now + left)
+        layer.moves[r, c] = 0
+    layer.known[r, c] = height
+    return height, speed
 
 
 def no_blocks(shape: tuple[int, int]) -> IntArray:

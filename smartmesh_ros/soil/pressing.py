@@ -12,26 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.soil.balancing import (
-    ALONG_X,
-    ALONG_Y,
-    AREA,
-    KIND,
-    LEVEL,
-    LOW,
-    MODULUS,
-    NOW,
-    PLASTIC,
-    YIELDED,
-    Samples,
-    balance,
-    lean_over,
-    loaded,
-    pressed_to,
-)  # fmt: skip
+from smartmesh_ros.soil.balancing import SAMPLE, balance, lean_over, loaded, pressed_to
 from smartmesh_ros.soil.feet import SPHERE, bounds, covered_share, patch_width, rotation_of, slope_of, underside
 from smartmesh_ros.soil.law import plastic_after, shear_at
-from smartmesh_ros.soil.layer import COHESION, ELASTIC, FRICTION, KC, KPHI, SHEAR, SoilLayer
+from smartmesh_ros.soil.layer import COHESION, DAMPING, ELASTIC, EXPONENT, FRICTION, KC, KPHI, SHEAR, SoilLayer
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_grid
 
@@ -60,33 +44,31 @@ class Press(NamedTuple):
 class PlacedShape(NamedTuple):
     """A shape in axes of the grid: its ``kind`` and ``half`` lengths as in ``FOOT``; ``rotation`` (3, 3); ``middle``:
     fractional column and row, and height [m] without the grid's z; ``motion`` (6,): velocity [m/s] of the middle, and
-    spin [rad/s]; ``spacing`` [m] of the samples."""
+    spin [rad/s]; ``bounds`` (2,): half lengths of the rectangle around it [m], with a margin; ``size`` [m]: the larger
+    of them; ``spacing`` [m] of the samples."""
 
     kind: int
     half: FloatArray
     rotation: FloatArray
     middle: FloatArray
     motion: FloatArray
+    bounds: tuple[float, float]
+    size: float
     spacing: float
 
 
 @compiled
-def press_all(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, samples: Samples) -> int:
-    """Press all ``feet``, records of ``FOOT``, into the soil; return 0, or the number of samples that ``samples`` must
-    hold at least."""
-    for k in range(len(feet)):
-        foot = feet[k]
+def press_all(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press) -> None:
+    """Press all ``feet``, records of ``FOOT``, into the soil."""
+    for foot in feet:
         filter_load(foot, press)
         foot.sinkage, foot.area, foot.carried, foot.grip, foot.displaced = 0.0, 0.0, 0.0, 0.0, 0.0
         foot.first[0], foot.first[1], foot.last[0], foot.last[1] = NOWHERE, NOWHERE, -1, -1
         if foot.load <= LEAST_LOAD:
             foot.load = foot.centre_of_load[0] = foot.centre_of_load[1] = 0.0
             foot.seat = math.nan
-            continue
-        missing = press_one(grid, layer, foot, press, samples)
-        if missing > 0:
-            return missing
-    return 0
+        else:
+            press_one(grid, layer, foot, press)
 
 
 @compiled
@@ -102,64 +84,65 @@ def filter_load(foot: Any, press: Press) -> None:
 
 
 @compiled
-def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press, samples: Samples) -> int:
-    """Press one body into the soil; return 0, or the missing number of samples."""
+def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press) -> None:
+    """Press one body into the soil."""
     shape = placed(grid, foot)
-    half, rotation, middle = shape.half, shape.rotation, shape.middle
+    samples = samples_under(grid, layer, shape, press.time)
+    touch = math.inf
+    for sample in samples:
+        if sample.area > 0.0:
+            touch = min(touch, sample.low - sample.now)
+    if touch == math.inf:
+        return
+    farthest, middle = press.fastest * press.dt, shape.middle[2]
+    deepest, size = touch + farthest, shape.size
+    own = slope_of(shape.kind, shape.rotation)
+    lean = np.array([touch, 0.0, 0.0])
+    if foot.seat == foot.seat:  # start where the body was carried before
+        lean[0] = min(middle - foot.seat, deepest)
+    leans = shape.kind != SPHERE and not math.isnan(foot.centre_of_load[0])  # a ball does not lean
+    if leans:
+        x, y = foot.centre_of_load[0], foot.centre_of_load[1]
+        moments = foot.load / size * np.array([grid.cos * x + grid.sin * y, grid.cos * y - grid.sin * x])
+        if foot.seat == foot.seat:
+            for axis in range(2):
+                lean[1 + axis] = min(max((own[axis] - foot.slope[axis]) * size, -farthest), farthest)
+        leans = lean_over(samples, foot.load, moments, lean, deepest, farthest, press.dt)
+    if not leans:
+        lean[0] = balance(samples, foot.load, lean, lean[0], deepest, press.dt)
+    foot.seat = middle - lean[0]
+    foot.slope[0], foot.slope[1] = own[0] - lean[1] / size, own[1] - lean[2] / size
+    settle(layer, samples, lean, press, foot, shape)
+
+
+@compiled
+def samples_under(grid: MovingGrid, layer: SoilLayer, shape: PlacedShape, time: float) -> Any:
+    """Return the samples (n,) of ``SAMPLE`` under a shape, and take their ground into the layer."""
+    middle, spacing = shape.middle, grid.resolution
     rows, columns = layer.level.shape
-    spacing = grid.resolution
-    half_x, half_y = bounds(foot.kind, half, rotation, spacing)
-    top, bottom = max(int(middle[1] - half_y / spacing), 0), min(int(middle[1] + half_y / spacing) + 1, rows - 1)
-    left, right = max(int(middle[0] - half_x / spacing), 0), min(int(middle[0] + half_x / spacing) + 1, columns - 1)
-    if bottom < top or right < left:
-        return 0
-    needed = (bottom - top + 1) * (right - left + 1)
-    if needed > len(samples.cells):
-        return needed
-    width, size = patch_width(foot.kind, half, rotation), max(half_x, half_y)
-    count, touch = 0, math.inf
+    half_x, half_y = shape.bounds[0] / spacing, shape.bounds[1] / spacing
+    top, bottom = max(int(middle[1] - half_y), 0), min(int(middle[1] + half_y) + 1, rows - 1)
+    left, right = max(int(middle[0] - half_x), 0), min(int(middle[0] + half_x) + 1, columns - 1)
+    samples = np.empty(max(bottom - top + 1, 0) * max(right - left + 1, 0), SAMPLE)
+    width = patch_width(shape.kind, shape.half, shape.rotation)
+    count = 0
     for r in range(top, bottom + 1):
         for c in range(left, right + 1):
             x, y = (c - middle[0]) * spacing, (r - middle[1]) * spacing
-            low = underside(foot.kind, half, rotation, x, y, spacing)
+            low = underside(shape.kind, shape.half, shape.rotation, x, y, spacing)
             if low == math.inf or math.isnan(grid.heights[r, c]):
                 continue
             note_ground(grid, layer, r, c)
-            now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
-            soil = layer.soils[layer.kinds[r, c]]
-            samples.cells[count, 0], samples.cells[count, 1] = r, c
-            values = samples.values[count]
-            values[LOW], values[NOW], values[LEVEL] = middle[2] + low, now, layer.level[r, c]
-            values[AREA] = covered_share(foot.kind, half, rotation, x, y, spacing) * spacing * spacing
-            values[MODULUS] = soil[KC] / width + soil[KPHI]
-            values[ALONG_X], values[ALONG_Y] = x / size, y / size
-            values[PLASTIC], values[YIELDED], values[KIND] = layer.plastic[r, c], layer.yielded[r, c], layer.kinds[r, c]
-            if values[AREA] > 0.0:
-                touch = min(touch, middle[2] + low - now)
+            soil, sample = layer.soils[layer.kinds[r, c]], samples[count]
+            sample.row, sample.column, sample.low = r, c, middle[2] + low
+            sample.now, sample.level = sample_at(grid, r, c, time, 0.0)[0] - grid.z, layer.level[r, c]
+            sample.area = covered_share(shape.kind, shape.half, shape.rotation, x, y, spacing) * spacing * spacing
+            sample.x, sample.y = x / shape.size, y / shape.size
+            sample.plastic, sample.yielded = layer.plastic[r, c], layer.yielded[r, c]
+            sample.modulus, sample.exponent = soil[KC] / width + soil[KPHI], soil[EXPONENT]
+            sample.elastic, sample.damping = soil[ELASTIC], soil[DAMPING]
             count += 1
-    if touch == math.inf:
-        return 0
-    deepest = touch + press.fastest * press.dt
-    count = keep_reached(samples, count, deepest)
-    own = slope_of(foot.kind, rotation)
-    lean = np.array([touch, 0.0, 0.0])
-    if foot.seat == foot.seat:  # start where the body was carried before
-        lean[0] = min(middle[2] - foot.seat, deepest)
-    known = foot.kind != SPHERE and not math.isnan(foot.centre_of_load[0])  # a ball does not lean
-    if known:
-        x, y = foot.centre_of_load[0], foot.centre_of_load[1]
-        moments = foot.load / size * np.array([grid.cos * x + grid.sin * y, grid.cos * y - grid.sin * x])
-        most = press.fastest * press.dt
-        if foot.seat == foot.seat:
-            for axis in range(2):
-                lean[1 + axis] = min(max((own[axis] - foot.slope[axis]) * size, -most), most)
-        known = lean_over(layer.soils, samples, count, foot.load, moments, lean, deepest, most, press.dt)
-    if not known:
-        lean[0] = balance(layer.soils, samples, count, foot.load, lean, lean[0], deepest, press.dt)
-    foot.seat = middle[2] - lean[0]
-    foot.slope[0], foot.slope[1] = own[0] - lean[1] / size, own[1] - lean[2] / size
-    settle(layer, samples, count, lean, press, foot, shape)
-    return 0
+    return samples[:count]
 
 
 @compiled
@@ -193,7 +176,8 @@ def placed(grid: MovingGrid, foot: Any) -> PlacedShape:
     motion[3], motion[4] = grid.cos * spin_x + grid.sin * spin_y, grid.cos * spin_y - grid.sin * spin_x
     motion[5] = spin_z
     half = np.array([foot.half[0], foot.half[1], foot.half[2]])
-    return PlacedShape(foot.kind, half, rotation, middle, motion, grid.resolution)
+    around = bounds(foot.kind, half, rotation, grid.resolution)
+    return PlacedShape(foot.kind, half, rotation, middle, motion, around, max(around[0], around[1]), grid.resolution)
 
 
 @compiled
@@ -211,31 +195,17 @@ def note_ground(grid: MovingGrid, layer: SoilLayer, r: int, c: int) -> None:
 
 
 @compiled
-def keep_reached(samples: Samples, count: int, deepest: float) -> int:
-    """Drop samples that the body does not reach ``deepest`` [m] below its place; return how many are left."""
-    kept = 0
-    for k in range(count):
-        if samples.values[k, LOW] - deepest < samples.values[k, LEVEL]:
-            samples.cells[kept] = samples.cells[k]
-            samples.values[kept] = samples.values[k]
-            kept += 1
-    return kept
-
-
-@compiled
-def settle(
-    layer: SoilLayer, samples: Samples, count: int, lean: FloatArray, press: Press, foot: Any, shape: PlacedShape
-) -> None:
+def settle(layer: SoilLayer, samples: Any, lean: FloatArray, press: Press, foot: Any, shape: PlacedShape) -> None:
     """Press the samples down by a ``lean``, see `pressed_to`, and write the results to the ``foot``."""
     force, resistance = 0.0, 0.0
     cell = shape.spacing * shape.spacing
-    for k in range(count):
-        pressure, total, _ = loaded(layer.soils, samples.values[k], lean, press.dt)
+    for sample in samples:
+        pressure, total, _ = loaded(sample, lean, press.dt)
         if total <= 0.0:
             continue
-        r, c = samples.cells[k, 0], samples.cells[k, 1]
-        soil, share = layer.soils[layer.kinds[r, c]], samples.values[k, AREA]
-        height = pressed_to(samples.values[k], lean)
+        r, c = sample.row, sample.column
+        soil, share = layer.soils[layer.kinds[r, c]], sample.area
+        height = pressed_to(sample, lean)
         sinkage, before = layer.level[r, c] - height, layer.plastic[r, c]
         after, yielded = plastic_after(sinkage, pressure, before, layer.yielded[r, c], soil[ELASTIC])
         layer.plastic[r, c], layer.yielded[r, c], layer.pressure[r, c] = after, yielded, pressure
@@ -244,7 +214,7 @@ def settle(
         layer.target[r, c] = min(layer.target[r, c], height) if again else height
         layer.pressed[r, c] = press.number
         foot.displaced += (layer.plastic[r, c] - before) * cell
-        shear_x, shear_y = slip_at(shape, r, c, samples.values[k, LOW])
+        shear_x, shear_y = slip_at(shape, r, c, sample.low)
         layer.shear_x[r, c] += shear_x * press.dt
         layer.shear_y[r, c] += shear_y * press.dt
         displacement = math.hypot(layer.shear_x[r, c], layer.shear_y[r, c])

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.balancing import Samples
-from smartmesh_ros.soil.bodies import PressingBodies
+from smartmesh_ros.soil.bodies import FootShape, PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT
 from smartmesh_ros.soil.flowing import Flow, finish_all, no_blocks, write_changes
@@ -20,6 +19,7 @@ from smartmesh_ros.soil.pressing import NOWHERE, Press, press_all
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -121,10 +121,9 @@ class Soil:
         self.map = mesh
         shape = (mesh.geometry.rows, mesh.geometry.columns)
         self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
-        self._names: list[str] = []
-        self._feet: Any = np.zeros(0, FOOT).view(np.recarray)
+        self._feet: Any = np.zeros(0, FOOT)
+        self._shapes: dict[str, FootShape | None] = {}  # of the bodies, in the order of the feet
         self.number = 0  # of the last update
-        self._samples = _room_for(4096)
         self._dirty = no_blocks(shape)
 
     def apply(self, contacts: Iterable[Contact], dt: float, time: float | None = None) -> int:
@@ -140,15 +139,16 @@ class Soil:
         for region in regions:
             self.map.update_region(*region[:3], time=now, velocities=region.velocities)
         if self.config.grip:
-            for name, foot in zip(self._names, self._feet, strict=True):
-                if foot["carried"] > 0.0:
-                    self.bodies.set_grip(name, float(foot["grip"]))
+            carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
+            for name, force, grip in zip(self._shapes, carried, grips, strict=True):
+                if force > 0.0:
+                    self.bodies.set_grip(name, grip)
         return len(regions)
 
     def press(self, loads: dict[str, Load], dt: float, time: float) -> list[Region]:
         """Press the soil by the ``loads`` of bodies; return the changes of the map, which the caller must
         give it at ``time`` [s] before the next call. Raises `InputError` for an unknown body."""
-        self._choose(loads)
+        self._read_bodies(loads)
         self.number += 1
         config = self.config
         grid = self.map.moved_to(time)
@@ -157,27 +157,29 @@ class Soil:
         carried = config.carried_speed * dt if extrapolates else 0.0
         drop = math.tan(math.radians(config.repose)) * grid.resolution
         flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
-        before = self._feet[["load", "centre_of_load"]].copy()
-        while missing := press_all(grid, self.layer, self._feet, press, self._samples):
-            self._samples = _room_for(2 * missing)
-            self._feet[["load", "centre_of_load"]] = before
-            self.number += 1
-            press = press._replace(number=self.number)
+        press_all(grid, self.layer, self._feet, press)
         finish_all(grid, self.layer, self._feet, press, flow, self._dirty)
-        regions = []
-        for top, left, bottom, right in self._dirty[self._dirty[:, :, 2] >= 0].tolist():
-            shape = (bottom - top + 1, right - left + 1)
-            heights, velocities = np.empty(shape, np.float32), np.empty(shape, np.float32)
-            write_changes(grid, self.layer, np.array([top, left]), press, flow, heights, velocities)
-            regions.append(Region(top, left, heights, velocities))
-        return regions
+        return self._changes(grid, press, flow)
+
+    def _changes(self, grid: MovingGrid, press: Press, flow: Flow) -> list[Region]:
+        """Return the changed rectangles of the map."""
+        rectangles = self._dirty[self._dirty[:, :, 2] >= 0]
+        shapes = rectangles[:, 2:] - rectangles[:, :2] + 1
+        ends = np.cumsum(shapes[:, 0] * shapes[:, 1])
+        heights, speeds = np.empty((2, ends[-1] if len(ends) else 0), np.float32)
+        write_changes(grid, self.layer, rectangles, press, flow, heights, speeds)
+        found, start = [], 0
+        for (row, column, *_), shape, end in zip(rectangles.tolist(), shapes.tolist(), ends.tolist(), strict=True):
+            found.append(Region(row, column, heights[start:end].reshape(shape), speeds[start:end].reshape(shape)))
+            start = end
+        return found
 
     def results(self) -> dict[str, FootResult]:
         """Return what the soil did to each body in the last update."""
         fields = ("sinkage", "area", "carried", "grip", "load", "seat")
         return {
             name: FootResult(*(float(foot[field]) for field in fields))
-            for name, foot in zip(self._names, self._feet, strict=True)
+            for name, foot in zip(self._shapes, self._feet, strict=True)
         }
 
     def sinkage(self) -> FloatArray:
@@ -190,30 +192,44 @@ class Soil:
         """Take the ground as it is now for soil that nobody has touched."""
         for values in self.layer[:-2]:
             values[...] = 0
-        self._names, self._feet = [], self._feet[:0]
+        self._shapes, self._feet = {}, self._feet[:0]
 
-    def _choose(self, loads: dict[str, Load]) -> None:
-        """Keep the bodies with contact or with soil that still moves, and read their shapes and states."""
-        old = {name: row for row, name in enumerate(self._names)}
+    def _read_bodies(self, loads: dict[str, Load]) -> None:
+        """Read the bodies with contact, and those whose soil still moves. Raises `InputError`, and changes nothing."""
         busy = (self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)
-        names = [name for name, row in old.items() if busy[row] or name in loads]
-        names += [name for name in loads if name not in old]
-        feet: Any = np.zeros(len(names), FOOT).view(np.recarray)
-        feet["last"] = feet["seen_last"] = -1
-        feet["seen_first"], feet["seat"] = NOWHERE, math.nan
-        for row, name in enumerate(names):
-            if name in old:
-                feet[row] = self._feet[old[name]]
-            foot = feet.view(np.ndarray)[row]
-            known = self.bodies.read(name, foot)
-            if not known and name in loads:
+        kept = np.array([on or name in loads for name, on in zip(self._shapes, busy.tolist(), strict=True)], bool)
+        names = [name for name, stays in zip(self._shapes, kept.tolist(), strict=True) if stays]
+        names += [name for name in loads if name not in self._shapes]
+        found = [self.bodies.read(name) for name in names]
+        for name, body in zip(names, found, strict=True):
+            if body is None and name in loads:
                 raise InputError("unknown_body", f"there is a contact of {name!r}, which is no known body")
-            load = loads.get(name, NO_LOAD)
-            x, y = foot["state"][:2]
-            foot["force"], foot["place"] = load.force, (load.x - x, load.y - y)
-            if not known:
-                foot["load"] = 0.0
-        self._names, self._feet = names, feet
+        feet = self._feet if kept.all() and len(names) == len(kept) else _with_room(self._feet[kept], len(names))
+        shapes: dict[str, FootShape | None] = {}
+        states, forces, places = feet["state"].tolist(), [], []
+        for row, (name, body) in enumerate(zip(names, found, strict=True)):
+            shapes[name] = known = self._shapes.get(name)
+            if body is None:
+                feet["load"][row] = 0.0
+            else:
+                states[row] = body.state
+                if body.shape is not known:
+                    shapes[name] = body.shape
+                    body.shape.write(feet[row])
+            force, x, y = loads.get(name, NO_LOAD)
+            forces.append(force)
+            places.append((x - states[row][0], y - states[row][1]))
+        if names:
+            feet["state"], feet["force"], feet["place"] = states, forces, places
+        self._shapes, self._feet = shapes, feet
+
+
+def _with_room(feet: Any, count: int) -> Any:
+    """Return ``count`` records of ``FOOT``, the first of which are ``feet``."""
+    more = np.zeros(count - len(feet), FOOT)
+    more["last"] = more["seen_last"] = -1
+    more["seen_first"], more["seat"] = NOWHERE, math.nan
+    return np.concatenate((feet, more))
 
 
 def loads_of(contacts: Iterable[Contact]) -> dict[str, Load]:
@@ -247,7 +263,3 @@ def _kinds_of(kinds: ArrayLike | None, shape: tuple[int, int], count: int) -> By
     if array.min() < 0 or array.max() >= count:
         raise InputError("soil", f"kinds are {array.min()} to {array.max()}; there are soils 0 to {count - 1}")
     return array.astype(np.uint8)
-
-
-def _room_for(samples: int) -> Samples:
-    return Samples(np.empty((samples, 2), np.int64), np.empty((samples, 10)))

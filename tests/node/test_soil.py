@@ -25,7 +25,6 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.soil.feet import CYLINDER, FOOT
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.testing import Probe, pose_message
 from smartmesh_ros.testing.process import START_TIMEOUT
@@ -163,13 +162,13 @@ def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
         pose.orientation.z, pose.orientation.w = math.sqrt(0.5), math.sqrt(0.5)  # turned by 90 degrees about z
         bodies.take_states(TrackedBodyArray(bodies=[TrackedBody(id="bot", pose=pose)]))
         bodies.take_joints({"axle": 0.3}, {"axle": 2.0})
-        foot = np.zeros(1, FOOT)[0]
-        assert bodies.read("bot/wheel", foot)
-        assert foot["kind"] == CYLINDER
-        assert foot["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
-        assert foot["state"][:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
-        assert np.linalg.norm(foot["state"][10:]) == pytest.approx(2.0, abs=1e-3)
-        assert not bodies.knows("bot/nothing")
-        assert not bodies.knows("nobody")
+        wheel = bodies.read("bot/wheel")
+        assert wheel is not None
+        assert wheel.shape.kind == "cylinder"
+        assert wheel.shape.size == pytest.approx([0.1, 0.05], abs=1e-3)
+        assert wheel.state[:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
+        assert np.linalg.norm(wheel.state[10:]) == pytest.approx(2.0, abs=1e-3)
+        assert bodies.read("bot/nothing") is None
+        assert bodies.read("nobody") is None
     finally:
         bodies.close()

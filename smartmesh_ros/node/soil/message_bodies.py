@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBody, TrackedBodyArray
@@ -15,8 +14,7 @@ from smartmesh_ros.node.inputs.conversions import state_from
 from smartmesh_ros.physics.bodies import Body, BodyFactory
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies
-from smartmesh_ros.soil.feet import FOOT
+from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies, PressingBody
 
 # Kinds of shape by their numbers in a TrackedBody, and their number of dimensions.
 _KINDS: dict[int, tuple[FootKind, int]] = {
@@ -78,15 +76,11 @@ class MessageBodies:
                 if key in positions:
                     self._client.resetJointState(robot.uid, index, positions[key], velocities.get(key, 0.0))
 
-    def read(self, name: str, foot: Any) -> bool:
-        """Write the shape and the state of a body to a record of ``FOOT``; return False if there is no such body."""
+    def read(self, name: str) -> PressingBody | None:
+        """Return a body, None if there is no such body."""
         if "/" in name:
-            return self._links is not None and self._links.read(name, foot)
-        return self._given.read(name, foot)
-
-    def knows(self, name: str) -> bool:
-        """Return True if the shape and the state of a body are known."""
-        return self.read(name, np.zeros(1, FOOT)[0])
+            return None if self._links is None else self._links.read(name)
+        return self._given.read(name)
 
     def set_grip(self, name: str, grip: float) -> None:
         """Do nothing: friction belongs to the collider's node, which has no topic for it."""

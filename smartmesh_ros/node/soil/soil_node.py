@@ -183,7 +183,7 @@ class SoilNode(Node):
         if not 0.0 < dt <= LONGEST_UPDATE:
             return
         loads = loads_of(contacts_from(message))
-        for name in [name for name in loads if not self._bodies.knows(name)]:
+        for name in [name for name in loads if self._bodies.read(name) is None]:
             del loads[name]
             problem = f"there is no shape and state of {name!r}; it presses no soil"
             self.refusals.add("terrain_collider/contacts", InputError("unknown_body", problem))
