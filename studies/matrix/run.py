@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 from collections.abc import Callable, Sequence
 
 from smartmesh_ros.errors import InputError
@@ -47,12 +48,22 @@ def run_cell(row: Row, method: str) -> Outcome:
 
 
 def run_matrix(say: Callable[[str], None], *, quick: bool = False, methods: Sequence[str] = ()) -> list[Outcome]:
-    """All cells, row by row, or those of some ``methods``; the quick run has fewer rows and methods."""
+    """All cells, row by row, or those of some ``methods``; the quick run has fewer rows and methods.
+
+    Each cell runs in a process of its own, on all cores: PyBullet keeps the memory of every mesh that was replaced,
+    gigabytes in a row of moving whole meshes.
+    """
     chosen = tuple(methods) or (QUICK_METHODS if quick else tuple(METHODS))
+    cells = [(number, method) for number, row in enumerate(ROWS) if row.quick or not quick for method in chosen]
     outcomes = []
-    for row in ROWS:
-        if row.quick or not quick:
-            for method in chosen:
-                say(f"stability: {row.name}, {method}")
-                outcomes.append(run_cell(row, method))
+    with multiprocessing.get_context("fork").Pool(maxtasksperchild=1) as pool:
+        for outcome in pool.imap(_run_numbered, cells):
+            outcomes.append(outcome)
+            say(f"stability: {outcome.row}, {outcome.method}")
     return outcomes
+
+
+def _run_numbered(cell: tuple[int, str]) -> Outcome:
+    """Run a cell by the number of its row: functions of rows cannot be sent to another process."""
+    number, method = cell
+    return run_cell(ROWS[number], method)
