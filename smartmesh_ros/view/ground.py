@@ -19,11 +19,13 @@ MAX_WAITING = 2000
 
 
 class Relief:
-    """A height map of the terrain. New heights set ``changed``; ``geometry`` is constant."""
+    """A height map of the terrain. New heights set ``changed``; ``geometry`` and ``first``, the heights of the first
+    map, are constant."""
 
     def __init__(self, geometry: GridGeometry, heights: FloatGrid) -> None:
         self.geometry = geometry
         self.changed = True
+        self.first = heights
         self._heights = heights
         self._own = False  # True = writable; False = a view of a message's bytes
 

@@ -19,6 +19,7 @@ from smartmesh_ros.view.cameras import Cameras
 from smartmesh_ros.view.looks import PatchLook
 from smartmesh_ros.view.remote import Remote
 from smartmesh_ros.view.scene import Scene, radius_of
+from smartmesh_ros.view.sunk import Depth
 
 # Time span of the plot and period of its refreshes [s].
 MINUTE, PLOT_PERIOD = 60.0, 1.0
@@ -53,9 +54,12 @@ class Panel:
             self._pause = gui.add_button("Pause", color="blue")
             self._look = gui.add_button("Look at the bodies", color="gray")
             with gui.add_folder("Patches"):
-                gui.add_html(_legend())
+                gui.add_html(_legend(PatchLook))
                 self._contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
                 self._shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
+            with gui.add_folder("Sunk ground", expand_by_default=False):
+                self._sunk = gui.add_checkbox("colour it", False, hint="It lies below its first map, such as ruts.")
+                gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):
                 self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
                 self._step = gui.add_button("Step")
@@ -123,6 +127,7 @@ class Panel:
         self._on(self._look, lambda: self._cameras.look(remote.ground, remote.sight))
         self._shadows.on_update(lambda _: self._scene.light(shadows=self._shadows.value))
         self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
+        self._sunk.on_update(lambda _: setattr(self._scene, "show_sunk", self._sunk.value))
 
         @self._server.scene.on_click()
         def _(event: Any) -> None:
@@ -199,10 +204,10 @@ def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
     return (times, *(np.array([of_stages.get(stage, np.nan) for of_stages in medians]) for stage in STAGES))
 
 
-def _legend() -> str:
+def _legend(looks: type[PatchLook] | type[Depth]) -> str:
     rows = "".join(
         f'<div style="margin:1px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
         f'background:rgb{look.colour}"></span>{look.words}</div>'
-        for look in PatchLook
+        for look in looks
     )
     return f'<div style="font-size:12px;line-height:1.3">{rows}</div>'

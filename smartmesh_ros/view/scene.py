@@ -44,6 +44,7 @@ class Scene:
         self._robots: dict[str, Robot] = {}
         self._contacts: Any = None
         self.show_contacts = True
+        self.show_sunk = False
         self._selected: Any = None
         scene = self._scene
         scene.set_up_direction("+z")
@@ -58,7 +59,7 @@ class Scene:
         """Refresh the whole scene."""
         positions, radii = bodies_of(sight)
         with self._server.atomic():
-            self._terrain.show(ground, positions, radii)
+            self._terrain.show(ground, positions, radii, sunk=self.show_sunk)
             self._show_patches(sight.patches)
             self._show_robots(sight)
             self._show_bodies(sight)

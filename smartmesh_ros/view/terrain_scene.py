@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from smartmesh_ros.view.decimation import DecimationConfig, Surface, coarsest_level, decimate
 from smartmesh_ros.view.ground import Ground, Mesh, Relief
 from smartmesh_ros.view.looks import GROUND
+from smartmesh_ros.view.sunk import SunkGround
 
 
 @dataclass(frozen=True)
 class TerrainConfig:
     """``margin``: distance around each body with full resolution, in radii. ``least``: minimum of that distance
     [samples]. ``period`` [s]: minimum time between two decimations, each of which takes tens of milliseconds for a
-    large map."""
+    large map, and between two refreshes of the colours of sunk ground."""
 
     margin: float = 2.0
     least: float = 8.0
@@ -33,8 +34,11 @@ class TerrainScene:
         self._scene, self._config = scene, config
         self._shown: dict[str, _Relief | _Mesh] = {}
 
-    def show(self, ground: Ground, bodies: NDArray[np.float64], radii: NDArray[np.float64]) -> None:
-        """Refresh the tiles, with bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
+    def show(
+        self, ground: Ground, bodies: NDArray[np.float64], radii: NDArray[np.float64], *, sunk: bool = False
+    ) -> None:
+        """Refresh the tiles, with bodies at (B, 3) [m] of ``radii`` (B,) [m]; ``sunk``: colour the ground that lies
+        below its first map."""
         for name in set(self._shown) - set(ground.tiles):
             self._shown.pop(name).remove()
         for name, tile in ground.tiles.items():
@@ -49,6 +53,7 @@ class TerrainScene:
                 shown.show(tile)
             else:
                 shown.show(bodies, radii, self._config)
+                shown.colour(sunk, self._config.period)
 
 
 class _Mesh:
@@ -84,6 +89,8 @@ class _Relief:
         self._centres = np.zeros((0, 2))
         self._holes = np.zeros(0, np.bool_)
         self._due = 0.0
+        self._sunk = SunkGround(scene, f"/sunk{path}")
+        self._sunk_due, self._is_coloured = 0.0, False
         geometry = tile.geometry
         shape = (geometry.rows, geometry.columns)
         self._is_whole = coarsest_level(shape, DecimationConfig().far_cells) == 0
@@ -92,6 +99,7 @@ class _Relief:
         return tile is self._tile
 
     def remove(self) -> None:
+        self._sunk.remove()
         if self._handle is not None:
             self._handle.remove()
 
@@ -101,7 +109,21 @@ class _Relief:
             self._draw()
         elif tile.changed:
             self._update_heights()
+        else:
+            return
         tile.changed = False
+        self._is_coloured = False
+
+    def colour(self, sunk: bool, period: float) -> None:
+        """Show the colours of sunk ground, or remove them."""
+        if not sunk:
+            self._sunk.remove()
+            self._is_coloured = False
+        elif not self._is_coloured and monotonic() >= self._sunk_due and self._surface is not None:
+            self._sunk_due, self._is_coloured = monotonic() + period, True
+            rows, columns = self._surface.rows, self._surface.columns
+            depths = self._tile.first[rows, columns].astype(np.float64) - self._tile.heights[rows, columns]
+            self._sunk.show(self._vertices, depths, self._surface.triangles)
 
     def _cut(self, bodies: NDArray[np.float64], radii: NDArray[np.float64], config: TerrainConfig) -> bool:
         """Decimate the map again if bodies have moved far; return True if it was decimated."""

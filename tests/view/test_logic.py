@@ -28,6 +28,8 @@ from smartmesh_ros.view.looks import PatchLook, patch_look
 from smartmesh_ros.view.scene import Scene
 from smartmesh_ros.view.server import start_server, stop_server
 from smartmesh_ros.view.sight import Appearance, Pose, Sight
+from smartmesh_ros.view.sunk import Depth, triangles_by_depth
+from smartmesh_ros.view.terrain_scene import TerrainConfig, TerrainScene
 
 
 def knobs() -> dict:
@@ -185,6 +187,39 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
         ground.take_map(spoilt)
         ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
+
+
+def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
+    sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
+    triangles = np.array([[0, 0, corner] for corner in range(len(sunk))])
+    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
+    assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
+
+
+def test_ruts_are_coloured_while_that_is_asked_for() -> None:
+    ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
+    server = start_server("127.0.0.1", 0)
+    try:
+        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+
+        def colours(*, sunk: bool) -> set[str]:
+            scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
+            return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
+
+        assert colours(sunk=True) == set()
+        rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
+        ground.take_region(serialize_message(rut))
+        ground.apply_waiting()
+        assert colours(sunk=True) == {"DEEP"}
+        mesh = drawn["/sunk/terrain/map/DEEP"]
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
+        assert colours(sunk=False) == set()
+        ground.take_map(serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
+        ground.apply_waiting()
+        assert colours(sunk=True) == set()
+    finally:
+        stop_server(server)
 
 
 def test_a_robot_has_its_name_above_it() -> None:
