@@ -19,6 +19,7 @@ from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
+    f"rover = {NAME}.startup.executables:rover",
     f"soil = {NAME}.startup.executables:soil",
     f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
     f"tune = {NAME}.tune.cli:start",

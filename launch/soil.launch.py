@@ -1,4 +1,4 @@
-"""Starts the collider and the soil that gives way under its bodies."""
+"""Starts the collider and the soil that gives way under its bodies, and with rover:=true a robot that leaves ruts."""
 
 from typing import Any
 
@@ -9,12 +9,18 @@ from smartmesh_ros.startup.launching import Values, description, is_true, node
 
 
 def soil(value: Values) -> list[Any]:
-    """Return the node soil."""
-    parameters = {"soil": value("soil"), "use_sim_time": is_true(value("use_sim_time"))}
-    return [node(executable="soil", output="screen", namespace=value("namespace"), parameters=[parameters])]
+    """Return the node soil, and the rover if it is asked for."""
+    time = {"use_sim_time": is_true(value("use_sim_time"))}
+    common = {"output": "screen", "namespace": value("namespace")}
+    nodes = [node(executable="soil", parameters=[{"soil": value("soil"), **time}], **common)]
+    if is_true(value("rover")):
+        nodes.append(node(executable="rover", parameters=[time], **common))
+    return nodes
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
     name = DeclareLaunchArgument("soil", default_value="dry_sand", description="Name of the soil, see docs/soil.md.")
-    return description(name, always="soil", start=soil)
+    words = "true = a robot drives an eight on an elevation model; false = publish your own terrain and spawn bodies."
+    rover = DeclareLaunchArgument("rover", default_value="false", description=words)
+    return description(name, rover, always="soil", start=soil)

@@ -120,6 +120,13 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
     assert len(fleet.of("Node", nodes="1", scene="")) == 2
 
 
+def test_the_rover_comes_when_it_is_asked_for(stand_ins: dict[str, type[Recorded]]) -> None:
+    launch = Launch(LAUNCH / "soil.launch.py", stand_ins)
+    kinds = [node.kwargs["executable"] for node in launch.of("Node")]
+    assert kinds == ["terrain_collider", "soil"]
+    assert [node.kwargs["executable"] for node in launch.of("Node", rover="true")] == [*kinds, "rover"]
+
+
 def test_rviz_shows_topics_of_the_node() -> None:
     view = yaml.safe_load((ROOT / "config" / "smartmesh.rviz").read_text())
     topics = [item["Topic"]["Value"] for item in view["Visualization Manager"]["Displays"] if "Topic" in item]

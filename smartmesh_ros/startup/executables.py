@@ -42,6 +42,12 @@ def soil() -> None:
     _start("soil", "smartmesh_ros.node.soil.soil_node")
 
 
+def rover() -> None:
+    """Run the robot of the soil's demo."""
+    import_pybullet_quietly()
+    _start("rover", "smartmesh_ros.node.demo.rover")
+
+
 def fleet_front() -> None:
     """Run the front of a fleet."""
     silence_pybullet()

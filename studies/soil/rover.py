@@ -4,67 +4,33 @@ from __future__ import annotations
 
 import argparse
 import io
-import math
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
-import pybullet_data
 from PIL import Image
 
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World
-from smartmesh_ros.scenes.elevation import jacksboro_fault
+from smartmesh_ros.scenes.eight import PLACE, SPACING, ground, robot_file, steered
 from smartmesh_ros.soil.bodies import BulletBodies
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-ROVER = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
-WHEELS = {"front_left_wheel": -1.0, "rear_left_wheel": -1.0, "front_right_wheel": 1.0, "rear_right_wheel": 1.0}
-RADIUS = 0.178  # of the wheels [m]
-AHEAD = 1.0  # way along the eight to the point that the rover steers to [m]
-SPACING = 0.03  # of the map [m]
-RELIEF = 0.6  # of the map, from its lowest to its highest sample [m]
-PLACE = (6.0, 6.3)  # middle of the eight [m]
-LOOP = 2.2  # radius of its loops [m]
-SPEED = 0.9  # [m/s]
 SOIL = "hit_lss1"
 
 
-def ground() -> HeightMap:
-    """Return a smooth part of the elevation model, on a fine grid."""
-    coarse = jacksboro_fault(RELIEF)[100:142, 150:202].astype(np.float64)
-    rows, columns = np.linspace(0, 41, 421), np.linspace(0, 51, 401)
-    along = np.array([np.interp(columns, np.arange(52), row) for row in coarse])
-    fine = np.array([np.interp(rows, np.arange(42), column) for column in along.T]).T
-    return HeightMap(fine - fine.mean(), resolution=SPACING)
-
-
-def on_the_eight(way: float) -> tuple[float, float]:
-    """Return the point of the eight after a ``way`` [m] from its crossing: a left circle, then a right one."""
-    side = 1.0 if way % (4.0 * math.pi * LOOP) < 2.0 * math.pi * LOOP else -1.0
-    angle = way / LOOP
-    return PLACE[0] + LOOP * math.sin(angle), PLACE[1] + side * LOOP * (1.0 - math.cos(angle))
-
-
 def drive(world: World, way: float) -> float:
-    """Steer the rover towards the eight, some way ahead; return how far along the eight it is [m]."""
+    """Steer the rover towards the eight; return how far along the eight it is [m]."""
     state = world.state("rover")
-    x, y, _ = state.position
-    way = min((way + 0.02 * step for step in range(100)), key=lambda way: math.dist((x, y), on_the_eight(way)))
-    tx, ty = on_the_eight(way + AHEAD)
-    qx, qy, qz, qw = state.orientation
-    heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    error = (math.atan2(ty - y, tx - x) - heading + math.pi) % (2.0 * math.pi) - math.pi
-    spread = max(-0.8, min(0.8, 1.5 * error))
-    for joint, right in WHEELS.items():
-        world.drive("rover", joint, SPEED / RADIUS * (1.0 + right * spread), 60.0)
+    way, speeds = steered(state.position, state.orientation, way)
+    for joint, speed in speeds.items():
+        world.drive("rover", joint, speed, 60.0)
     return way
 
 
@@ -107,7 +73,7 @@ def main() -> None:
     with World(ground()) as world:
         soil = Soil(world.terrain, SOIL, BulletBodies(world.client, world), SoilConfig())
         before = frame(soil, [], "before")
-        world.spawn_robot("rover", str(ROVER), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
+        world.spawn_robot("rover", str(robot_file()), BodyState((*PLACE, 0.0)), on_ground=True, align=True)
         track: list[tuple[float, float]] = []
         way = 0.0
         frames = [before]

@@ -25,6 +25,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
+from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.testing import Probe, pose_message
 from smartmesh_ros.testing.process import START_TIMEOUT
@@ -78,6 +79,25 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe, na
         sinkage = np.array(grid.data[1].data)
         assert sinkage.max() == pytest.approx(sunk, rel=0.5)
         assert np.count_nonzero(sinkage) < 100
+
+
+def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:
+    """The three nodes of soil.launch.py rover:=true."""
+    updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
+    with (
+        probe.running("terrain_collider", {**RATES, "publish.joint_states": 60.0}),
+        probe.running("soil", {"soil": "hit_lss1"}),
+        probe.running("rover", {"listeners": 2}),
+    ):
+
+        def reach() -> float:
+            columns = [side for update in updates for side in (update.x, update.x + update.width)]
+            return eight.SPACING * (max(columns) - min(columns)) if columns else 0.0
+
+        probe.wait_for(lambda: reach() > 1.0)
+        assert probe.diagnostics("bodies")["put back onto the ground"] == "0"
+        [place] = [body.pose.position for body in probe.latest("body_states").bodies if body.id == "rover"]
+        assert math.dist((place.x, place.y), eight.PLACE) < 2.5 * eight.LOOP
 
 
 def test_contacts_of_other_frames_and_unknown_bodies_are_refused(probe: Probe) -> None:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
+from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
@@ -107,15 +108,8 @@ class TerrainSource(Node):
 
     def _publish_map(self, time: float, stamp: Any) -> None:
         geometry = self._scene.geometry
-        message = Heightmap(tile=self._tile)
-        message.header.stamp, message.header.frame_id = stamp, self._frame_id
-        message.info.resolution = geometry.resolution
-        message.info.width, message.info.height = geometry.columns, geometry.rows
-        origin = message.info.origin
-        origin.position.x, origin.position.y, origin.position.z = geometry.origin
-        origin.orientation.z, origin.orientation.w = math.sin(0.5 * geometry.yaw), math.cos(0.5 * geometry.yaw)
-        message.heights = _floats(self._scene.heights(time))
-        self._maps.publish(message)
+        header = Header(stamp=stamp, frame_id=self._frame_id)
+        self._maps.publish(heightmap_message(header, geometry, self._scene.heights(time), self._tile))
 
     def _publish_region(self, region: Region, stamp: Any) -> None:
         message = HeightmapUpdate(tile=self._tile, x=region.column, y=region.row)
@@ -123,6 +117,18 @@ class TerrainSource(Node):
         message.height, message.width = region.heights.shape
         message.heights = _floats(region.heights)
         self._regions.publish(message)
+
+
+def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:
+    """Return heights (rows, columns) [m] as a message."""
+    message = Heightmap(header=header, tile=tile)
+    message.info.resolution = geometry.resolution
+    message.info.width, message.info.height = geometry.columns, geometry.rows
+    origin = message.info.origin
+    origin.position.x, origin.position.y, origin.position.z = geometry.origin
+    origin.orientation.z, origin.orientation.w = math.sin(0.5 * geometry.yaw), math.cos(0.5 * geometry.yaw)
+    message.heights = _floats(heights)
+    return message
 
 
 def make_scene(values: dict[str, Any]) -> Scene:
