@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pybullet_data
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand
@@ -51,7 +52,7 @@ class Scene:
 
 def play(scene: Scene, method: PatchConfig, *, sleep: bool) -> list[dict[str, FloatArray]]:
     """Play a scene and return the positions [m] of all bodies by name after each step of the event. In a sleeping world
-    all bodies must be asleep before it."""
+    all bodies must be asleep before it; raises `InputError` if they are not."""
     heights = FLAT if scene.heights is None else scene.heights
     ground = HeightMap(heights, resolution=SPACING, origin=(-MIDDLE, -MIDDLE), motion=scene.motion)
     config = WorldConfig(physics=PhysicsConfig(sleep=sleep, gravity=scene.gravity), patch=method)
@@ -61,7 +62,7 @@ def play(scene: Scene, method: PatchConfig, *, sleep: bool) -> list[dict[str, Fl
         world.step(SETTLED)
         awake = [follower.name for follower in world.followers if follower.slot in world.followers.solid]
         if sleep and awake:
-            raise RuntimeError(f"these bodies did not fall asleep: {', '.join(awake)}")
+            raise InputError("method", f"these bodies did not fall asleep: {', '.join(awake)}")
         for step in range(scene.steps):
             scene.event(world, step)
             world.step()
