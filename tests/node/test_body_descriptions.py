@@ -33,8 +33,12 @@ def test_every_body_is_described_while_it_is_there(probe: Probe) -> None:
             ).success
         text = ROVER.read_text()
         assert probe.call("spawn_body", SpawnBody, id="rover", urdf=text, pose=pose_message((-2, 0, 1))).success
-        probe.publish_bodies({"guest": (2.0, 2.0, 1.0)}, radius=0.7)
-        probe.wait_for(lambda: described(messages).keys() == {"pill", "box", "can", "rover", "guest"})
+
+        def all_are_described() -> bool:
+            probe.publish_bodies({"guest": (2.0, 2.0, 1.0)}, radius=0.7)  # it goes if no pose comes for a second
+            return described(messages).keys() == {"pill", "box", "can", "rover", "guest"}
+
+        probe.wait_for(all_are_described)
         found = described(messages)
         assert (found["box"].shape, list(found["box"].dimensions)) == (BodyDescription.BOX, [0.2, 0.4, 0.6])
         assert (found["can"].shape, list(found["can"].dimensions)) == (BodyDescription.CYLINDER, [0.3, 0.8])

@@ -31,6 +31,11 @@ def test_rising_ground_is_where_the_client_moves_its_patch_to(shared: Probe, cli
     def ground(xy: np.ndarray, time: float) -> np.ndarray:
         return (rise + tilt * xy[:, 0]) * (time - start)
 
+    def off(patch: Patch, later: float) -> float:
+        """The largest distance of the patch from the plane, moved on in time [m]."""
+        moved = client.patch("left", patch.stamp + later).vertices_w
+        return float(np.abs(moved[:, 2] - ground(moved, patch.stamp + later)).max())
+
     def shown() -> Patch | None:
         stamp = shared.node.get_clock().now()
         heights = (rise + tilt * x) * (stamp.nanoseconds * 1e-9 - start)
@@ -38,7 +43,9 @@ def test_rising_ground_is_where_the_client_moves_its_patch_to(shared: Probe, cli
         client.track([LEFT])
         client.spin_once(0.02)
         found = client.patch("left")
-        return found if found is not None and abs(found.linear_w[2] - rise - tilt) < 0.01 else None
+        if found is None or abs(found.linear_w[2] - rise - tilt) > 0.01:
+            return None
+        return found if off(found, 0.0) < 0.008 else None  # a late node places maps late
 
     patch = shared.wait_for(shown)
     assert patch.kind == "heightfield"
@@ -51,8 +58,7 @@ def test_rising_ground_is_where_the_client_moves_its_patch_to(shared: Probe, cli
     # Wherever it is moved to in time, it lies on the plane that rises and tilts; the control, not moved, does not.
     for later in (0.0, 0.05, 0.2):
         moved = client.patch("left", patch.stamp + later)
-        true = ground(moved.vertices_w, patch.stamp + later)
-        assert np.abs(moved.vertices_w[:, 2] - true).max() < 0.016
+        assert off(patch, later) < 0.008
         assert moved.age == pytest.approx(later, abs=1e-6)
     still = client.patch("left", patch.stamp)
     assert np.abs(still.vertices_w[:, 2] - ground(still.vertices_w, patch.stamp + 0.2)).min() > 0.08
