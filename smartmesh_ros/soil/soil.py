@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.bodies import FootShape, PressingBodies
+from smartmesh_ros.soil.bodies import PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT
 from smartmesh_ros.soil.flowing import Flow, finish_all, no_blocks, write_changes
@@ -121,8 +121,8 @@ class Soil:
         self.map = mesh
         shape = (mesh.geometry.rows, mesh.geometry.columns)
         self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
+        self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
-        self._shapes: dict[str, FootShape | None] = {}  # of the bodies, in the order of the feet
         self.number = 0  # of the last update
         self._dirty = no_blocks(shape)
 
@@ -140,7 +140,7 @@ class Soil:
             self.map.update_region(*region[:3], time=now, velocities=region.velocities)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
-            for name, force, grip in zip(self._shapes, carried, grips, strict=True):
+            for name, force, grip in zip(self._names, carried, grips, strict=True):
                 if force > 0.0:
                     self.bodies.set_grip(name, grip)
         return len(regions)
@@ -179,7 +179,7 @@ class Soil:
         fields = ("sinkage", "area", "carried", "grip", "load", "seat")
         return {
             name: FootResult(*(float(foot[field]) for field in fields))
-            for name, foot in zip(self._shapes, self._feet, strict=True)
+            for name, foot in zip(self._names, self._feet, strict=True)
         }
 
     def sinkage(self) -> FloatArray:
@@ -192,36 +192,30 @@ class Soil:
         """Take the ground as it is now for soil that nobody has touched."""
         for values in self.layer[:-2]:
             values[...] = 0
-        self._shapes, self._feet = {}, self._feet[:0]
+        self._names, self._feet = [], self._feet[:0]
 
     def _read_bodies(self, loads: dict[str, Load]) -> None:
         """Read the bodies with contact, and those whose soil still moves. Raises `InputError`, and changes nothing."""
-        busy = (self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)
-        kept = np.array([on or name in loads for name, on in zip(self._shapes, busy.tolist(), strict=True)], bool)
-        names = [name for name, stays in zip(self._shapes, kept.tolist(), strict=True) if stays]
-        names += [name for name in loads if name not in self._shapes]
-        found = [self.bodies.read(name) for name in names]
-        for name, body in zip(names, found, strict=True):
-            if body is None and name in loads:
-                raise InputError("unknown_body", f"there is a contact of {name!r}, which is no known body")
-        feet = self._feet if kept.all() and len(names) == len(kept) else _with_room(self._feet[kept], len(names))
-        shapes: dict[str, FootShape | None] = {}
+        busy = ((self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)).tolist()
+        kept = [row for row, name in enumerate(self._names) if busy[row] or name in loads]
+        names = list(dict.fromkeys([*(self._names[row] for row in kept), *loads]))
+        feet = _with_room(self._feet[kept], len(names))
         states, forces, places = feet["state"].tolist(), [], []
-        for row, (name, body) in enumerate(zip(names, found, strict=True)):
-            shapes[name] = known = self._shapes.get(name)
-            if body is None:
-                feet["load"][row] = 0.0
-            else:
+        for row, name in enumerate(names):
+            body = self.bodies.read(name)
+            if body is not None:
+                body.shape.write(feet[row])
                 states[row] = body.state
-                if body.shape is not known:
-                    shapes[name] = body.shape
-                    body.shape.write(feet[row])
+            elif name in loads:
+                raise InputError("unknown_body", f"there is a contact of {name!r}, which is no known body")
+            else:
+                feet["load"][row] = 0.0
             force, x, y = loads.get(name, NO_LOAD)
             forces.append(force)
             places.append((x - states[row][0], y - states[row][1]))
         if names:
             feet["state"], feet["force"], feet["place"] = states, forces, places
-        self._shapes, self._feet = shapes, feet
+        self._names, self._feet = names, feet
 
 
 def _with_room(feet: Any, count: int) -> Any:

@@ -9,7 +9,7 @@ import pytest
 from smartmesh_ros.startup.domains import isolated
 from smartmesh_ros.testing.probe import Probe
 
-# The domain of the session. A fixture that several modules import is a fixture of each to pytest.
+# The domain of the session. If several modules import a fixture, pytest makes one for each of them.
 DOMAIN = pytest.StashKey[int]()
 
 
@@ -23,7 +23,6 @@ def domain(pytestconfig: pytest.Config) -> Iterator[int]:
     with isolated() as number:
         pytestconfig.stash[DOMAIN] = number
         yield number
-    del pytestconfig.stash[DOMAIN]
 
 
 @pytest.fixture

@@ -38,8 +38,8 @@ class Depth(Enum):
 
 def triangles_by_depth(sunk: NDArray[np.float64], triangles: NDArray[Any]) -> dict[Depth, NDArray[Any]]:
     """Return the triangles (n, 3) of each depth, by the deepest corner; ``sunk`` (V,) [m] is the depth of each vertex,
-    NaN = unknown."""
-    deepest = np.nan_to_num(sunk)[triangles].max(axis=1, initial=0.0)
+    NaN = hole. Triangles with a corner in a hole are left out."""
+    deepest = np.nan_to_num(sunk[triangles].max(axis=1))
     bands = np.digitize(deepest, [depth.least for depth in Depth]) - 1
     return {depth: triangles[bands == band] for band, depth in enumerate(Depth)}
 

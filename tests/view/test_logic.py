@@ -191,7 +191,7 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
 
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
     sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
-    triangles = np.array([[0, 0, corner] for corner in range(len(sunk))])
+    triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
     found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
     assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
 

@@ -25,15 +25,15 @@ from smartmesh_ros.scenes import eight
 NAME, ROBOT = "rover", "rover"
 SPECS = (
     Spec("frame_id", "map", "Frame of the terrain.", read_only=True),
-    Spec("listeners", 2, "The map is published once so many nodes listen for it: a collider and a soil.", 1, 100,
+    Spec("listeners", 2, "Number of nodes that must listen before the map is published: a collider and a soil.", 1, 100,
          read_only=True),
 )  # fmt: skip
-# Time between two looks at what the node waits for [s].
+# Period of the checks for listeners and for the spawn service [s].
 PERIOD = 0.2
 
 
 class Rover(Node):
-    """Publishes the ground when all listen, spawns the robot when it has arrived, then steers at each body state."""
+    """Publishes the ground when all nodes listen, spawns the robot on it, and steers the robot at each body state."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, **node_options)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.outputs.arrays import floats
 from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import Refusals
@@ -115,7 +115,7 @@ class TerrainSource(Node):
         message = HeightmapUpdate(tile=self._tile, x=region.column, y=region.row)
         message.header.stamp, message.header.frame_id = stamp, self._frame_id
         message.height, message.width = region.heights.shape
-        message.heights = _floats(region.heights)
+        message.heights = floats(region.heights)
         self._regions.publish(message)
 
 
@@ -127,7 +127,7 @@ def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile
     origin = message.info.origin
     origin.position.x, origin.position.y, origin.position.z = geometry.origin
     origin.orientation.z, origin.orientation.w = math.sin(0.5 * geometry.yaw), math.cos(0.5 * geometry.yaw)
-    message.heights = _floats(heights)
+    message.heights = floats(heights)
     return message
 
 
@@ -157,13 +157,6 @@ def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> Grid
     cos, sin = math.cos(yaw), math.sin(yaw)
     origin = (x * cos - y * sin, x * sin + y * cos, 0.0)
     return GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw)
-
-
-def _floats(heights: Any) -> array.array[float]:
-    """Return a NumPy float32 array as an array for a float32[] field, without converting element by element."""
-    values = array.array("f")
-    values.frombytes(heights.tobytes())
-    return values
 
 
 def main(args: list[str] | None = None) -> None:
