@@ -20,6 +20,8 @@ NOTHING, GROUND = -1, 0
 MOST_RAYS = 8192
 # Most surfaces that a ray passes through, of bodies that do not count.
 MOST_SURFACES = 32
+# Most bodies in a group whose common bounds a ray is checked against first.
+GROUP = 8
 
 
 class RayHits(NamedTuple):
@@ -44,8 +46,10 @@ def cast_rays(
     hits = np.where(np.isfinite(distances), GROUND, NOTHING)
     chosen = [body for name, body in bodies.items() if name not in through]
     found = RayHits(distances, normals, hits, ("ground", *(body.name for body in chosen)))
-    bounds = _bounds(client, chosen)
-    near = np.flatnonzero(may_meet(rays.origins, rays.directions, np.minimum(distances, rays.reach), bounds))
+    if not chosen:
+        return found
+    groups = groups_of(_bounds(client, chosen))
+    near = np.flatnonzero(may_meet(rays.origins, rays.directions, np.minimum(distances, rays.reach), *groups))
     numbers = {body.uid: number for number, body in enumerate(chosen, 1)}
     for start in range(0, len(near), MOST_RAYS):
         _cast_on_bodies(client, numbers, rays, near[start : start + MOST_RAYS], found)
@@ -67,19 +71,17 @@ def _cast_on_bodies(client: Any, numbers: dict[int, int], rays: Rays, near: IntA
         starts, length = rays.origins[near], np.minimum(found.distances[near], rays.reach)
         ends = starts + rays.directions[near] * length[:, None]
         hits = client.rayTestBatch(starts.tolist(), ends.tolist(), reportHitNumber=rank)
-        again = []
-        for k, (uid, _, share, _, normal) in enumerate(hits):
-            if uid < 0:
-                continue
-            number = numbers.get(uid)
-            if number is None or share <= 0.0:
-                again.append(k)
-                continue
-            i = near[k]
-            found.distances[i], found.normals[i], found.hits[i] = share * length[k], normal, number
-        if not again:
+        found_numbers = np.array([numbers.get(hit[0], GROUND) for hit in hits])
+        shares = np.array([hit[2] for hit in hits])
+        met = np.array([hit[0] >= 0 for hit in hits])
+        skipped = met & ((found_numbers == GROUND) | (shares <= 0.0))
+        kept = np.flatnonzero(met & ~skipped)
+        rays_hit = near[kept]
+        found.distances[rays_hit], found.hits[rays_hit] = (shares * length)[kept], found_numbers[kept]
+        found.normals[rays_hit] = np.array([hits[k][4] for k in kept.tolist()]).reshape(-1, 3)
+        near = near[skipped]
+        if not near.size:
             return
-        near = near[again]
 
 
 def _bounds(client: Any, bodies: list[Body]) -> FloatArray:
@@ -88,23 +90,59 @@ def _bounds(client: Any, bodies: list[Body]) -> FloatArray:
     return np.array(found, np.float64).reshape(-1, 6)
 
 
+def groups_of(bounds: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Sort ``bounds`` (n, 6) [m] into groups that lie together, by halves along their longest extent.
+
+    Returns the bounds in their new order, those around each group (g, 6), and the place where each group begins
+    (g + 1,).
+    """
+    groups, largest = [np.arange(len(bounds))], len(bounds)
+    while largest > GROUP:
+        halves = []
+        for group in groups:
+            middles = bounds[group, :3] + bounds[group, 3:]
+            order = group[np.argsort(middles[:, np.ptp(middles, axis=0).argmax()], kind="stable")]
+            halves += [order[: len(order) // 2], order[len(order) // 2 :]]
+        groups, largest = halves, max(map(len, halves))
+    around = [np.concatenate([bounds[group, :3].min(axis=0), bounds[group, 3:].max(axis=0)]) for group in groups]
+    firsts = np.concatenate([[0], np.cumsum([len(group) for group in groups])])
+    return bounds[np.concatenate(groups)], np.array(around), firsts
+
+
 @compiled
-def may_meet(origins: FloatArray, directions: FloatArray, reach: FloatArray, bounds: FloatArray) -> BoolArray:
-    """Return the rays (N,) that pass through one of the ``bounds`` (n, 6) [m] within their ``reach`` (N,) [m]."""
+def passes_through(origin: FloatArray, direction: FloatArray, reach: float, box: FloatArray) -> bool:
+    """Return True if a ray passes through a ``box`` (6,) [m] within its ``reach`` [m]."""
+    begin, end = 0.0, reach
+    for axis in range(3):
+        rate = direction[axis]
+        low, high = box[axis] - origin[axis], box[axis + 3] - origin[axis]
+        if rate == 0.0:
+            if low > 0.0 or high < 0.0:
+                return False
+        else:
+            begin = max(begin, min(low / rate, high / rate))
+            end = min(end, max(low / rate, high / rate))
+        if begin > end:
+            return False
+    return True
+
+
+@compiled
+def may_meet(
+    origins: FloatArray, directions: FloatArray, reach: FloatArray, bounds: FloatArray, around: FloatArray,
+    firsts: IntArray,
+) -> BoolArray:  # fmt: skip
+    """Return the rays (N,) that pass through one of the ``bounds`` (n, 6) [m] within their ``reach`` (N,) [m].
+    ``bounds``, ``around``, ``firsts``: as of `groups_of`."""
     found = np.zeros(len(origins), np.bool_)
     for i in range(len(origins)):
-        for k in range(len(bounds)):
-            begin, end = 0.0, reach[i]
-            for axis in range(3):
-                start, rate = origins[i, axis], directions[i, axis]
-                low, high = bounds[k, axis] - start, bounds[k, axis + 3] - start
-                if rate == 0.0:
-                    if low > 0.0 or high < 0.0:
-                        end = -1.0
-                else:
-                    begin = max(begin, min(low / rate, high / rate))
-                    end = min(end, max(low / rate, high / rate))
-            if begin <= end:
-                found[i] = True
+        for group in range(len(around)):
+            if not passes_through(origins[i], directions[i], reach[i], around[group]):
+                continue
+            for k in range(firsts[group], firsts[group + 1]):
+                if passes_through(origins[i], directions[i], reach[i], bounds[k]):
+                    found[i] = True
+                    break
+            if found[i]:
                 break
     return found
