@@ -2,10 +2,8 @@
 
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument
-
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, description, is_true, node
+from smartmesh_ros.startup.launching import Values, description, is_true, node, scene_argument
 
 
 def source(value: Values) -> list[Any]:
@@ -16,7 +14,4 @@ def source(value: Values) -> list[Any]:
 
 def generate_launch_description() -> LaunchDescription:
     """Return the launch description."""
-    scene = DeclareLaunchArgument(
-        "scene", default_value="waves", description="Scene of terrain_source: waves, rut, crater, heave or elevation."
-    )
-    return description(scene, start=source)
+    return description(scene_argument(), start=source)

@@ -31,7 +31,8 @@ class Launch:
         self._kinds = kinds
         declared = [item for item in self._items if type(item) is kinds["DeclareLaunchArgument"]]
         assert all(item.kwargs["description"].endswith(".") for item in declared)
-        self.defaults = {item.args[0]: item.kwargs["default_value"] for item in declared}
+        self.declared = {item.args[0]: item for item in declared}
+        self.defaults = {name: item.kwargs["default_value"] for name, item in self.declared.items()}
 
     def of(self, kind: str, **arguments: str) -> list[Recorded]:
         """What it makes of a kind with these arguments and the defaults of the others."""

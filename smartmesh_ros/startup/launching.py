@@ -18,6 +18,7 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from smartmesh_ros.node.fleet import layout as fleet_layout
+from smartmesh_ros.scenes import SCENES
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 # Topics of the RViz view that are remapped into the node's namespace.
@@ -26,6 +27,7 @@ RVIZ_TOPICS = ("patches",)
 PROFILE, POLICY = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
 # Parameter files in config/ that are not for terrain_collider.
 NO_PRESETS = ("diagnostic_aggregator",)
+LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 Values = Callable[[str], str]
 
@@ -67,9 +69,9 @@ def fleet() -> LaunchDescription:
             ("nodes", "4", "Number of colliders that share the terrain."),
             ("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
             ("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
-            ("scene", "waves", "Scene of terrain_source; empty = no terrain_source, publish your own terrain."),
         )
     ]
+    arguments.append(scene_argument("empty = no terrain_source, publish your own terrain", ""))
     return LaunchDescription([*_arguments(preset=fleet_layout.PRESET), *arguments, OpaqueFunction(function=act)])
 
 
@@ -99,6 +101,15 @@ def _fleet_nodes(value: Values) -> list[Any]:
             )
         )  # fmt: skip
     return nodes
+
+
+def scene_argument(words: str = "", *more: str) -> Any:
+    """Return the launch argument ``scene`` of terrain_source, with ``more`` values and ``words`` about them."""
+    names = f"Scene of terrain_source: {', '.join(SCENES)}"
+    return DeclareLaunchArgument(
+        "scene", default_value=SCENES[0], choices=[*SCENES, *more],
+        description=f"{names}; {words}." if words else f"{names}.",
+    )  # fmt: skip
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
@@ -150,9 +161,12 @@ def _arguments(preset: str = "") -> list[Any]:
             ("config", "", "Path of your own parameter file, read after the preset."),
             ("namespace", "", "Namespace of the nodes."),
             ("use_sim_time", "false", "true = take the time from /clock."),
-            ("log_level", "info", "debug, info, warn or error."),
             ("rviz", "false", "true = start RViz with a view of the patches."),
             ("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
+        )
+    ] + [
+        DeclareLaunchArgument(
+            "log_level", default_value="info", choices=list(LOG_LEVELS), description=f"{', '.join(LOG_LEVELS)}."
         )
     ]
 
