@@ -15,7 +15,7 @@ from studies.load.cases import Case
 from studies.load.processes import run_case
 from studies.load.summary import Summary
 from studies.load.tables import PAGE, PICTURES
-from studies.pages import fill
+from studies.pages import digest_of, fill
 
 
 def machine() -> str:
@@ -33,9 +33,12 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
 
 
 def run_all(chosen: dict[str, list[Case]], file: Path, known: dict[str, Any]) -> None:
-    """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each."""
+    """Runs every case that is not ``known`` yet, a line each, and keeps what there is in ``file`` after each, with the
+    digest of the code that each group was measured with."""
     groups = {**known.get("groups", {}), **{group: known.get("groups", {}).get(group, []) for group in chosen}}
-    data: dict[str, Any] = {**known, "machine": machine(), "groups": groups}
+    code = {**known.get("code", {}), **{group: digest_of("node") for group in chosen}}
+    data: dict[str, Any] = {**known, "machine": machine(), "code": code, "groups": groups}
+    file.write_text(json.dumps(data, indent=1))
     start = monotonic()
     for group, members in chosen.items():
         done = {Case(**result["case"]).name for result in data["groups"][group]}
@@ -69,7 +72,8 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     }
     print(blocks["targets"])
     if page is not None:
-        fill(page, blocks)
+        code = data["code"]
+        fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})
         print(f"wrote {page}")
 
 
@@ -96,8 +100,10 @@ def main(args: list[str] | None = None) -> None:
         with isolated_unless_chosen():
             run_all(chosen, file, known)
             if options.only in (None, "regions"):
-                data = json.loads(file.read_text()) if file.is_file() else {"machine": machine(), "groups": {}}
-                file.write_text(json.dumps({**data, "regions": regions.measure(quick=options.quick)}, indent=1))
+                data = json.loads(file.read_text())
+                code = {**data["code"], "regions": digest_of("node")}
+                found = regions.measure(quick=options.quick)
+                file.write_text(json.dumps({**data, "code": code, "regions": found}, indent=1))
     report(json.loads(file.read_text()), out, None if options.quick else PAGE)
 
 

@@ -47,6 +47,15 @@ def test_code_counts_and_words_do_not() -> None:
     assert digest({"f.py": code}) != digest({"g.py": code})
 
 
+def test_a_block_written_again_keeps_the_code_it_was_measured_with(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "<!-- generated: one of core, code 0 -->\n<!-- end -->\n<!-- generated: two of core, code 0 -->\n<!-- end -->\n"
+    )
+    fill(page, {"one": "old figures", "two": "new figures"}, {"one": "0123456789ab"})
+    assert {block.name: block.digest for block in blocks_of(page)} == {"one": "0123456789ab", "two": digest_of("core")}
+
+
 def test_the_subjects_differ_and_the_pages_name_them() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     marked = {page.name for page in (ROOT / "docs").glob("*.md") if blocks_of(page)}
