@@ -43,13 +43,23 @@ shared_folder = False
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Return the function as machine code, cached on disk (see `machine_code`); equal input gives equal bits."""
+    return _compiled(function, OPTIONS)
+
+
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """Return the function as `compiled` does, with its code copied into compiled callers: for short functions that take
+    large tuples such as `MovingGrid`, which each call would copy. Callers take longer to compile."""
+    return _compiled(function, OPTIONS | {"forceinline": True})
+
+
+def _compiled(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
     if numba is None:
         _warn(
             f"Numba does not work here ({_PROBLEM}): smartmesh_ros runs several hundred times slower. Install it: "
             "apt install python3-numba, or pip install numba"
         )
         return function
-    made = numba.njit(**OPTIONS)(function)
+    made = numba.njit(**options)(function)
     if not isinstance(made, Dispatcher):  # NUMBA_DISABLE_JIT
         return function
     made._cache = CodeCache(function)  # type: ignore[attr-defined]

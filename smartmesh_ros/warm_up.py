@@ -72,6 +72,7 @@ def press_soil() -> None:
     for number, load in enumerate((Load(1e4), Load(1e4, place, place), Load(0.0))):
         for region in soil.press({"box": load}, 0.01, 0.01 * number):
             ground.update_region(*region[:3], time=0.01 * number, velocities=region.velocities)
+    soil.apply([], 0.01, 0.03)
 
 
 def _spawn_bodies(world: World) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.soil.feet import Triple
 from smartmesh_ros.soil.law import pressure_at, stiffness_at
 from smartmesh_ros.terrain.grid import FloatArray
 
@@ -34,14 +35,14 @@ LOAD_ERROR, MOMENT_ERROR = 1e-5, 1e-3
 
 
 @compiled
-def pressed_to(sample: Any, lean: FloatArray) -> float:
+def pressed_to(sample: Any, lean: Triple) -> float:
     """Return the height [m] to which a record of ``SAMPLE`` is pressed by a ``lean`` (3,): how far the body goes down
     [m], and how much farther at its size along columns and rows [m]."""
     return sample.low - lean[0] - lean[1] * sample.x - lean[2] * sample.y
 
 
 @compiled
-def loaded(sample: Any, lean: FloatArray, dt: float) -> tuple[float, float, float]:
+def loaded(sample: Any, lean: Triple, dt: float) -> tuple[float, float, float]:
     """Return the soil's pressure [Pa] on a sample, the total with damping, and the derivative of the total by the
     sinkage [Pa/m]. The total is zero where the body lifts off."""
     height = pressed_to(sample, lean)
@@ -57,37 +58,34 @@ def loaded(sample: Any, lean: FloatArray, dt: float) -> tuple[float, float, floa
 
 
 @compiled
-def balance(samples: Any, load: float, lean: FloatArray, start: float, deepest: float, dt: float) -> float:
+def balance(samples: Any, load: float, lean: Triple, start: float, deepest: float, dt: float) -> float:
     """Return how far the body goes down [m], at most ``deepest``, so that the soil carries a ``load`` [N].
 
     Newton's method from ``start``, with bisection where it leaves the bracket: the force grows with the depth. The
     other parts of ``lean`` stay.
     """
-    trial = lean.copy()
-    trial[0] = 0.0
-    low, high = start, deepest
+    trial, low, high = start, start, deepest
     for sample in samples:  # the highest place, at which the body touches nothing
-        low = min(low, pressed_to(sample, trial) - sample.level)
-    trial[0] = start
+        low = min(low, pressed_to(sample, (0.0, lean[1], lean[2])) - sample.level)
     for _ in range(ROUNDS):
         force, slope = 0.0, 0.0
         for sample in samples:
             if sample.area > 0.0:
-                _, total, stiffness = loaded(sample, trial, dt)
+                _, total, stiffness = loaded(sample, (trial, lean[1], lean[2]), dt)
                 force += sample.area * total
                 slope += sample.area * stiffness
         if abs(force - load) <= LOAD_ERROR * load:
             break
         if force < load:
-            low = trial[0]
+            low = trial
         else:
-            high = trial[0]
+            high = trial
         if high - low <= 1e-12:
             break
-        trial[0] = trial[0] + (load - force) / slope if slope > 0.0 else high
-        if not low < trial[0] < high:
-            trial[0] = 0.5 * (low + high)
-    return trial[0]
+        trial = trial + (load - force) / slope if slope > 0.0 else high
+        if not low < trial < high:
+            trial = 0.5 * (low + high)
+    return trial
 
 
 @compiled
@@ -98,10 +96,11 @@ def residual(
     largest lack as a share of the ``load``."""
     missing[0], missing[1], missing[2] = load, moments[0], moments[1]
     slopes[:, :] = 0.0
+    at = (lean[0], lean[1], lean[2])
     for sample in samples:
         area, x, y = sample.area, sample.x, sample.y
         if area > 0.0:
-            _, total, stiffness = loaded(sample, lean, dt)
+            _, total, stiffness = loaded(sample, at, dt)
             missing[0] -= area * total
             missing[1] -= area * total * x
             missing[2] -= area * total * y

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -47,13 +48,11 @@ class FootShape:
                 f"a {self.kind} has {_SIZES[self.kind]} dimensions above zero [m], not {self.size}",
             )
 
-    def write(self, foot: Any) -> None:
-        """Write the shape to a record of ``FOOT``."""
-        foot["kind"], foot["centre"], foot["turn"] = _CODES[self.kind], self.centre, self.turn
-        if self.kind == "box":
-            foot["half"] = [0.5 * edge for edge in self.size]
-        else:
-            foot["half"] = [self.size[0], self.size[0], 0.5 * self.size[-1] if len(self.size) > 1 else 0.0]
+    @cached_property
+    def numbers(self) -> tuple[float, ...]:
+        """The shape as the field ``form`` of ``FOOT`` (11,)."""
+        x, y, z = self.size if self.kind == "box" else (2.0 * self.size[0], 2.0 * self.size[0], (*self.size, 0.0)[1])
+        return (float(_CODES[self.kind]), 0.5 * x, 0.5 * y, 0.5 * z, *self.centre, *self.turn)
 
 
 class PressingBody(NamedTuple):
@@ -83,6 +82,7 @@ class BulletBodies:
 
     def __init__(self, client: Any, world: Any = None) -> None:
         self._client = client
+        self._pose_of, self._velocity_of = client.getBasePositionAndOrientation, client.getBaseVelocity
         self._world = world
         self._known: dict[str, tuple[int, int, FootShape]] = {}
         self._grips: dict[str, float] = {}
@@ -102,14 +102,14 @@ class BulletBodies:
         body, link, shape = self._known[name]
         try:
             if link < 0:
-                pose, velocity = self._client.getBasePositionAndOrientation(body), self._client.getBaseVelocity(body)
+                pose, velocity = self._pose_of(body), self._velocity_of(body)
             else:
                 found = self._client.getLinkState(body, link, computeLinkVelocity=1)
                 pose, velocity = found[:2], found[6:8]
         except Exception:  # noqa: BLE001  # PyBullet's error, whose class this room does not import
             del self._known[name]
             return None
-        return PressingBody(shape, (*pose[0], *pose[1], *velocity[0], *velocity[1]))
+        return PressingBody(shape, pose[0] + pose[1] + velocity[0] + velocity[1])
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction of a body; colliders of the ground have friction 1, and PyBullet multiplies the two."""

@@ -1,7 +1,8 @@
 """Undersides of the bodies that press the soil: boxes, spheres, cylinders and capsules.
 
 All functions take coordinates relative to the shape's middle, in axes of the grid (x along columns, y along rows), and
-the shape's rotation (3, 3) from its own axes to those.
+the rows of the shape's rotation (3, 3) from its own axes to those. Tuples of numbers are faster here than arrays, which
+compiled functions count references to.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.grid import FloatArray
 
+Triple = tuple[float, float, float]
+Rotation = tuple[Triple, Triple, Triple]
+
 # Kinds of shape, numbered as in smartmesh_msgs/TrackedBody.
 BOX, SPHERE, CYLINDER, CAPSULE = 1, 2, 3, 4
 
-# A body that presses the soil. ``half``: BOX half lengths x, y, z; else radius, radius, half height [m]. ``centre``,
-# ``turn``: position [m] and quaternion of the shape in the body's frame. ``state``: position, quaternion, linear and
+# A body that presses the soil. ``form``: kind of its shape; half lengths x, y, z of a BOX, else radius, radius, half
+# height [m]; position [m] and quaternion of the shape in the body's frame. ``state``: position, quaternion, linear and
 # angular velocity of the body's frame in the world. ``force`` [N]: vertical contact force of the last update, at the
 # distance ``place`` (2,) [m] from the body's position along x and y of the world, NaN = unknown; ``load`` [N],
 # ``centre_of_load`` (2,): the same, filtered. ``seat`` [m]: height of the shape's middle without the map's z, at which
@@ -29,11 +33,11 @@ FOOT = np.dtype(
     (
         np.record,
         [
-            ("kind", np.int64), ("half", np.float64, 3), ("centre", np.float64, 3), ("turn", np.float64, 4),
-            ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2), ("load", np.float64),
-            ("centre_of_load", np.float64, 2), ("seat", np.float64), ("slope", np.float64, 2), ("first", np.int64, 2),
-            ("last", np.int64, 2), ("seen_first", np.int64, 2), ("seen_last", np.int64, 2), ("sinkage", np.float64),
-            ("area", np.float64), ("carried", np.float64), ("grip", np.float64), ("displaced", np.float64),
+            ("form", np.float64, 11), ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2),
+            ("load", np.float64), ("centre_of_load", np.float64, 2), ("seat", np.float64), ("slope", np.float64, 2),
+            ("first", np.int64, 2), ("last", np.int64, 2), ("seen_first", np.int64, 2), ("seen_last", np.int64, 2),
+            ("sinkage", np.float64), ("area", np.float64), ("carried", np.float64), ("grip", np.float64),
+            ("displaced", np.float64),
         ],
     )
 )  # fmt: skip
@@ -49,20 +53,20 @@ def interval_in(start: float, slope: float, half: float) -> tuple[float, float]:
 
 
 @compiled
-def vertical_axis(rotation: FloatArray) -> int:
+def vertical_axis(rotation: Rotation) -> int:
     """Return which axis of a shape is the most vertical."""
-    x, y, z = abs(rotation[2, 0]), abs(rotation[2, 1]), abs(rotation[2, 2])
+    x, y, z = abs(rotation[2][0]), abs(rotation[2][1]), abs(rotation[2][2])
     return 2 if z >= x and z >= y else (0 if x >= y else 1)
 
 
 @compiled
-def margin_along(rotation: FloatArray, axis: int, spacing: float) -> float:
+def margin_along(rotation: Rotation, axis: int, spacing: float) -> float:
     """Return the farthest distance along an axis of a corner of a grid cell that the shape's edge touches [m]."""
-    return spacing * (abs(rotation[0, axis]) + abs(rotation[1, axis]))
+    return spacing * (abs(rotation[0][axis]) + abs(rotation[1][axis]))
 
 
 @compiled
-def underside(kind: int, half: FloatArray, rotation: FloatArray, x: float, y: float, spacing: float) -> float:
+def underside(kind: int, half: Triple, rotation: Rotation, x: float, y: float, spacing: float) -> float:
     """Return the height of the shape's underside at (x, y) [m], infinity beside it.
 
     Flat faces extend beyond the shape's edge by up to a cell of the grid, because the corners of all cells that the
@@ -76,9 +80,32 @@ def underside(kind: int, half: FloatArray, rotation: FloatArray, x: float, y: fl
         return cylinder_underside(half[0], half[2], rotation, x, y, spacing)
     low = cylinder_underside(half[0], half[2], rotation, x, y, 0.0)
     for side in (-half[2], half[2]):
-        ux, uy, uz = side * rotation[0, 2], side * rotation[1, 2], side * rotation[2, 2]
+        ux, uy, uz = side * rotation[0][2], side * rotation[1][2], side * rotation[2][2]
         low = min(low, uz + sphere_underside(half[0], x - ux, y - uy))
     return low
+
+
+@compiled
+def normal_at(kind: int, half: Triple, rotation: Rotation, x: float, y: float, z: float, spacing: float) -> Triple:
+    """Return the unit normal, of either sign, of the shape's underside at a point (x, y, z) on it [m]."""
+    if kind == BOX:
+        upright, face, farthest = vertical_axis(rotation), 0, -1.0
+        for axis in range(3):
+            size = half[axis] if axis == upright else half[axis] + margin_along(rotation, axis, spacing)
+            out = abs(rotation[0][axis] * x + rotation[1][axis] * y + rotation[2][axis] * z) / size
+            if out > farthest:
+                face, farthest = axis, out
+        return rotation[0][face], rotation[1][face], rotation[2][face]
+    along = 0.0 if kind == SPHERE else rotation[0][2] * x + rotation[1][2] * y + rotation[2][2] * z
+    if kind == CYLINDER:
+        size = half[2] if vertical_axis(rotation) == 2 else half[2] + margin_along(rotation, 2, spacing)
+        if abs(along) > (1.0 - 1e-6) * size:  # on a flat end
+            return rotation[0][2], rotation[1][2], rotation[2][2]
+    elif kind == CAPSULE:
+        along = min(max(along, -half[2]), half[2])
+    out_x, out_y, out_z = x - along * rotation[0][2], y - along * rotation[1][2], z - along * rotation[2][2]
+    length = math.sqrt(out_x * out_x + out_y * out_y + out_z * out_z)
+    return out_x / length, out_y / length, out_z / length
 
 
 @compiled
@@ -89,20 +116,20 @@ def sphere_underside(radius: float, x: float, y: float) -> float:
 
 
 @compiled
-def box_underside(half: FloatArray, rotation: FloatArray, x: float, y: float, spacing: float) -> float:
+def box_underside(half: Triple, rotation: Rotation, x: float, y: float, spacing: float) -> float:
     """Return the underside of a box at (x, y) [m]: where a vertical line enters its three slabs."""
     upright = vertical_axis(rotation)
     low, high = -math.inf, math.inf
     for axis in range(3):
         size = half[axis] if axis == upright else half[axis] + margin_along(rotation, axis, spacing)
-        enter, leave = interval_in(rotation[0, axis] * x + rotation[1, axis] * y, rotation[2, axis], size)
+        enter, leave = interval_in(rotation[0][axis] * x + rotation[1][axis] * y, rotation[2][axis], size)
         low, high = max(low, enter), min(high, leave)
     return low if low <= high else math.inf
 
 
 @compiled
 def cylinder_underside(
-    radius: float, half_height: float, rotation: FloatArray, x: float, y: float, spacing: float
+    radius: float, half_height: float, rotation: Rotation, x: float, y: float, spacing: float
 ) -> float:
     """Return the underside of a cylinder about its own z axis at (x, y) [m]."""
     standing = vertical_axis(rotation) == 2
@@ -110,10 +137,10 @@ def cylinder_underside(
         radius += math.sqrt(2.0) * spacing
     else:
         half_height += margin_along(rotation, 2, spacing)
-    px, py = rotation[0, 0] * x + rotation[1, 0] * y, rotation[0, 1] * x + rotation[1, 1] * y
-    dx, dy = rotation[2, 0], rotation[2, 1]
+    px, py = rotation[0][0] * x + rotation[1][0] * y, rotation[0][1] * x + rotation[1][1] * y
+    dx, dy = rotation[2][0], rotation[2][1]
     a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - radius * radius
-    low, high = interval_in(rotation[0, 2] * x + rotation[1, 2] * y, rotation[2, 2], half_height)
+    low, high = interval_in(rotation[0][2] * x + rotation[1][2] * y, rotation[2][2], half_height)
     if a < 1e-12:
         return low if c <= 0.0 and low <= high else math.inf
     left = b * b - a * c
@@ -133,7 +160,7 @@ def overlap_1d(distance: float, half: float, spacing: float) -> float:
 
 
 @compiled
-def covered_share(kind: int, half: FloatArray, rotation: FloatArray, x: float, y: float, spacing: float) -> float:
+def covered_share(kind: int, half: Triple, rotation: Rotation, x: float, y: float, spacing: float) -> float:
     """Return the share of a sample's cell at (x, y) [m] that the shape covers.
 
     Exact for rectangles along the grid. In other directions single shares are approximate, but their sum over the
@@ -154,15 +181,15 @@ def covered_share(kind: int, half: FloatArray, rotation: FloatArray, x: float, y
 
 
 @compiled
-def share_along(half: float, rotation: FloatArray, axis: int, x: float, y: float, spacing: float) -> float:
+def share_along(half: float, rotation: Rotation, axis: int, x: float, y: float, spacing: float) -> float:
     """Return the share of a cell that a shape covers along one of its axes, seen from above."""
-    cos, sin = rotation[0, axis], rotation[1, axis]
-    level = math.hypot(cos, sin)
+    cos, sin = rotation[0][axis], rotation[1][axis]
+    level = math.sqrt(cos * cos + sin * sin)
     return overlap_1d((cos * x + sin * y) / level, half * level, spacing)
 
 
 @compiled
-def patch_width(kind: int, half: FloatArray, rotation: FloatArray) -> float:
+def patch_width(kind: int, half: Triple, rotation: Rotation) -> float:
     """Return the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a
     lying cylinder its height, of round shapes the radius."""
     upright = vertical_axis(rotation)
@@ -174,31 +201,38 @@ def patch_width(kind: int, half: FloatArray, rotation: FloatArray) -> float:
 
 
 @compiled
-def slope_of(kind: int, rotation: FloatArray) -> tuple[float, float]:
+def slope_of(kind: int, rotation: Rotation) -> tuple[float, float]:
     """Return the slope of a shape's flat underside along columns and rows; of a lying cylinder or capsule, that of its
     axis; of a sphere zero."""
     if kind == SPHERE:
         return 0.0, 0.0
     upright = vertical_axis(rotation)
     if kind == BOX or upright == 2:
-        return -rotation[0, upright] / rotation[2, upright], -rotation[1, upright] / rotation[2, upright]
-    x, y, rise = rotation[0, 2], rotation[1, 2], rotation[2, 2] / (1.0 - rotation[2, 2] ** 2)
+        return -rotation[0][upright] / rotation[2][upright], -rotation[1][upright] / rotation[2][upright]
+    x, y, rise = rotation[0][2], rotation[1][2], rotation[2][2] / (1.0 - rotation[2][2] ** 2)
     return x * rise, y * rise
 
 
 @compiled
-def bounds(kind: int, half: FloatArray, rotation: FloatArray, spacing: float) -> tuple[float, float]:
-    """Return the half lengths of the rectangle along the grid around a shape, with a margin of two cells [m]."""
-    sizes = np.zeros(2)
-    for k in range(2):
-        if kind == BOX:
-            for axis in range(3):
-                sizes[k] += half[axis] * abs(rotation[k, axis])
-        else:
-            along = abs(rotation[k, 2])
-            round_part = math.sqrt(max(1.0 - along * along, 0.0)) if kind == CYLINDER else 1.0
-            sizes[k] = half[2] * along + half[0] * round_part
-    return sizes[0] + 2.0 * spacing, sizes[1] + 2.0 * spacing
+def half_lengths(kind: int, half: Triple, rotation: Rotation, axis: int) -> float:
+    """Return half the length of the shape along an axis of the grid [m]."""
+    if kind == BOX:
+        return half[0] * abs(rotation[axis][0]) + half[1] * abs(rotation[axis][1]) + half[2] * abs(rotation[axis][2])
+    along = abs(rotation[axis][2])
+    return half[2] * along + half[0] * (math.sqrt(max(1.0 - along * along, 0.0)) if kind == CYLINDER else 1.0)
+
+
+@compiled
+def reach(kind: int, half: Triple, rotation: Rotation, axis: int, spacing: float) -> float:
+    """Return half the length, along an axis of the grid, of the rectangle around all places with an `underside` [m]."""
+    upright, found = vertical_axis(rotation), half_lengths(kind, half, rotation, axis)
+    if kind == BOX:
+        for own in range(3):
+            if own != upright:
+                found += margin_along(rotation, own, spacing) * abs(rotation[axis][own])
+    elif kind == CYLINDER:
+        found += math.sqrt(2.0) * spacing if upright == 2 else spacing * 2.0 * abs(rotation[axis][2])
+    return found
 
 
 @compiled

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
-from smartmesh_ros.soil.layer import SoilLayer
-from smartmesh_ros.soil.pressing import NOWHERE, Press, note_ground
+from smartmesh_ros.compiled import compiled, inlined
+from smartmesh_ros.soil.layer import Floats, SoilLayer
+from smartmesh_ros.soil.pressing import NOWHERE, Press, note_ground, press_all
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at
@@ -28,6 +28,42 @@ class Flow(NamedTuple):
     still: float
     farthest: float
     carried: float
+
+
+class Changes(NamedTuple):
+    """Changed ``rectangles`` (n, 4) of the map: first row and column, last row and column. ``heights`` [m] without the
+    map's z, and ``velocities`` [m/s] (N,): of one rectangle after the other, each row by row."""
+
+    rectangles: IntArray
+    heights: Floats
+    velocities: Floats
+
+
+@compiled
+def update_soil(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, flow: Flow, dirty: IntArray) -> Changes:
+    """Press all ``feet``, records of ``FOOT``, into the soil, and return the changes of the map; ``dirty``: see
+    `no_blocks`."""
+    press_all(grid, layer, feet, press)
+    finish_all(grid, layer, feet, press, flow, dirty)
+    count, size = 0, 0
+    for a in range(dirty.shape[0]):
+        for b in range(dirty.shape[1]):
+            if dirty[a, b, 2] >= 0:
+                count += 1
+                size += (dirty[a, b, 2] - dirty[a, b, 0] + 1) * (dirty[a, b, 3] - dirty[a, b, 1] + 1)
+    rectangles, heights, speeds = np.empty((count, 4), np.int64), np.empty(size, np.float32), np.empty(size, np.float32)
+    count, size = 0, 0
+    for a in range(dirty.shape[0]):
+        for b in range(dirty.shape[1]):
+            if dirty[a, b, 2] >= 0:
+                for k in range(4):
+                    rectangles[count, k] = dirty[a, b, k]
+                count += 1
+                for r in range(dirty[a, b, 0], dirty[a, b, 2] + 1):
+                    for c in range(dirty[a, b, 1], dirty[a, b, 3] + 1):
+                        heights[size], speeds[size] = change_at(grid, layer, r, c, press, flow)
+                        size += 1
+    return Changes(rectangles, heights, speeds)
 
 
 @compiled
@@ -162,28 +198,14 @@ def note_changes(
                 continue
             now = sample_at(grid, r, c, press.time, 0.0)[0] - grid.z
             if layer.moves[r, c] == 1 or abs(layer.target[r, c] - now) > flow.still:
-                block = dirty[r >> BLOCK_SHIFT, c >> BLOCK_SHIFT]
-                block[0], block[1] = min(block[0], r), min(block[1], c)
-                block[2], block[3] = max(block[2], r), max(block[3], c)
+                a, b = r >> BLOCK_SHIFT, c >> BLOCK_SHIFT
+                dirty[a, b, 0], dirty[a, b, 1] = min(dirty[a, b, 0], r), min(dirty[a, b, 1], c)
+                dirty[a, b, 2], dirty[a, b, 3] = max(dirty[a, b, 2], r), max(dirty[a, b, 3], c)
                 first_r, first_c, last_r, last_c = min(first_r, r), min(first_c, c), max(last_r, r), max(last_c, c)
     return first_r, first_c, last_r, last_c
 
 
-@compiled
-def write_changes(
-    grid: MovingGrid, layer: SoilLayer, rectangles: IntArray, press: Press, flow: Flow, heights: Any, speeds: Any
-) -> None:
-    """Write the new heights [m] and speeds [m/s] of ``rectangles`` (n, 4), as in the blocks of `finish_all`, to
-    ``heights`` and ``speeds`` (N,), one rectangle after the other, each row by row."""
-    k = 0
-    for top, left, bottom, right in rectangles:
-        for r in range(top, bottom + 1):
-            for c in range(left, right + 1):
-                heights[k], speeds[k] = change_at(grid, layer, r, c, press, flow)
-                k += 1
-
-
-@compiled
+@inlined
 def change_at(grid: MovingGrid, layer: SoilLayer, r: int, c: int, press: Press, flow: Flow) -> tuple[float, float]:
     """Return the new height [m] and speed [m/s] of a sample, and note them: it starts where it is and reaches its
     target at the end of the update."""
@@ -205,6 +227,6 @@ def change_at(grid: MovingGrid, layer: SoilLayer, r: int, c: int, press: Press, 
 
 
 def no_blocks(shape: tuple[int, int]) -> IntArray:
-    """Return the table of `finish_all` for a map of (rows, columns) samples."""
+    """Return the table ``dirty`` of `finish_all` for a map of (rows, columns) samples."""
     rows, columns = (-(-size // (1 << BLOCK_SHIFT)) for size in shape)
     return np.empty((rows, columns, 4), np.int64)

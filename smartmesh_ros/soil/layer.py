@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,15 @@ Bytes = NDArray[np.uint8]
 
 # Columns of the table of soils, in the order of `SoilType`.
 KPHI, KC, EXPONENT, COHESION, FRICTION, SHEAR, ELASTIC, DAMPING = range(8)
+# Fields of a sample in `SoilLayer`, side by side in memory, because bodies need all fields of few samples.
+LAYER_SAMPLE = np.dtype(
+    [
+        ("level", np.float64), ("target", np.float64), ("plastic", np.float32), ("yielded", np.float32),
+        ("pressure", np.float32), ("shear_x", np.float32), ("shear_y", np.float32), ("known", np.float32),
+        ("touched", np.uint8), ("moves", np.uint8), ("pressed", np.int32),
+    ],
+    align=True,
+)  # fmt: skip
 
 
 class SoilLayer(NamedTuple):
@@ -49,9 +58,5 @@ def untouched_layer(shape: tuple[int, int], soils: list[SoilType], kinds: Bytes)
     """Return soil that nobody has touched; memory is allocated when it is written."""
     table = np.array([astuple(soil) for soil in soils], np.float64)
     table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
-    fields: dict[str, Any] = {name: np.zeros(shape) for name in ("level", "target")}
-    fields |= {name: np.zeros(shape, np.float32) for name in ("plastic", "yielded", "pressure", "shear_x", "shear_y")}
-    fields |= {name: np.zeros(shape, np.uint8) for name in ("touched", "moves")}
-    return SoilLayer(
-        **fields, known=np.zeros(shape, np.float32), pressed=np.zeros(shape, np.int32), kinds=kinds, soils=table
-    )
+    samples = np.zeros(shape, LAYER_SAMPLE)
+    return SoilLayer(**{name: samples[name] for name in LAYER_SAMPLE.fields or {}}, kinds=kinds, soils=table)

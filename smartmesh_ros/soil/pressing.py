@@ -13,14 +13,23 @@ import numpy as np
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.soil.balancing import SAMPLE, balance, lean_over, loaded, pressed_to
-from smartmesh_ros.soil.feet import SPHERE, bounds, covered_share, patch_width, rotation_of, slope_of, underside
+from smartmesh_ros.soil.feet import (
+    SPHERE,
+    Rotation,
+    Triple,
+    covered_share,
+    half_lengths,
+    normal_at,
+    patch_width,
+    reach,
+    rotation_of,
+    slope_of,
+    underside,
+)
 from smartmesh_ros.soil.law import plastic_after, shear_at
 from smartmesh_ros.soil.layer import COHESION, DAMPING, ELASTIC, EXPONENT, FRICTION, KC, KPHI, SHEAR, SoilLayer
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import MovingGrid, sample_at, to_grid
 
-# Distance over which slopes of undersides are taken [m].
-STEP = 1e-5
 # Largest friction coefficient of a body. Cohesion makes that of light bodies large without limit.
 MOST_GRIP = 2.0
 # Smaller loads count as none [N].
@@ -44,15 +53,13 @@ class Press(NamedTuple):
 class PlacedShape(NamedTuple):
     """A shape in axes of the grid: its ``kind`` and ``half`` lengths as in ``FOOT``; ``rotation`` (3, 3); ``middle``:
     fractional column and row, and height [m] without the grid's z; ``motion`` (6,): velocity [m/s] of the middle, and
-    spin [rad/s]; ``bounds`` (2,): half lengths of the rectangle around it [m], with a margin; ``size`` [m]: the larger
-    of them; ``spacing`` [m] of the samples."""
+    spin [rad/s]; ``size`` [m]: more than half its length along columns and rows; ``spacing`` [m] of the samples."""
 
     kind: int
-    half: FloatArray
-    rotation: FloatArray
-    middle: FloatArray
-    motion: FloatArray
-    bounds: tuple[float, float]
+    half: Triple
+    rotation: Rotation
+    middle: Triple
+    motion: tuple[float, float, float, float, float, float]
     size: float
     spacing: float
 
@@ -87,15 +94,16 @@ def filter_load(foot: Any, press: Press) -> None:
 def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press) -> None:
     """Press one body into the soil."""
     shape = placed(grid, foot)
-    samples = samples_under(grid, layer, shape, press.time)
+    under = samples_under(grid, shape, press.time)
     touch = math.inf
-    for sample in samples:
+    for sample in under:
         if sample.area > 0.0:
             touch = min(touch, sample.low - sample.now)
     if touch == math.inf:
         return
     farthest, middle = press.fastest * press.dt, shape.middle[2]
     deepest, size = touch + farthest, shape.size
+    samples = samples_within(grid, layer, shape, under, deepest, farthest)
     own = slope_of(shape.kind, shape.rotation)
     lean = np.array([touch, 0.0, 0.0])
     if foot.seat == foot.seat:  # start where the body was carried before
@@ -109,22 +117,22 @@ def press_one(grid: MovingGrid, layer: SoilLayer, foot: Any, press: Press) -> No
                 lean[1 + axis] = min(max((own[axis] - foot.slope[axis]) * size, -farthest), farthest)
         leans = lean_over(samples, foot.load, moments, lean, deepest, farthest, press.dt)
     if not leans:
-        lean[0] = balance(samples, foot.load, lean, lean[0], deepest, press.dt)
+        lean[0] = balance(samples, foot.load, (lean[0], lean[1], lean[2]), lean[0], deepest, press.dt)
     foot.seat = middle - lean[0]
     foot.slope[0], foot.slope[1] = own[0] - lean[1] / size, own[1] - lean[2] / size
-    settle(layer, samples, lean, press, foot, shape)
+    settle(layer, samples, (lean[0], lean[1], lean[2]), press, foot, shape)
 
 
 @compiled
-def samples_under(grid: MovingGrid, layer: SoilLayer, shape: PlacedShape, time: float) -> Any:
-    """Return the samples (n,) of ``SAMPLE`` under a shape, and take their ground into the layer."""
+def samples_under(grid: MovingGrid, shape: PlacedShape, time: float) -> Any:
+    """Return the samples (n,) of ``SAMPLE`` under a shape, without the values of their soil."""
     middle, spacing = shape.middle, grid.resolution
-    rows, columns = layer.level.shape
-    half_x, half_y = shape.bounds[0] / spacing, shape.bounds[1] / spacing
+    rows, columns = grid.heights.shape
+    half_x = reach(shape.kind, shape.half, shape.rotation, 0, spacing) / spacing
+    half_y = reach(shape.kind, shape.half, shape.rotation, 1, spacing) / spacing
     top, bottom = max(int(middle[1] - half_y), 0), min(int(middle[1] + half_y) + 1, rows - 1)
     left, right = max(int(middle[0] - half_x), 0), min(int(middle[0] + half_x) + 1, columns - 1)
     samples = np.empty(max(bottom - top + 1, 0) * max(right - left + 1, 0), SAMPLE)
-    width = patch_width(shape.kind, shape.half, shape.rotation)
     count = 0
     for r in range(top, bottom + 1):
         for c in range(left, right + 1):
@@ -132,16 +140,40 @@ def samples_under(grid: MovingGrid, layer: SoilLayer, shape: PlacedShape, time: 
             low = underside(shape.kind, shape.half, shape.rotation, x, y, spacing)
             if low == math.inf or math.isnan(grid.heights[r, c]):
                 continue
-            note_ground(grid, layer, r, c)
-            soil, sample = layer.soils[layer.kinds[r, c]], samples[count]
+            sample = samples[count]
             sample.row, sample.column, sample.low = r, c, middle[2] + low
-            sample.now, sample.level = sample_at(grid, r, c, time, 0.0)[0] - grid.z, layer.level[r, c]
+            sample.now = sample_at(grid, r, c, time, 0.0)[0] - grid.z
             sample.area = covered_share(shape.kind, shape.half, shape.rotation, x, y, spacing) * spacing * spacing
             sample.x, sample.y = x / shape.size, y / shape.size
-            sample.plastic, sample.yielded = layer.plastic[r, c], layer.yielded[r, c]
-            sample.modulus, sample.exponent = soil[KC] / width + soil[KPHI], soil[EXPONENT]
-            sample.elastic, sample.damping = soil[ELASTIC], soil[DAMPING]
             count += 1
+    return samples[:count]
+
+
+@compiled
+def samples_within(
+    grid: MovingGrid, layer: SoilLayer, shape: PlacedShape, samples: Any, deepest: float, most: float
+) -> Any:
+    """Return those of the ``samples`` under a shape that the body reaches if it goes down by ``deepest`` [m] and leans
+    by ``most`` [m], with the values of their soil; take their ground into the layer."""
+    width = patch_width(shape.kind, shape.half, shape.rotation)
+    count = 0
+    for place in range(len(samples)):
+        r, c, low, area = samples[place].row, samples[place].column, samples[place].low, samples[place].area
+        now, x, y = samples[place].now, samples[place].x, samples[place].y
+        known = layer.touched[r, c] == 1 and layer.known[r, c] == grid.heights[r, c]
+        level = layer.level[r, c] if known else float(grid.heights[r, c])
+        if low - deepest - most * (abs(x) + abs(y)) > level:
+            continue
+        if not known:
+            note_ground(grid, layer, r, c)
+        soil, sample = layer.kinds[r, c], samples[count]
+        sample.row, sample.column, sample.low, sample.now, sample.level = r, c, low, now, level
+        sample.area, sample.x, sample.y = area, x, y
+        sample.plastic, sample.yielded = layer.plastic[r, c], layer.yielded[r, c]
+        sample.modulus = layer.soils[soil, KC] / width + layer.soils[soil, KPHI]
+        sample.exponent, sample.elastic = layer.soils[soil, EXPONENT], layer.soils[soil, ELASTIC]
+        sample.damping = layer.soils[soil, DAMPING]
+        count += 1
     return samples[:count]
 
 
@@ -149,16 +181,16 @@ def samples_under(grid: MovingGrid, layer: SoilLayer, shape: PlacedShape, time: 
 def placed(grid: MovingGrid, foot: Any) -> PlacedShape:
     """Return the shape of a record of ``FOOT`` in axes of the grid."""
     body, own, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    offset, middle, motion, q = np.zeros(3), np.empty(3), np.empty(6), np.empty(4)
+    offset, q = np.zeros(3), np.empty(4)
     for k in range(4):
         q[k] = foot.state[3 + k]
     rotation_of(q, body)
     for k in range(4):
-        q[k] = foot.turn[k]
+        q[k] = foot.form[7 + k]
     rotation_of(q, own)
     for i in range(3):
         for j in range(3):
-            offset[i] += body[i, j] * foot.centre[j]
+            offset[i] += body[i, j] * foot.form[4 + j]
             total = 0.0
             for k in range(3):
                 total += body[i, k] * own[k, j]
@@ -167,17 +199,22 @@ def placed(grid: MovingGrid, foot: Any) -> PlacedShape:
         x, y = rotation[0, j], rotation[1, j]
         rotation[0, j], rotation[1, j] = grid.cos * x + grid.sin * y, grid.cos * y - grid.sin * x
     row, column = to_grid(grid, foot.state[0] + offset[0], foot.state[1] + offset[1])
-    middle[0], middle[1], middle[2] = column, row, foot.state[2] + offset[2] - grid.z
+    middle = (column, row, foot.state[2] + offset[2] - grid.z)
     spin_x, spin_y, spin_z = foot.state[10], foot.state[11], foot.state[12]
     vx = foot.state[7] + spin_y * offset[2] - spin_z * offset[1]
     vy = foot.state[8] + spin_z * offset[0] - spin_x * offset[2]
-    motion[0], motion[1] = grid.cos * vx + grid.sin * vy, grid.cos * vy - grid.sin * vx
-    motion[2] = foot.state[9] + spin_x * offset[1] - spin_y * offset[0]
-    motion[3], motion[4] = grid.cos * spin_x + grid.sin * spin_y, grid.cos * spin_y - grid.sin * spin_x
-    motion[5] = spin_z
-    half = np.array([foot.half[0], foot.half[1], foot.half[2]])
-    around = bounds(foot.kind, half, rotation, grid.resolution)
-    return PlacedShape(foot.kind, half, rotation, middle, motion, around, max(around[0], around[1]), grid.resolution)
+    vz = foot.state[9] + spin_x * offset[1] - spin_y * offset[0]
+    motion = (
+        grid.cos * vx + grid.sin * vy, grid.cos * vy - grid.sin * vx, vz,
+        grid.cos * spin_x + grid.sin * spin_y, grid.cos * spin_y - grid.sin * spin_x, spin_z,
+    )  # fmt: skip
+    kind, half = int(foot.form[0]), (foot.form[1], foot.form[2], foot.form[3])
+    turned = (
+        (rotation[0, 0], rotation[0, 1], rotation[0, 2]), (rotation[1, 0], rotation[1, 1], rotation[1, 2]),
+        (rotation[2, 0], rotation[2, 1], rotation[2, 2]),
+    )  # fmt: skip
+    longest = max(half_lengths(kind, half, turned, 0), half_lengths(kind, half, turned, 1))
+    return PlacedShape(kind, half, turned, middle, motion, longest + 2.0 * grid.resolution, grid.resolution)
 
 
 @compiled
@@ -195,7 +232,7 @@ def note_ground(grid: MovingGrid, layer: SoilLayer, r: int, c: int) -> None:
 
 
 @compiled
-def settle(layer: SoilLayer, samples: Any, lean: FloatArray, press: Press, foot: Any, shape: PlacedShape) -> None:
+def settle(layer: SoilLayer, samples: Any, lean: Triple, press: Press, foot: Any, shape: PlacedShape) -> None:
     """Press the samples down by a ``lean``, see `pressed_to`, and write the results to the ``foot``."""
     force, resistance = 0.0, 0.0
     cell = shape.spacing * shape.spacing
@@ -204,10 +241,10 @@ def settle(layer: SoilLayer, samples: Any, lean: FloatArray, press: Press, foot:
         if total <= 0.0:
             continue
         r, c = sample.row, sample.column
-        soil, share = layer.soils[layer.kinds[r, c]], sample.area
+        soil, share = layer.kinds[r, c], sample.area
         height = pressed_to(sample, lean)
         sinkage, before = layer.level[r, c] - height, layer.plastic[r, c]
-        after, yielded = plastic_after(sinkage, pressure, before, layer.yielded[r, c], soil[ELASTIC])
+        after, yielded = plastic_after(sinkage, pressure, before, layer.yielded[r, c], sample.elastic)
         layer.plastic[r, c], layer.yielded[r, c], layer.pressure[r, c] = after, yielded, pressure
         # Two bodies on a sample: the deeper one counts.
         again = layer.pressed[r, c] == press.number
@@ -217,8 +254,9 @@ def settle(layer: SoilLayer, samples: Any, lean: FloatArray, press: Press, foot:
         shear_x, shear_y = slip_at(shape, r, c, sample.low)
         layer.shear_x[r, c] += shear_x * press.dt
         layer.shear_y[r, c] += shear_y * press.dt
-        displacement = math.hypot(layer.shear_x[r, c], layer.shear_y[r, c])
-        resistance += share * shear_at(pressure, displacement, soil[COHESION], soil[FRICTION], soil[SHEAR])
+        displacement = math.sqrt(layer.shear_x[r, c] ** 2 + layer.shear_y[r, c] ** 2)
+        cohesion, friction, shear = layer.soils[soil, COHESION], layer.soils[soil, FRICTION], layer.soils[soil, SHEAR]
+        resistance += share * shear_at(pressure, displacement, cohesion, friction, shear)
         force += share * pressure
         foot.area += share
         foot.sinkage = max(foot.sinkage, sinkage)
@@ -236,18 +274,9 @@ def slip_at(shape: PlacedShape, r: int, c: int, low: float) -> tuple[float, floa
     vx = motion[0] + motion[4] * z - motion[5] * y
     vy = motion[1] + motion[5] * x - motion[3] * z
     vz = motion[2] + motion[3] * y - motion[4] * x
-    slope_x, slope_y = gradient_at(shape, x, y, z)
-    into = (vx * slope_x + vy * slope_y - vz) / (1.0 + slope_x * slope_x + slope_y * slope_y)
-    vx, vy, vz = vx - into * slope_x, vy - into * slope_y, vz + into
-    level = math.hypot(vx, vy)
+    nx, ny, nz = normal_at(shape.kind, shape.half, shape.rotation, x, y, z, shape.spacing)
+    into = vx * nx + vy * ny + vz * nz
+    vx, vy, vz = vx - into * nx, vy - into * ny, vz - into * nz
+    level = math.sqrt(vx * vx + vy * vy)
     share = math.sqrt(vx * vx + vy * vy + vz * vz) / level if level > 1e-12 else 0.0
     return vx * share, vy * share
-
-
-@compiled
-def gradient_at(shape: PlacedShape, x: float, y: float, z: float) -> tuple[float, float]:
-    """Return the slope of the underside at (x, y) [m] along columns and rows, by differences towards the middle."""
-    dx, dy = -math.copysign(STEP, x), -math.copysign(STEP, y)
-    at_x = underside(shape.kind, shape.half, shape.rotation, x + dx, y, shape.spacing)
-    at_y = underside(shape.kind, shape.half, shape.rotation, x, y + dy, shape.spacing)
-    return (at_x - z) / dx if at_x < math.inf else 0.0, (at_y - z) / dy if at_y < math.inf else 0.0

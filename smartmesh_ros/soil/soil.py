@@ -13,13 +13,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.bodies import PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT
-from smartmesh_ros.soil.flowing import Flow, finish_all, no_blocks, write_changes
+from smartmesh_ros.soil.flowing import Changes, Flow, no_blocks, update_soil
 from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
-from smartmesh_ros.soil.pressing import NOWHERE, Press, press_all
+from smartmesh_ros.soil.pressing import NOWHERE, Press
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -135,19 +134,28 @@ class Soil:
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError("time", f"dt is {dt} s; it must be above zero")
         now = self.map.time + dt if time is None else time
-        regions = self.press(loads_of(contacts), dt, now)
-        for region in regions:
-            self.map.update_region(*region[:3], time=now, velocities=region.velocities)
+        changes = self._press(loads_of(contacts), dt, now)
+        self.map.update_rectangles(*changes, time=now)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
             for name, force, grip in zip(self._names, carried, grips, strict=True):
                 if force > 0.0:
                     self.bodies.set_grip(name, grip)
-        return len(regions)
+        return len(changes.rectangles)
 
     def press(self, loads: dict[str, Load], dt: float, time: float) -> list[Region]:
         """Press the soil by the ``loads`` of bodies; return the changes of the map, which the caller must
         give it at ``time`` [s] before the next call. Raises `InputError` for an unknown body."""
+        rectangles, heights, speeds = self._press(loads, dt, time)
+        found, start = [], 0
+        for top, left, bottom, right in rectangles.tolist():
+            shape = bottom - top + 1, right - left + 1
+            end = start + shape[0] * shape[1]
+            found.append(Region(top, left, heights[start:end].reshape(shape), speeds[start:end].reshape(shape)))
+            start = end
+        return found
+
+    def _press(self, loads: dict[str, Load], dt: float, time: float) -> Changes:
         self._read_bodies(loads)
         self.number += 1
         config = self.config
@@ -157,22 +165,7 @@ class Soil:
         carried = config.carried_speed * dt if extrapolates else 0.0
         drop = math.tan(math.radians(config.repose)) * grid.resolution
         flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
-        press_all(grid, self.layer, self._feet, press)
-        finish_all(grid, self.layer, self._feet, press, flow, self._dirty)
-        return self._changes(grid, press, flow)
-
-    def _changes(self, grid: MovingGrid, press: Press, flow: Flow) -> list[Region]:
-        """Return the changed rectangles of the map."""
-        rectangles = self._dirty[self._dirty[:, :, 2] >= 0]
-        shapes = rectangles[:, 2:] - rectangles[:, :2] + 1
-        ends = np.cumsum(shapes[:, 0] * shapes[:, 1])
-        heights, speeds = np.empty((2, ends[-1] if len(ends) else 0), np.float32)
-        write_changes(grid, self.layer, rectangles, press, flow, heights, speeds)
-        found, start = [], 0
-        for (row, column, *_), shape, end in zip(rectangles.tolist(), shapes.tolist(), ends.tolist(), strict=True):
-            found.append(Region(row, column, heights[start:end].reshape(shape), speeds[start:end].reshape(shape)))
-            start = end
-        return found
+        return update_soil(grid, self.layer, self._feet, press, flow, self._dirty)
 
     def results(self) -> dict[str, FootResult]:
         """Return what the soil did to each body in the last update."""
@@ -198,23 +191,22 @@ class Soil:
         """Read the bodies with contact, and those whose soil still moves. Raises `InputError`, and changes nothing."""
         busy = ((self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)).tolist()
         kept = [row for row, name in enumerate(self._names) if busy[row] or name in loads]
-        names = list(dict.fromkeys([*(self._names[row] for row in kept), *loads]))
-        feet = _with_room(self._feet[kept], len(names))
-        states, forces, places = feet["state"].tolist(), [], []
-        for row, name in enumerate(names):
-            body = self.bodies.read(name)
-            if body is not None:
-                body.shape.write(feet[row])
-                states[row] = body.state
-            elif name in loads:
-                raise InputError("unknown_body", f"there is a contact of {name!r}, which is no known body")
-            else:
-                feet["load"][row] = 0.0
-            force, x, y = loads.get(name, NO_LOAD)
-            forces.append(force)
-            places.append((x - states[row][0], y - states[row][1]))
+        names = [self._names[row] for row in kept]
+        known = set(names)
+        names += [name for name in loads if name not in known]
+        bodies = [self.bodies.read(name) for name in names]
+        gone = [row for row, body in enumerate(bodies) if body is None]
+        for row in gone:
+            if names[row] in loads:
+                raise InputError("unknown_body", f"there is a contact of {names[row]!r}, which is no known body")
+        feet = self._feet if len(kept) == len(self._names) == len(names) else _with_room(self._feet[kept], len(names))
         if names:
-            feet["state"], feet["force"], feet["place"] = states, forces, places
+            there = [row for row, body in enumerate(bodies) if body is not None] if gone else slice(None)
+            feet["form"][there] = np.array([body.shape.numbers for body in bodies if body]).reshape(-1, 11)
+            feet["state"][there] = np.array([body.state for body in bodies if body]).reshape(-1, 13)
+            feet["load"][gone] = 0.0
+            pressing = np.array([loads.get(name, NO_LOAD) for name in names])
+            feet["force"], feet["place"] = pressing[:, 0], pressing[:, 1:] - feet["state"][:, :2]
         self._names, self._feet = names, feet
 
 
@@ -228,15 +220,13 @@ def _with_room(feet: Any, count: int) -> Any:
 
 def loads_of(contacts: Iterable[Contact]) -> dict[str, Load]:
     """Return the load of each body; contacts without a force are left out."""
-    sums: dict[str, list[float]] = {}
+    sums: dict[str, tuple[float, float, float]] = {}
     for contact in contacts:
         force = contact.normal_force * contact.normal[2]
         if force > 0.0:  # not NaN
             x, y, _ = contact.position
-            total = sums.setdefault(contact.body, [0.0, 0.0, 0.0])
-            total[0] += force
-            total[1] += force * x
-            total[2] += force * y
+            total, total_x, total_y = sums.get(contact.body, NO_LOAD)
+            sums[contact.body] = total + force, total_x + force * x, total_y + force * y
     return {body: Load(force, x / force, y / force) for body, (force, x, y) in sums.items()}
 
 

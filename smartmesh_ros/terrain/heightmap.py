@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.updates import take_heights
+from smartmesh_ros.terrain.updates import samples_in, take_heights, take_rectangles
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
@@ -203,6 +203,38 @@ class HeightMap:
         certainty = _checked_variance(variance, shape)
         new, speeds = _checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
+
+    def update_rectangles(
+        self, rectangles: ArrayLike, heights: ArrayLike, velocities: ArrayLike, *, time: float
+    ) -> None:
+        """Replace the heights [m] and velocities [m/s] of several ``rectangles`` (n, 4), as `update_region` for each: a
+        rectangle is its first row and column, last row and column. ``heights``, ``velocities`` (N,): of the samples of
+        one rectangle after the other, each row by row. Raises `InputError` and then changes nothing."""
+        places = np.ascontiguousarray(rectangles, np.int64)
+        if places.ndim != 2 or places.shape[1] != 4:
+            raise InputError("length", f"rectangles have shape {places.shape}; it must be (n, 4)")
+        count = samples_in(places, *self._heights.shape)
+        if count < 0:
+            raise InputError("region", f"a rectangle is empty or leaves the map of {self._heights.shape} samples")
+        if count == 0:
+            return
+        new, speeds = _checked(heights, velocities, (count,), "the rectangles")
+        if self.motion.corrects:
+            start = 0
+            for top, left, bottom, right in places.tolist():
+                shape = bottom - top + 1, right - left + 1
+                end = start + shape[0] * shape[1]
+                self._take(top, left, new[start:end].reshape(shape), None, time, None)
+                start = end
+            return
+        assert speeds is not None
+        self.version += len(places)
+        self.revision = next_revision()
+        self._deviation = None
+        take_rectangles(
+            self._heights, self._velocities, self._clocks, places, _read_only(new), _read_only(speeds), float(time),
+            self.motion.min_interval, self.motion.max_interval,
+        )  # fmt: skip
 
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""

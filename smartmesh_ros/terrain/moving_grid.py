@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.compiled import compiled, inlined
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
@@ -70,7 +70,7 @@ def slide_at(grid: MovingGrid, x: float, y: float) -> tuple[float, float]:
     return grid.slide_x - grid.spin * (y - grid.y), grid.slide_y + grid.spin * (x - grid.x)
 
 
-@compiled
+@inlined
 def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float) -> tuple[float, float]:
     """Return the height [m] of a sample at ``time`` [s], and its rise [m] within the time ``ahead`` [s].
 
@@ -90,7 +90,7 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
     return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
 
 
-@compiled
+@inlined
 def motion_at(grid, row, column, clock, phase):
     """Return the velocity [m/s] and acceleration [m/s^2] of a sample."""
     if grid.noise > 0.0:

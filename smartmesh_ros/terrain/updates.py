@@ -112,6 +112,42 @@ def write_velocities(velocities, heights, new, given, method, inverse, keep):
 
 
 @compiled
+def scale(velocities, newest, r, first, end, by):
+    """Multiply the velocities of the samples ``first`` to ``end`` - 1 of a row by a factor; zero also ends NaN."""
+    for c in range(first, end):
+        velocities[newest, r, c] = velocities[newest, r, c] * by if by != 0.0 else by
+
+
+@compiled
+def samples_in(rectangles, rows, columns):
+    """Return the number of samples in ``rectangles`` (n, 4); -1 if one is empty or leaves a map of (``rows``,
+    ``columns``) samples."""
+    count = 0
+    for k in range(len(rectangles)):
+        top, left, bottom, right = rectangles[k, 0], rectangles[k, 1], rectangles[k, 2], rectangles[k, 3]
+        if not (0 <= top <= bottom < rows and 0 <= left <= right < columns):
+            return -1
+        count += (bottom - top + 1) * (right - left + 1)
+    return count
+
+
+@compiled
+def take_rectangles(heights, velocities, clocks, rectangles, new, given, time, min_interval, max_interval):
+    """Write ``new`` heights and ``given`` velocities (N,) as `take_heights`: those of one of the ``rectangles`` (n, 4)
+    after the other, each row by row. A rectangle is its first row and column, last row and column."""
+    start = 0
+    for k in range(len(rectangles)):
+        top, left, bottom, right = rectangles[k, 0], rectangles[k, 1], rectangles[k, 2], rectangles[k, 3]
+        shape = bottom - top + 1, right - left + 1
+        end = start + shape[0] * shape[1]
+        take_heights(
+            heights, velocities, clocks, top, left, new[start:end].reshape(shape), given[start:end].reshape(shape),
+            time, min_interval, max_interval,
+        )  # fmt: skip
+        start = end
+
+
+@compiled
 def take_heights(heights, velocities, clocks, row, column, new, given, time, min_interval, max_interval):
     """Write ``new`` heights (h, w) [m] of ``time`` [s] to the rectangle whose first sample is (``row``, ``column``).
 
@@ -142,18 +178,18 @@ def take_heights(heights, velocities, clocks, row, column, new, given, time, min
             for block in range(first_block, end_block):
                 first, last = block << BLOCK_SHIFT, min((block << BLOCK_SHIFT) + BLOCK, columns)
                 left, right = (max(first, column), min(last, end_column)) if inside else (last, last)
-                newest = velocities[clocks[block_row, block].newest, r]
+                newest = clocks[block_row, block].newest
                 if methods[block] == DIFFERENCE or methods[block] == GIVEN:
-                    newest[first:left] = 0.0
-                    newest[right:last] = 0.0
+                    scale(velocities, newest, r, first, left, np.float32(0.0))
+                    scale(velocities, newest, r, right, last, np.float32(0.0))
                 elif methods[block] == MERGED:
-                    newest[first:left] *= keep[block]
-                    newest[right:last] *= keep[block]
+                    scale(velocities, newest, r, first, left, keep[block])
+                    scale(velocities, newest, r, right, last, keep[block])
                 if left < right:
                     fresh = new[r - row, left - column : right - column]
                     stated = given[r - row, left - column : right - column] if given.size > 0 else fresh
                     write_velocities(
-                        newest[left:right], heights[r, left:right], fresh, stated, methods[block], inverse[block],
-                        keep[block],
+                        velocities[newest, r, left:right], heights[r, left:right], fresh, stated, methods[block],
+                        inverse[block], keep[block],
                     )  # fmt: skip
                     heights[r, left:right] = fresh

@@ -7,7 +7,7 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE, rotation_of, underside
+from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE, normal_at, reach, rotation_of, underside
 
 SHAPES = {
     BOX: ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, [0.3, 0.2, 0.1]),
@@ -42,3 +42,27 @@ def test_undersides_are_where_rays_from_below_meet_the_shape(kind: int) -> None:
             assert np.abs(found[both] - met[both]).max() < 2e-2  # PyBullet rounds edges by its margin
     finally:
         client.disconnect()
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("spacing", [0.0, 0.02])
+def test_normals_stand_on_the_underside_which_lies_within_reach(kind: int, spacing: float) -> None:
+    rng = np.random.default_rng(kind)
+    half = np.array(SHAPES[kind][1])
+    for _ in range(10):
+        turn, rotation = rng.standard_normal(4), np.empty((3, 3))
+        rotation_of(turn / np.linalg.norm(turn), rotation)
+        far = [reach(kind, half, rotation, axis, spacing) for axis in range(2)]
+        xy = rng.uniform(-0.5, 0.5, (300, 2))
+        found = np.array([underside(kind, half, rotation, x, y, spacing) for x, y in xy])
+        assert (np.abs(xy[np.isfinite(found)]) <= far).all()
+        errors = []
+        for (x, y), z in zip(xy, found, strict=True):
+            near = [underside(kind, half, rotation, x + dx, y + dy, spacing) for dx, dy in ((1e-7, 0.0), (0.0, 1e-7))]
+            if np.isfinite([z, *near]).all():
+                normal = normal_at(kind, half, rotation, x, y, z, spacing)
+                assert np.linalg.norm(normal) == pytest.approx(1.0)
+                errors += [abs(normal @ np.array(along)) for along in
+                           ((1e-7, 0.0, near[0] - z), (0.0, 1e-7, near[1] - z))]  # fmt: skip
+        assert len(errors) > 20
+        assert np.median(errors) < 1e-12  # against 1e-7; edges between two faces are left out by the median
