@@ -91,10 +91,12 @@ class Soil:
         with World(HeightMap(np.zeros((201, 201)), resolution=0.02)) as world:
             world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.12)))
             soil = Soil(world.terrain, "dry_sand", BulletBodies(world.client, world))
-            for _ in range(240):
-                world.step(4)
-                soil.apply(world.contacts(), 4 * world.dt, world.time)
+            for _ in range(960):
+                world.step()
+                soil.apply(world.contacts(), world.dt, world.time)
             print(soil.results()["box"].sinkage)
+
+    To update at a lower rate than physics, `note` the contacts of the steps between.
 
     ``terrain``: a height map, or a terrain whose ``tile`` is one. ``soil``: a soil, its name in ``soils.yaml``, or
     several of either; ``kinds`` (rows, columns) then tells which one each sample is, by its place in the list.
@@ -123,18 +125,30 @@ class Soil:
         self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
         self.number = 0  # of the last update
+        self._contacts: list[Contact] = []  # since the last update, of a number of steps
+        self._steps = 0
         self._dirty = no_blocks(shape)
 
+    def note(self, contacts: Iterable[Contact]) -> None:
+        """Add the contacts of a step. The next `apply` takes the mean over all steps since the one before, because
+        contact forces of single steps fluctuate, and soil keeps the sinkage of the highest load."""
+        self._contacts.extend(contacts)
+        self._steps += 1
+
     def apply(self, contacts: Iterable[Contact], dt: float, time: float | None = None) -> int:
-        """Press the soil by the contacts of the last step, for the next ``dt`` [s]; return the number of changed
-        rectangles of the map. ``time`` [s]: the instant on the terrain's clock; None = the map's newest time + ``dt``.
+        """Press the soil by the contacts of the last step, and of steps that were noted, for the next ``dt`` [s];
+        return the number of changed rectangles of the map. ``time`` [s]: the instant on the terrain's clock; None = the
+        map's newest time + ``dt``.
 
         Raises `InputError` for a contact of an unknown body, and then changes nothing.
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError("time", f"dt is {dt} s; it must be above zero")
         now = self.map.time + dt if time is None else time
-        changes = self._press(loads_of(contacts), dt, now)
+        self.note(contacts)
+        loads = loads_of(self._contacts, self._steps)
+        self._contacts, self._steps = [], 0
+        changes = self._press(loads, dt, now)
         self.map.update_rectangles(*changes, time=now)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
@@ -167,6 +181,10 @@ class Soil:
         flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
         return update_soil(grid, self.layer, self._feet, press, flow, self._dirty)
 
+    def set_kinds(self, kinds: ArrayLike) -> None:
+        """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
+        self.layer.kinds[...] = _kinds_of(kinds, self.layer.kinds.shape, len(self.soils))
+
     def results(self) -> dict[str, FootResult]:
         """Return what the soil did to each body in the last update."""
         fields = ("sinkage", "area", "carried", "grip", "load", "seat")
@@ -185,7 +203,7 @@ class Soil:
         """Take the ground as it is now for soil that nobody has touched."""
         for values in self.layer[:-2]:
             values[...] = 0
-        self._names, self._feet = [], self._feet[:0]
+        self._names, self._feet, self._contacts, self._steps = [], self._feet[:0], [], 0
 
     def _read_bodies(self, loads: dict[str, Load]) -> None:
         """Read the bodies with contact, and those whose soil still moves. Raises `InputError`, and changes nothing."""
@@ -218,8 +236,9 @@ def _with_room(feet: Any, count: int) -> Any:
     return np.concatenate((feet, more))
 
 
-def loads_of(contacts: Iterable[Contact]) -> dict[str, Load]:
-    """Return the load of each body; contacts without a force are left out."""
+def loads_of(contacts: Iterable[Contact], steps: int = 1) -> dict[str, Load]:
+    """Return the load of each body, the mean over the ``steps`` that the contacts are of; contacts without a force are
+    left out."""
     sums: dict[str, tuple[float, float, float]] = {}
     for contact in contacts:
         force = contact.normal_force * contact.normal[2]
@@ -227,7 +246,7 @@ def loads_of(contacts: Iterable[Contact]) -> dict[str, Load]:
             x, y, _ = contact.position
             total, total_x, total_y = sums.get(contact.body, NO_LOAD)
             sums[contact.body] = total + force, total_x + force * x, total_y + force * y
-    return {body: Load(force, x / force, y / force) for body, (force, x, y) in sums.items()}
+    return {body: Load(force / steps, x / force, y / force) for body, (force, x, y) in sums.items()}
 
 
 def _soils_of(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:

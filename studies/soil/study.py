@@ -189,7 +189,10 @@ def boxes() -> str:
                     soil = Soil(world.terrain, name, BulletBodies(world.client, world), SoilConfig())
                     last = 0.0
                     for _ in range(480 // every):
-                        world.step(every)
+                        for _ in range(every - 1):
+                            world.step()
+                            soil.note(world.contacts())
+                        world.step()
                         if soil.apply(world.contacts(), every * world.dt, world.time):
                             last = world.time
                     sunk = 0.1 - world.state("box").position[2]
@@ -201,7 +204,7 @@ def boxes() -> str:
         "grid [mm]",
         "closed form [mm]",
         "update at each step (240 Hz)",
-        "update at each fourth step (60 Hz)",
+        "update at each fourth step (60 Hz) by the mean of four",
     ]
     return table(head, rows)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from grid_map_msgs.msg import GridMap
+from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import (
@@ -25,8 +26,10 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
+from smartmesh_ros.node.soil.soil_map import soil_map_from
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.testing import Probe, pose_message
 from smartmesh_ros.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
@@ -81,6 +84,52 @@ def test_a_body_sinks_rests_and_sleeps_and_then_no_update_comes(probe: Probe, na
         assert np.count_nonzero(sinkage) < 100
 
 
+def soils_message(cells: list[list[int]], *, resolution: float, x: float, y: float) -> OccupancyGrid:
+    grid = OccupancyGrid(header=Header(frame_id="map"), data=[cell for row in cells for cell in row])
+    grid.info.resolution, grid.info.width, grid.info.height = resolution, len(cells[0]), len(cells)
+    grid.info.origin.position.x, grid.info.origin.position.y, grid.info.origin.orientation.w = x, y, 1.0
+    return grid
+
+
+def test_a_map_of_soils_lets_bodies_sink_by_the_soil_under_them(probe: Probe) -> None:
+    """Clay beside x = 0 is much harder than the sand that the parameter soil names, before as after the terrain."""
+    updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
+    soils = probe.node.create_publisher(OccupancyGrid, "/soil/soils", LATCHED)
+    soils.publish(soils_message([[-1, 0]], resolution=2.0, x=-2.0, y=-1.0))
+    with (
+        probe.running("terrain_collider", RATES),
+        probe.running("soil", {"soil": "dry_sand", "soils": ["clay"], "load_time": 0.2}) as node,
+    ):
+        probe.wait_for(lambda: probe.node.count_subscribers("/terrain_collider/heightmap") == 2)
+        probe.wait_for(lambda: soils.get_subscription_count() == 1)
+        publish_flat(probe)
+        for name, x in (("on_sand", -0.5), ("on_clay", 0.5)):
+            assert probe.call("spawn_body", SpawnBody, id=name, shape=PLATE, mass=20.0,
+                              pose=pose_message((x, 0.0, 0.0505))).success  # fmt: skip
+        probe.wait_for(lambda: bool(updates))
+        probe.wait_for(lambda: height_of(probe, "on_sand") < 0.047)
+        assert height_of(probe, "on_clay") > 0.049
+        soils.publish(soils_message([[1]], resolution=1.0, x=0.0, y=0.0))
+        probe.wait_for(lambda: "cells are 1 to 1; they must be -1" in node.output)
+
+
+def test_cells_of_soils_go_to_the_samples_inside_them() -> None:
+    turned = soils_message([[0, 1], [-1, 2]], resolution=0.5, x=1.0, y=0.0)
+    turned.info.origin.orientation.z = turned.info.origin.orientation.w = math.sqrt(0.5)  # columns along +y
+    found = soil_map_from(turned, 3, 100)
+    geometry = GridGeometry(rows=3, columns=3, resolution=0.5, origin=(0.25, 0.25, 0.0))
+    assert found.kinds_on(geometry).tolist() == [[0, 1, 0], [3, 2, 0], [0, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("cells", "resolution", "words"),
+    [([[3]], 0.5, "cells are 3 to 3"), ([[-2]], 0.5, "cells are -2"), ([[0]], 0.0, "resolution is 0")],
+)
+def test_impossible_maps_of_soils_are_refused(cells: list[list[int]], resolution: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        soil_map_from(soils_message(cells, resolution=resolution, x=0.0, y=0.0), 3, 100)
+
+
 def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:
     """The three nodes of soil.launch.py rover:=true."""
     updates = probe.listen("/terrain_collider/heightmap_update", HeightmapUpdate, QoSProfile(depth=1000))
@@ -124,6 +173,7 @@ def test_contacts_of_other_frames_and_unknown_bodies_are_refused(probe: Probe) -
     ("parameters", "words"),
     [
         ({"soil": "cheese"}, "no soil 'cheese'"),
+        ({"soils": ["cheese"]}, "no soil 'cheese'"),
         ({"flow": 2.0}, "flow"),
         ({"soils_file": "/none.yaml"}, "cannot be read"),
     ],

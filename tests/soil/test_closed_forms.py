@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from studies.soil.trials import TOWED, PlateTrial, TowedWheel, plate_sinkage, sled_shear, wheel_sinkage, wheel_work
@@ -130,6 +131,15 @@ def test_a_map_of_soils_gives_each_place_its_own() -> None:
         trial = PlateTrial(["dry_sand", "lunar"], spacing=0.02, kinds=kinds, place=place)
         trial.press(10e3, 1.0)
         assert trial.sinkage == pytest.approx(plate_sinkage(soil_named(name), 0.1, 10e3), rel=0.03)
+
+
+def test_another_map_of_soils_may_come_later() -> None:
+    trial = PlateTrial(["dry_sand", "lunar"], spacing=0.02)
+    trial.soil.set_kinds(np.ones(trial.map.heights.shape, np.uint8))
+    trial.press(10e3, 1.0)
+    assert trial.sinkage == pytest.approx(plate_sinkage(soil_named("lunar"), 0.1, 10e3), rel=0.03)
+    with pytest.raises(InputError, match="kinds"):
+        trial.soil.set_kinds(np.full(trial.map.heights.shape, 2))
 
 
 def test_a_load_beside_the_middle_makes_the_plate_lean() -> None:

@@ -3,7 +3,9 @@
 It takes the collider's ``heightmap``, ``contacts``, ``body_states``, ``body_descriptions`` and ``joint_states``, lets
 the soil give way under the contact forces, and sends the changed ground to the collider's ``heightmap_update``. Nothing
 is sent while nothing moves. The deformed terrain is published on ``~/grid_map`` (elevation, sinkage, pressure) if
-grid_map_msgs is installed. The collider must extrapolate its terrain (``terrain.motion``, the default).
+grid_map_msgs is installed. ``~/soils`` (nav_msgs/OccupancyGrid, latched) says which soil lies where: values are places
+in the parameter ``soils``, -1 is the parameter ``soil``. The collider must extrapolate its terrain
+(``terrain.motion``, the default).
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +31,8 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
-from smartmesh_ros.node.soil.soil_messages import contacts_from, grid_map_message, update_message
+from smartmesh_ros.node.soil.soil_map import SoilMap, soil_map_from
+from smartmesh_ros.node.soil.soil_messages import PressingContact, contacts_from, grid_map_message, update_message
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Region, Soil, loads_of
 from smartmesh_ros.soil.soils import KNOWN, soil_named, soils_of
@@ -40,6 +44,7 @@ _D = SoilConfig()
 SPECS = (
     Spec("soil", "dry_sand", f"Name of the soil: {', '.join(soils_of())}, or one of soils_file.", read_only=True),
     Spec("soils_file", "", "YAML file of soils under Chrono's names; empty = the soils that ship.", read_only=True),
+    Spec("soils", [], "Names of more soils, for the cells of ~/soils; empty = there is one soil.", read_only=True),
     Spec("flow", _D.flow, "Share of the displaced volume that moves to the rim; the rest is compacted.", 0.0, 1.0,
          read_only=True),
     Spec("rim", _D.rim, "Width of that rim [samples].", 1, 20, read_only=True),
@@ -48,6 +53,8 @@ SPECS = (
     Spec("load_time", _D.load_time, "Time constant of the filter on contact forces [s].", 0.0, 10.0, read_only=True),
     Spec("lean_time", _D.lean_time, "Time constant of the filter on the place of contact forces [s].", 0.0, 100.0,
          read_only=True),
+    Spec("rate", 60.0, "Largest rate of updates [Hz]. Contacts that come more often are averaged between updates.", 1.0,
+         1000.0, read_only=True),
     Spec("still", _D.still, "Ground that moves more slowly stays where it is [m/s].", 0.0, 1.0, read_only=True),
     Spec("tile", "", "Tile of the terrain that gives way; empty = the single map.", read_only=True),
     Spec("grid_map_rate", 1.0, "Rate of ~/grid_map while the ground changes [Hz]; 0 = never.", 0.0, 60.0,
@@ -58,6 +65,8 @@ SPECS = (
 )  # fmt: skip
 # Longest time between two messages of contacts that counts as one update [s]; after a longer one contact was lost.
 LONGEST_UPDATE = 0.25
+# Share of the time between two updates by which an update may come early, because stamps are those of steps.
+EARLY = 0.1
 # Number of own updates that may still come back.
 ECHOES = 1000
 
@@ -69,7 +78,9 @@ class SoilNode(Node):
         super().__init__(NAME, **node_options)
         values = declare(self, SPECS)
         self.refusals = Refusals(self.get_logger())
-        self._soil_type = soil_named(values["soil"], Path(values["soils_file"]) if values["soils_file"] else KNOWN)
+        file = Path(values["soils_file"]) if values["soils_file"] else KNOWN
+        self._soils = [soil_named(name, file) for name in (values["soil"], *values["soils"])]
+        self._soil_map: SoilMap | None = None
         self._config = SoilConfig(
             flow=values["flow"], rim=values["rim"], repose=values["repose"], slides=values["slides"],
             load_time=values["load_time"], lean_time=values["lean_time"], still=values["still"], grip=False,
@@ -79,7 +90,9 @@ class SoilNode(Node):
         self.soil: Soil | None = None
         self._frame = ""
         self._start: float | None = None  # stamp that is time zero of the soil's map [s]
-        self._time = 0.0  # of the last update
+        self._time, self._interval = 0.0, 1.0 / values["rate"]  # of the last update, and least time between two [s]
+        self._contacts: list[PressingContact] = []  # since the last update, of a number of messages
+        self._steps = 0
         self._sent: dict[tuple[int, int, int, int, int], None] = {}  # own updates that may come back
         self._changed = False
         press_soil()
@@ -104,6 +117,7 @@ class SoilNode(Node):
     def _listen(self) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         maps = latched if self._durability == "transient_local" else QoSProfile(depth=1)
+        self.create_subscription(OccupancyGrid, "~/soils", self._guarded("soils", self._take_soils), latched)
         inputs: list[tuple[Any, str, Any, Callable[[Any], None], bool]] = [
             (Heightmap, "heightmap", maps, self._take_map, True),
             (HeightmapUpdate, "heightmap_update", QoSProfile(depth=1000), self._take_region, True),
@@ -140,7 +154,15 @@ class SoilNode(Node):
             self.soil.map.replace(found.heights, time=time, velocities=found.velocities)
             return
         new = HeightMap(found.heights, geometry=found.geometry, time=time, velocities=found.velocities)
-        self.soil = Soil(new, self._soil_type, self._bodies, self._config)
+        kinds = None if self._soil_map is None else self._soil_map.kinds_on(found.geometry)
+        self.soil = Soil(new, self._soils, self._bodies, self._config, kinds=kinds)
+
+    def _take_soils(self, message: OccupancyGrid) -> None:
+        """Take which soil lies where."""
+        self._require_frame(message.header.frame_id)
+        self._soil_map = soil_map_from(message, len(self._soils) - 1, self._most)
+        if self.soil is not None:
+            self.soil.set_kinds(self._soil_map.kinds_on(self.soil.map.geometry))
 
     def _take_region(self, data: bytes) -> None:
         """Take a change by others; own ones come back and are left out."""
@@ -179,10 +201,15 @@ class SoilNode(Node):
             return
         self._require_frame(message.header.frame_id)
         time = self._time_of(message.header.stamp)
-        dt, self._time = time - self._time, time
+        self._contacts += contacts_from(message)
+        self._steps += 1
+        dt = time - self._time
+        if 0.0 < dt < (1.0 - EARLY) * self._interval:
+            return
+        loads, self._time = loads_of(self._contacts, self._steps), time
+        self._contacts, self._steps = [], 0
         if not 0.0 < dt <= LONGEST_UPDATE:
             return
-        loads = loads_of(contacts_from(message))
         for name in [name for name in loads if self._bodies.read(name) is None]:
             del loads[name]
             problem = f"there is no shape and state of {name!r}; it presses no soil"
