@@ -1,0 +1,94 @@
+"""Whether a collider with the node soil beside it holds its rate: real-time factor and missed deadlines over DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import rclpy
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import Heightmap, Timing
+from smartmesh_msgs.srv import SpawnBody
+
+from smartmesh_ros.startup.domains import isolated
+from smartmesh_ros.testing.messages import heightmap_message, pose_message
+from smartmesh_ros.testing.process import Process
+
+RATE = 240.0
+RATES = {f"publish.{topic}": 60.0 for topic in ("contacts", "body_states", "joint_states")}
+BOX = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.2])
+# Each run settles before it is measured [s].
+SETTLE, SECONDS = 5.0, 15.0
+
+
+def rates() -> list[list[str]]:
+    """Return the rows of the table: scene, then the collider alone, and with soil beside it."""
+    found = []
+    for what, boxes in (("a rover that drives", 0), ("20 boxes of 0.2 m", 20)):
+        figures = [_figures(boxes, soil=soil) for soil in (False, True)]
+        found.append([what, *(f"{factor:.3f}, {missed:.2f} %" for factor, missed in figures)])
+    return found
+
+
+def _figures(boxes: int, *, soil: bool) -> tuple[float, float]:
+    """Return the mean real-time factor, and the share of steps that started late [%]."""
+    with _running(boxes, soil=soil) as (node, windows):
+        _spin(node, SETTLE)
+        windows.clear()
+        _spin(node, SECONDS)
+        length = sum(window.window_s for window in windows)
+        factor = sum(window.window_s * window.real_time_factor for window in windows) / length
+        return factor, 100.0 * sum(window.deadline_misses for window in windows) / (RATE * length)
+
+
+@contextmanager
+def _running(boxes: int, *, soil: bool) -> Iterator[tuple[Any, list[Timing]]]:
+    """Run the nodes of a scene; yield a node and the list of the collider's timings."""
+    with isolated(), ExitStack() as stack:
+        rclpy.init()
+        stack.callback(rclpy.shutdown)
+        node = rclpy.create_node("soil_study")
+        stack.callback(node.destroy_node)
+        windows: list[Timing] = []
+        node.create_subscription(Timing, "/terrain_collider/timing", windows.append, 10)
+        stack.enter_context(Process("terrain_collider", RATES))
+        if soil:
+            stack.enter_context(Process("soil", {"soil": "hit_lss1"}))
+        listeners = 2 if soil else 1
+        if boxes:
+            _place(node, boxes, listeners)
+        else:
+            stack.enter_context(Process("rover", {"listeners": listeners}))
+        _wait(node, lambda: len(windows) > 2)
+        yield node, windows
+
+
+def _place(node: Any, boxes: int, listeners: int) -> None:
+    """Publish flat ground, and spawn boxes on it."""
+    maps = node.create_publisher(Heightmap, "/terrain_collider/heightmap", 1)
+    spawn = node.create_client(SpawnBody, "/terrain_collider/spawn_body")
+    _wait(node, lambda: maps.get_subscription_count() == listeners and spawn.service_is_ready())
+    maps.publish(heightmap_message(np.zeros((301, 301), np.float32), resolution=0.02))
+    _spin(node, 1.0)
+    for index in range(boxes):
+        pose = pose_message((1.0 + 0.8 * (index % 5), 1.0 + 0.8 * (index // 5), 0.11))
+        asked = spawn.call_async(SpawnBody.Request(id=f"box{index}", shape=BOX, mass=20.0, pose=pose))
+        _wait(node, asked.done)
+        assert asked.result().success, asked.result().message
+
+
+def _spin(node: Any, seconds: float) -> None:
+    end = monotonic() + seconds
+    while monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def _wait(node: Any, condition: Any, longest: float = 180.0) -> None:
+    end = monotonic() + longest
+    while not condition():
+        if monotonic() > end:
+            raise TimeoutError("the nodes did not start")
+        rclpy.spin_once(node, timeout_sec=0.05)
