@@ -42,7 +42,7 @@ bench:  ## running times against the report's tables
 studies:  ## speed against accuracy, and the stability matrix (about 15 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) accuracy $(ARGS)
 
-before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for half a minute, --robots for robots
+before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
 	@$(RUN) studies -- $(STUDIES) before-after --before "$(BEFORE)" $(ARGS)
 
 robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)

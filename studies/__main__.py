@@ -8,7 +8,7 @@ import sys
 # By name: the module whose ``main`` runs the study, and a description.
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
-    "before-after": ("studies.before_after.study", "this code against that of another checkout"),
+    "before-after": ("studies.before_after", "this code against that of another checkout"),
     "bench": ("studies.bench", "running times against the report's tables"),
     "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),

@@ -24,6 +24,7 @@ _ENTRIES = {
     "mujoco": _Entry("studies.engines.mujoco_hfield", "MujocoHfield"),
     "physx": _Entry("studies.engines.physx", "PhysxTrimesh"),
     "rapier": _Entry("studies.engines.rapier", "RapierHeightfield"),
+    "checkout": _Entry("studies.engines.checkout", "Checkout"),
 }
 ENGINES = tuple(_ENTRIES)
 
@@ -38,11 +39,6 @@ def missing(name: str) -> str:
     except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
         return f"{type(error).__name__}: {error}"
     return ""
-
-
-def available() -> tuple[str, ...]:
-    """Names of the engines that can be used here."""
-    return tuple(name for name in ENGINES if not missing(name))
 
 
 def build(name: str, setup: Setup, options: Any = None) -> Engine:

@@ -1,86 +1,76 @@
-"""The comparison with another checkout: both sides run what they are told, and the figures are theirs."""
+"""The comparison with another checkout: the other process does what this one would, and the figures are its own."""
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-import smartmesh_ros
+from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
-from studies.before_after.case import CASES, cases
-from studies.before_after.contest import Calls, Compared, Figures, compare
-from studies.before_after.robots import (
-    RobotCase,
-    RobotFigures,
-    RobotsCompared,
-    compare_robots,
-    robot_cases,
-    robots_missed,
-)
-from studies.before_after.side import Side
-from studies.before_after.tables import missed, speed_table
-from studies.robots.robot import HUSKY
+from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
+from smartmesh_ros.evaluation.scene import Bodies, Scene
+from studies import before_after
+from studies.before_after import BEFORE, NOW, compare, same, speed_table
+from studies.contest import Result
+from studies.engines.checkout import HERE, Checkout, CheckoutOptions
 
-HERE = Path(smartmesh_ros.__file__).parents[1]
-[BALLS] = [case for case in CASES if case.name == "waves_10"]
+DT = 1.0 / 240.0
+SMALL = Scene(
+    name="small", title="Small", ground={"kind": "waves", "amplitude": 0.25, "number": 1.5, "frequency": 4.0},
+    grid=(41, 0.25), bodies=Bodies(count=3, spread=(2.0, 2.0)), map_rate=60.0, duration=0.5, settle=0.25,
+    samples=24.0, reference="none",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("driver", ["ground", "world"])
-def test_the_same_code_is_equal_to_itself(tmp_path: Path, driver: str) -> None:
-    case = replace(BALLS, driver=driver, count=3, seconds=0.5, settle=0.25, calls=True)  # type: ignore[arg-type]
-    [found] = compare({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
-    assert found.before.p99 == found.now.p99 >= 0.0
-    assert (found.before.lost, found.now.lost, found.now.note) == (0, 0, "")
-    assert 0.2 < found.speed_up < 5.0
-    assert found.now.update > 0.0 and found.now.step > 0.0
-    # Position and velocity of each body are read at least.
-    assert found.now.calls is not None and found.now.calls.calls >= 2.0
-    assert 0.0 < found.now.calls.own < 10.0 * found.now.update
+def test_another_checkout_of_the_same_code_moves_bodies_like_this_one() -> None:
+    heights = 0.1 * np.sin(np.arange(21)[:, np.newaxis] + 0.5 * np.arange(31))
+    bodies = [
+        EngineBody(shape=Sphere(0.25), mass=2.0, state=BodyState((1.3, 2.9, 0.5), linear=(1.0, 0.0, 0.0))),
+        EngineBody(shape=Box(0.4, 0.6, 0.3), state=BodyState((4.1, 1.1, 0.5)), friction=0.8, restitution=0.2),
+    ]
+    heightmap = HeightMap(heights, resolution=0.2)
+    setup = Setup(heights=heights, resolution=0.2, bodies=bodies, dt=DT)
+    with World(heightmap, WorldConfig(physics=PhysicsConfig(rate=240.0))) as world, Checkout(setup) as other:
+        for index, body in enumerate(bodies):
+            made = world.spawn(f"body_{index}", body.shape, body.mass, body.state)
+            world.client.changeDynamics(made.uid, -1, lateralFriction=body.friction, restitution=body.restitution)
+        for step in range(120):
+            if step % 4 == 3:
+                heightmap.replace(heights + 1e-3 * step, time=world.time)
+                other.set_ground(heights + 1e-3 * step)
+            world.step()
+            other.step()
+        here = [world.client.getBasePositionAndOrientation(body.uid) for body in world.bodies.values()]
+        np.testing.assert_array_equal(other.positions(), [position for position, _ in here])
+        np.testing.assert_array_equal(other.orientations(), [orientation for _, orientation in here])
+        update, step_time = other.taken()
+        assert update > 0.0 and step_time > 0.0
+        assert other.taken() == (0.0, 0.0)
 
 
-def test_every_case_has_its_own_name_and_the_quick_run_has_some_of_them() -> None:
-    assert {case.name for case in cases(quick=True)} < {case.name for case in cases(quick=False)}
-    assert len({case.name for case in CASES}) == len(CASES)
+def test_the_same_code_is_equal_to_itself_and_the_table_says_so() -> None:
+    found = compare(SMALL, {BEFORE: HERE, NOW: HERE}, "auto", lambda line: None)
+    assert same(found[BEFORE], found[NOW])
+    assert found[NOW].p99 >= 0.0 and found[NOW].lost == 0
+    assert 0.0 < found[NOW].update < found[NOW].cost
+    assert speed_table({"Small": found}).endswith("| yes |")
+    other = replace(found[NOW], p99=found[NOW].p99 + 1e-9)
+    assert speed_table({"Small": {BEFORE: found[BEFORE], NOW: other}}).endswith("| no |")
+
+
+def test_times_do_not_make_results_differ() -> None:
+    result = Result(cost=2.0, update=1.0, p99=0.001)
+    assert same(result, replace(result, cost=3.0, spread=(1.0, 4.0), update=0.5))
+    assert not same(result, replace(result, lost=1))
 
 
 def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no smartmesh_ros"):
-        Side(tmp_path)
+        Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), CheckoutOptions(folder=tmp_path))
 
 
-def test_code_that_cannot_run_a_case_leaves_its_side_empty(tmp_path: Path) -> None:
-    case = replace(BALLS, count=1, seconds=0.5, kind="no such kind")
-    [found] = compare({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
-    assert "no such kind" in found.before.note
-    assert "did not run" in speed_table([found])
-    assert len(missed([found])) == 2
-
-
-def test_what_was_asked_for_and_is_not_there_is_said() -> None:
-    before = Figures(update=10.0, step=5.0, p99=1.0)
-    case = replace(BALLS, to_reach=4.0, deepest=0.002)
-    good = Figures(update=2.0, step=5.0, p99=1.04, calls=Calls(own=1.0, else_=0.4, calls=4.0))
-    assert missed([Compared(case=case, before=before, now=good)]) == []
-    bad = Figures(update=5.0, step=5.0, p99=2.5, lost=1, calls=Calls(own=1.0, else_=0.6, calls=4.0))
-    assert len(missed([Compared(case=case, before=before, now=bad)])) == 5
-
-
-def test_robots_of_the_same_code_have_the_same_fields_and_a_whole_map_has_none(tmp_path: Path) -> None:
-    case = RobotCase(robot=HUSKY, resolution=0.1, moving=True, seconds=0.5, settle=0.25)
-    [found] = compare_robots({"before": HERE, "now": HERE}, [case], 1, tmp_path, lambda line: None)
-    assert found.before.wheel == found.now.wheel >= 4.0
-    assert found.now_whole.wheel != found.now_whole.wheel, "no number"
-    for figures in (found.before, found.now, found.before_whole, found.now_whole):
-        assert figures.step > 0.0 and figures.own > 0.0 and not figures.note
-
-
-def test_a_robot_case_that_misses_its_targets_says_each() -> None:
-    before, whole = RobotFigures(step=400.0, own=100.0, wheel=289.0), RobotFigures(step=500.0, own=0.0)
-    [case] = [case for case in robot_cases() if case.name == "husky_4cm_rest_auto"]
-
-    def compared(now: RobotFigures) -> RobotsCompared:
-        return RobotsCompared(case=case, before=before, now=now, before_whole=whole, now_whole=whole)
-
-    assert robots_missed([compared(RobotFigures(step=250.0, own=40.0, wheel=25.0))]) == []
-    assert len(robots_missed([compared(before)])) == 3
-    assert len({case.name for case in robot_cases()}) == len(robot_cases()) == 8
+def test_code_that_cannot_run_a_scene_says_why(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    options = ["--before", str(HERE), "--scenes", "flat", "--kind", "jelly", "--out", str(tmp_path)]
+    assert before_after.main(options) == 2
+    assert "jelly" in capfd.readouterr().err

@@ -37,7 +37,6 @@ from studies.mapper import (
 from studies.mapper.elevation_mapper import ElevationMapper
 from studies.mapper.grid_map import grid_map_arrays
 from studies.mapper.mapping import true_heights
-from studies.mapper.picture import draw_frame
 from studies.mapper.poses import on_ground
 from studies.mapper.rays import cast_rays
 from studies.mapper.sensors import Scan, scan
@@ -408,8 +407,3 @@ def test_the_shipped_bag_holds_maps_of_the_true_ground() -> None:
     # A loop is closed in the middle: the map drifts up to there, and jumps back.
     assert abs(offsets[11]) > 3.0 * abs(offsets[12])
     assert abs(offsets[11] - offsets[12]) > 0.02
-
-
-def test_a_map_can_be_looked_at(tmp_path: Path) -> None:
-    draw_frame(tmp_path / "map.png", last_of(MappingConfig(duration=0.5)))
-    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")

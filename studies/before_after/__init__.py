@@ -1,1 +1,0 @@
-"""Comparison of this code with that of another folder: speed and penetration, measured in turns in one run."""

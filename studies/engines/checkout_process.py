@@ -1,0 +1,122 @@
+"""The process of `studies.engines.checkout`: it steps the `World` of the smartmesh_ros in its PYTHONPATH.
+
+This script uses only the package's public API, so that it runs with other versions of the package. It reads pickled
+pairs (name of a method of `Run`, arguments) from standard input, and answers with pairs (result, error).
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+import traceback
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+
+class Run:
+    """A scene, and the processor time that it took."""
+
+    def __init__(self) -> None:
+        self._taken = [0.0, 0.0]
+
+    def package(self) -> str:
+        """Return the path of the package that runs."""
+        import smartmesh_ros
+
+        return str(smartmesh_ros.__file__)
+
+    def start(
+        self, *, heights: Any, resolution: float, rate: float, gravity: Any, slide: Any, kind: Any, bodies: Any
+    ) -> None:
+        """Make the world; ``bodies``: shape's class, its arguments, mass, state, friction, restitution of each."""
+        import smartmesh_ros as package
+
+        self._slide = slide
+        self._map: Any = {"resolution": resolution}
+        self._heightmap = package.HeightMap(heights, **self._map)
+        config = package.WorldConfig(
+            physics=package.PhysicsConfig(rate=rate, gravity=gravity), patch=package.PatchConfig(kind=kind)
+        )
+        self._world = package.World(self._heightmap, config)
+        for index, (shape, arguments, mass, state, *_) in enumerate(bodies):
+            made = getattr(package, shape)(**arguments)
+            self._world.spawn(f"body_{index}", made, mass, package.BodyState(**state))
+        self._client: Any = self._world.client
+        self._uids = [body.uid for body in self._world.bodies.values()]
+        for uid, (*_, friction, restitution) in zip(self._uids, bodies, strict=True):
+            self._client.changeDynamics(uid, -1, lateralFriction=friction, restitution=restitution)
+        self._client.stepSimulation = self._timed(self._client.stepSimulation)
+
+    def set_ground(self, *, heights: Any, velocities: Any) -> None:
+        """Take a map."""
+        import smartmesh_ros as package
+
+        begin, time = process_time(), self._world.time
+        if any(self._slide):
+            # A new map at another position tells the terrain that the ground slides.
+            origin = (self._slide[0] * time, self._slide[1] * time)
+            moved = package.HeightMap(heights, origin=origin, time=time, velocities=velocities, **self._map)
+            self._world.terrain.put("", moved)
+        else:
+            self._heightmap.replace(heights, time=time, velocities=velocities)
+        self._taken[0] += process_time() - begin
+
+    def step(self) -> None:
+        """Step the world."""
+        begin, before = process_time(), self._taken[1]
+        self._world.step()
+        self._taken[0] += process_time() - begin - (self._taken[1] - before)
+
+    def taken(self) -> tuple[float, float]:
+        """Return the processor time since the last call [s]: of all but ``stepSimulation``, and of that."""
+        update, step = self._taken
+        self._taken = [0.0, 0.0]
+        return update, step
+
+    def positions(self) -> Any:
+        """Return the positions of the bodies (N, 3) [m]."""
+        return np.array([self._client.getBasePositionAndOrientation(uid)[0] for uid in self._uids])
+
+    def orientations(self) -> Any:
+        """Return the orientations of the bodies (N, 4)."""
+        return np.array([self._client.getBasePositionAndOrientation(uid)[1] for uid in self._uids])
+
+    def velocities(self) -> Any:
+        """Return the velocities of the bodies (N, 6) [m/s, rad/s]."""
+        return np.array([np.concatenate(self._client.getBaseVelocity(uid)) for uid in self._uids])
+
+    def _timed(self, function: Any) -> Any:
+        def call() -> None:
+            begin = process_time()
+            function()
+            self._taken[1] += process_time() - begin
+
+        return call
+
+
+def main() -> None:
+    """Answers calls until standard input ends."""
+    # Redirect PyBullet's output, which must not mix with the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    run = Run()
+    while True:
+        try:
+            name, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        result: Any = None
+        error = ""
+        try:
+            result = getattr(run, name)(**arguments)
+        except Exception:  # noqa: BLE001  the other checkout runs on, and the table says what failed
+            error = traceback.format_exc()
+        pickle.dump((result, error), answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
