@@ -176,7 +176,8 @@ def run_scene(
     truth = scene.make_ground()
     surfaces = {}
     for part, piece in enumerate(np.array_split(instants, min(pieces, len(instants)))):
-        for index, runner in enumerate(runners[part % len(runners) :] + runners[: part % len(runners)]):
+        first = part % max(len(runners), 1)
+        for index, runner in enumerate(runners[first:] + runners[:first]):
             if runner.note:
                 continue
             say(f"{scene.name} {part + 1}/{pieces} {index + 1}/{len(runners)} {runner.configuration.name}")

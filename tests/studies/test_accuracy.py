@@ -76,8 +76,13 @@ def small_scene() -> Scene:
     )  # fmt: skip
 
 
-def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground() -> None:
-    results = run_scene(small_scene(), configurations(True), lambda _: None, pieces=3)
+@pytest.fixture(scope="module")
+def results() -> dict[str, Result]:
+    """The small scene in every engine."""
+    return run_scene(small_scene(), configurations(True), lambda _: None, pieces=3)
+
+
+def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:
     for name, result in results.items():
         assert result.lost == 0, name
         assert result.most < 2e-3, name
@@ -91,8 +96,13 @@ def test_figures_within_their_limit_pass() -> None:
     assert Outcome(figure=None, **cell).passed is None  # type: ignore[arg-type]
 
 
-def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_study_writes_what_it_says(
+    results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it measures is tested above, and the picture of a box in test_real_maps_picture.py."""
     monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
+    monkeypatch.setattr(accuracy, "run_scene", lambda *_, **__: results)
+    monkeypatch.setattr(accuracy, "draw_box", lambda path: path.touch())
     monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
     assert accuracy.main(["--quick", "--out", str(tmp_path)]) == 0
     pictures = ("small", "all", "stability")

@@ -33,8 +33,9 @@ def test_another_checkout_of_the_same_code_moves_bodies_like_this_one() -> None:
     setup = Setup(heights=heights, resolution=0.2, bodies=bodies, dt=DT)
     with World(heightmap, WorldConfig(physics=PhysicsConfig(rate=240.0))) as world, Checkout(setup) as other:
         for index, body in enumerate(bodies):
-            made = world.spawn(f"body_{index}", body.shape, body.mass, body.state)
-            world.client.changeDynamics(made.uid, -1, lateralFriction=body.friction, restitution=body.restitution)
+            world.spawn(f"body_{index}", body.shape, body.mass, body.state)
+            uid = world.bodies[f"body_{index}"].uid
+            world.client.changeDynamics(uid, -1, lateralFriction=body.friction, restitution=body.restitution)
         for step in range(120):
             if step % 4 == 3:
                 heightmap.replace(heights + 1e-3 * step, time=world.time)
@@ -70,7 +71,10 @@ def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
         Checkout(Setup(heights=np.zeros((9, 9)), resolution=0.5, bodies=[], dt=DT), CheckoutOptions(folder=tmp_path))
 
 
-def test_code_that_cannot_run_a_scene_says_why(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    options = ["--before", str(HERE), "--scenes", "flat", "--kind", "jelly", "--out", str(tmp_path)]
+def test_code_that_cannot_run_a_scene_says_why(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(before_after, "read_scenes", lambda: [SMALL])
+    options = ["--before", str(HERE), "--scenes", "small", "--kind", "jelly", "--out", str(tmp_path)]
     assert before_after.main(options) == 2
-    assert "jelly" in capfd.readouterr().err
+    assert "jelly" in capsys.readouterr().err

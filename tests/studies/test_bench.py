@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from smartmesh_ros.errors import InputError
 from studies.bench import cli, document, report
 from studies.bench.markdown import number, times
-from studies.bench.measure import Bench, Case, Effort, Results, Timing
+from studies.bench.measure import QUICK, Bench, Case, Effort, Results, Timing
 from studies.bench.targets import TARGETS
 
 PNG = b"\x89PNG"
@@ -19,9 +20,11 @@ PNG = b"\x89PNG"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a quick run leaves."""
+    """What a quick run of two frames a case leaves."""
     folder = tmp_path_factory.mktemp("bench")
-    assert cli.main(["--quick", "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cli, "QUICK", replace(QUICK, frames=2, seconds=0.0, report_seconds=0.0))
+        assert cli.main(["--quick", "--out", str(folder)]) == 0
     return folder
 
 

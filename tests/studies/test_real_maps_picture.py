@@ -1,8 +1,15 @@
 """What the picture of the guide shows is so."""
 
+from pathlib import Path
+
 import numpy as np
 
-from studies.matrix.real_maps_picture import corrected, noisy, ways
+from studies.matrix.real_maps_picture import corrected, draw_box, noisy, ways
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    draw_box(tmp_path / "box.png", seconds=0.2)
+    assert (tmp_path / "box.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_only_corrections_leave_a_box_on_the_ground() -> None:
