@@ -182,7 +182,8 @@ def test_the_deviation_near_a_solid_is_that_of_every_point_it_can_touch(seed: in
     points = SHARES @ corners
     # Points of the triangle within the margin of a point inside the form.
     near = form.surface(rng, 300) @ rotation(turn).T + position
-    touched = np.linalg.norm(points[:, None] - near, axis=2).min(axis=1) <= margin
+    squared = sum(np.subtract.outer(points[:, axis], near[:, axis]) ** 2 for axis in range(3))
+    touched = np.min(squared, axis=1) <= margin**2
     touched |= form.inside(points, position, rotation(turn))
     off = np.abs(points[:, 2] - height_of(plane, 0.0, 0.0) - points[:, :2] @ (plane.slope_x, plane.slope_y))
     bound = deviation_near(facet, plane, solid, gap, margin)

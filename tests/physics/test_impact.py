@@ -79,7 +79,12 @@ def test_a_ball_meets_a_plane_where_geometry_says(rise: float, above: float, alo
     share = (above - TOUCH) / closing if closing > 0.0 else 2.0
     if share < 0.99:
         assert found.share == pytest.approx(share, abs=1.01 * TOUCH / closing)
-        np.testing.assert_allclose(found.normal, normal, atol=1e-9)
+        # Near an edge the ball may touch the next facet too, whose closest point is so far beside.
+        tilt = math.sqrt(2.0 * TOUCH / radius)
+        foot = (start + share * path - radius * normal) / SPACING
+        edges = np.array([foot[0], foot[1], foot[0] - foot[1]])
+        near = SPACING * np.abs(edges - np.rint(edges)).min() < 2.0 * radius * tilt
+        np.testing.assert_allclose(found.normal, normal, atol=tilt if near else 1e-9)
     elif not share <= 1.01:
         assert found.share == 2.0
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -157,6 +158,7 @@ class Ride(NamedTuple):
     depth: float
 
 
+@cache
 def ride(wave: Wave, *, carry: bool = True) -> Ride:
     """16 spheres of 0.2 m on the report's inward waves for 4 s, maps and physics at 240 Hz."""
     size, resolution = 121, 0.25

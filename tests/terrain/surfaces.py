@@ -39,17 +39,21 @@ def highest(facets: np.ndarray, points: np.ndarray, slack: float = 1e-9) -> Foun
     """The highest facet under each point (N, 3), at most as high as the point."""
     values, normals = np.full(len(points), np.nan), np.full((len(points), 3), np.nan)
     own = normals_of(facets)
+    # Facets whose bounding boxes are beside a point are not under it.
+    low, high = facets[:, :, :2].min(axis=1) - 1e-6, facets[:, :, :2].max(axis=1) + 1e-6
+    west, south, east, north = (np.ascontiguousarray(side) for side in (*low.T, *high.T))
     for i, (x, y, top) in enumerate(points):
-        a, b, c = (facets[:, k, :2] - (x, y) for k in range(3))
+        near = np.flatnonzero((west <= x) & (x <= east) & (south <= y) & (y <= north))
+        a, b, c = (facets[near, k, :2] - (x, y) for k in range(3))
         u, v, w = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b)))
         area = u + v + w
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.stack([u, v, w], axis=1) / area[:, None]
-        z = (weights * facets[:, :, 2]).sum(axis=1)
+        z = (weights * facets[near, :, 2]).sum(axis=1)
         inside = (weights >= -slack).all(axis=1) & (z <= top)
         if inside.any():
             best = np.flatnonzero(inside)[z[inside].argmax()]
-            values[i], normals[i] = z[best], own[best]
+            values[i], normals[i] = z[best], own[near[best]]
     return Found(values, normals)
 
 
