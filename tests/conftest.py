@@ -22,43 +22,70 @@ if settings.get_current_profile_name() == "steady":
     assert callable(providers._get_local_constants)
     providers._get_local_constants = lambda: providers._local_constants
 
-# Files that take longest, which start first: the last to run should be short, or a core waits for the other.
-LONGEST = (
-    "newcomer/test_wheel.py",
-    "studies/test_consumer.py",
-    "node/test_processes.py",
-    "newcomer/test_workspace.py",
-    "view/test_page.py",
-    "fuzz/test_quick.py",
-    "tune/test_search.py",
-    "node/test_batches.py",
-    "studies/test_before_after.py",
-    "node/test_robots.py",
-    "studies/test_robots.py",
-    "node/test_faults.py",
-    "test_machine_code.py",
-    "soil/test_soil_world.py",
-    "studies/test_mapper.py",
-    "studies/test_bench.py",
-    "studies/test_accuracy.py",
-    "node/test_presets.py",
-    "node/test_tutorial.py",
-    "node/test_partition.py",
-    "patches/test_selection.py",
-    "physics/test_colliders.py",
-)
+# Processor time of a file's tests, and of the processes that they start [s], of files that take long. Measured once, on
+# two cores; only their order counts.
+COSTS = {
+    "newcomer/test_workspace.py": 48,
+    "newcomer/test_wheel.py": 39,
+    "studies/test_consumer.py": 36,
+    "test_machine_code.py": 35,
+    "node/test_presets.py": 22,
+    "view/test_page.py": 21,
+    "tune/test_search.py": 20,
+    "node/test_fleet.py": 18,
+    "patches/test_selection.py": 18,
+    "node/test_faults.py": 17,
+    "node/test_processes.py": 17,
+    "physics/test_guests.py": 14,
+    "fuzz/test_quick.py": 13,
+    "node/test_batches.py": 13,
+    "studies/test_accuracy.py": 13,
+    "node/test_body_inputs.py": 12,
+    "physics/test_colliders.py": 12,
+    "studies/test_bench.py": 12,
+    "node/test_soil.py": 11,
+    "node/test_testing.py": 11,
+    "studies/test_mapper.py": 11,
+    "node/test_robots.py": 10,
+    "node/test_terrain_adapters.py": 10,
+    "node/test_terrain_sensor.py": 10,
+    "node/test_partition.py": 9,
+    "node/test_client.py": 8,
+    "node/test_start.py": 8,
+    "physics/test_belts.py": 8,
+    "physics/test_waking.py": 8,
+    "soil/test_closed_forms.py": 8,
+    "terrain/test_noise_check.py": 8,
+    "node/test_connections.py": 7,
+    "node/test_tutorial.py": 7,
+    "physics/test_impact.py": 7,
+    "physics/test_moving_ground.py": 7,
+    "studies/test_robots.py": 7,
+    "test_warm_up.py": 7,
+    "node/test_bags.py": 6,
+    "node/test_clock.py": 6,
+    "node/test_ground_services.py": 6,
+    "node/test_mujoco_field.py": 6,
+    "node/test_own_topics.py": 6,
+    "studies/test_engines.py": 6,
+    "node/test_meshes_and_tiles.py": 5,
+    "node/test_outputs.py": 5,
+    "node/test_real_maps.py": 5,
+    "node/test_security.py": 5,
+    "physics/test_sleep.py": 5,
+    "soil/test_soil_world.py": 5,
+    "studies/test_before_after.py": 5,
+}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort the longest files to the front, then the tests of nodes, which wait more than they compute."""
+    """Sort files by cost: those that take longest start first, so that no core waits for another at the end, and tests
+    of nodes, which wait, run beside tests that compute."""
 
-    def place(item: pytest.Item) -> int:
-        path = item.path.relative_to(ROOT / "tests").as_posix()
-        if path in LONGEST:
-            return LONGEST.index(path)
-        return len(LONGEST) + (not path.startswith("node/"))
+    def cost(item: pytest.Item) -> int:
+        return COSTS.get(item.path.relative_to(ROOT / "tests").as_posix(), 0)
 
-    items.sort(key=place)
+    items.sort(key=cost, reverse=True)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -25,8 +25,8 @@ SCENE = {
     "grid": [31, 0.25],
     "bodies": {"count": 3, "spread": [2, 2]},
     "map_rate": 30,
-    "duration": 0.4,
-    "settle": 0.1,
+    "duration": 0.2,
+    "settle": 0.05,
 }
 
 
@@ -47,7 +47,7 @@ def test_the_node_loads_what_is_written(probe: Probe, scene: Path, tmp_path: Pat
     said = capsys.readouterr().out
     assert "X chosen" in said and "preset fleet" in said and (out / "small.png").stat().st_size > 10_000
     text = (out / "small_tuned.yaml").read_text()
-    assert "# defaults" in text and "# preset accurate" in text and "Measured over 0.8 s" in text
+    assert "# defaults" in text and "# preset accurate" in text and "Measured over 0.4 s" in text
     values = yaml.safe_load(text)["/**"]["ros__parameters"]
     assert set(space.SEARCHED) < set(values)
     assert values["bodies.spawn"] == given["bodies"]["spawn"] and values["bodies.default_radius"] == 0.3
