@@ -13,7 +13,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.clearance import clearances
 from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.evaluation.measures import BoolArray, deviation, held_up, penetration
+from smartmesh_ros.evaluation.measures import BoolArray, Penetration, deviation, held_up, penetration
 from smartmesh_ros.evaluation.reference import HORIZON, reference_positions
 from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.terrain.grid import FloatArray
@@ -219,19 +219,17 @@ def _result(scene: Scene, runner: Runner, reference: FloatArray | None) -> Resul
     lost = np.logical_or.accumulate(below, axis=0)[skip:]
     found = penetration(clearance, lost, np.array([sample.held for sample in measured]))
     times = 1e6 / scene.bodies.count * np.array(runner.times)
-    low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
-    away = [math.nan, math.nan]
-    second = round(HORIZON * scene.samples) - 1
+    apart, second = None, round(HORIZON * scene.samples) - 1
     if reference is not None and len(runner.samples) > second:
         apart = deviation(runner.samples[second].positions, reference)
-        away = [float(np.median(apart)), float(apart.max())]
-    return Result(
-        cost=middle,
-        spread=(low, high),
-        update=float(np.median(times[:, 0])),
-        deviation=away[0],
-        most_deviation=away[1],
-        ran=runner.time,
-        note=runner.note,
-        **asdict(found),
-    )
+    update = float(np.median(times[:, 0]))
+    return result_of(found, times.sum(axis=1), apart, update=update, ran=runner.time, note=runner.note)
+
+
+def result_of(found: Penetration, times: FloatArray, apart: FloatArray | None, **more: Any) -> Result:
+    """Return a result from its penetration, the processor time of each piece [us] (see `Result`), the deviation of each
+    body [m], None = not measured, and the other fields."""
+    low, middle, high = np.percentile(times, (25, 50, 75)).tolist()
+    if apart is not None:
+        more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
+    return Result(cost=middle, spread=(low, high), **asdict(found), **more)

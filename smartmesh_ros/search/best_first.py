@@ -19,8 +19,8 @@ _COLUMN_STEPS = np.array([0, -1, 0, 1, -1, 1, -1, 0, 1])
 def best_first_vertex(mesh: TriangleMesh, position_w: FloatArray, start: int) -> int:
     """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
 
-    Requires a mesh whose `TriangleMesh.shape` is greedy. The cost is proportional to the number of steps: one or two
-    for a body that moves continuously, up to the width of the mesh for one that teleports.
+    Requires a mesh whose `TriangleMesh.shape` gives no reason against it. The cost is proportional to the number of
+    steps: one or two for a body that moves continuously, up to the width of the mesh for one that teleports.
     """
     coordinates = mesh.coordinates
     xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])

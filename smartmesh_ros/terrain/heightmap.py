@@ -243,11 +243,6 @@ class HeightMap:
         slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
         return slides or bool((time < self._clocks["time"] + REST_AFTER * self._clocks["lifetime"]).any())
 
-    @property
-    def slide_w(self) -> tuple[float, float]:
-        """Horizontal velocity of sample (0, 0) in the rigid motion of the map [m/s]."""
-        return self.track.motion[:2]
-
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
 

@@ -12,11 +12,10 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 class MeshShape(NamedTuple):
     """Shape of a mesh seen from above.
 
-    ``greedy``: greedy search finds the nearest vertex; ``reason``: why not. ``grid``: the grid that the vertices form
-    if their rows and columns are evenly spaced, else None.
+    ``reason``: why greedy search may miss the nearest vertex, "" if it finds it. ``grid``: the grid that the vertices
+    form if their rows and columns are evenly spaced, else None.
     """
 
-    greedy: bool
     reason: str
     grid: UniformGrid | None
 
@@ -41,18 +40,16 @@ def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
     xy = coordinates[:2]
     area = _doubled_areas(xy, triangles)
     if not (area > 0.0).all():
-        return MeshShape(
-            False, "the mesh overlaps itself seen from above, or a triangle is upright or turned over", None
-        )
+        return MeshShape("the mesh overlaps itself seen from above, or a triangle is upright or turned over", None)
     edges = _edges(triangles, coordinates.shape[1])
     if edges is None:
-        return MeshShape(False, "an edge belongs to more than two triangles", None)
+        return MeshShape("an edge belongs to more than two triangles", None)
     inner, opposite, outer = edges
     if not _convex(xy, outer):
-        return MeshShape(False, "its outline is not one convex loop, so a search can get stuck at the rim", None)
+        return MeshShape("its outline is not one convex loop, so a search can get stuck at the rim", None)
     if not _delaunay(xy, inner, opposite):
-        return MeshShape(False, "its triangles are too slanted (not Delaunay), so a search can get stuck", None)
-    return MeshShape(True, "", _uniform_grid(xy, triangles))
+        return MeshShape("its triangles are too slanted (not Delaunay), so a search can get stuck", None)
+    return MeshShape("", _uniform_grid(xy, triangles))
 
 
 def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:

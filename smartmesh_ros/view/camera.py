@@ -74,15 +74,6 @@ def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Grou
     return best
 
 
-def places_in(camera: Camera, points: FloatArray, lens: Lens) -> FloatArray:
-    """Return the coordinates of points (n, 3) [m] in a picture (n, 2), right and up: 0 in the middle, -1 and 1 at the
-    edges. Points behind the camera are far outside."""
-    right, up, forward = _axes(np.subtract(camera.target, camera.position))
-    away = points - np.asarray(camera.position)
-    depth = np.maximum(away @ forward, 1e-6) * math.tan(0.5 * lens.field_of_view)
-    return np.stack([away @ right / (lens.aspect * depth), away @ up / depth], axis=1)
-
-
 def _without_outliers(positions: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return positions and radii without bodies that are far from all others."""
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)

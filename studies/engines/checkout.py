@@ -32,7 +32,6 @@ class Checkout(Engine):
     its code cannot run the scene."""
 
     name: ClassVar[str] = "checkout"
-    carries_velocity: ClassVar[bool] = True
 
     def __init__(self, setup: Setup, options: CheckoutOptions | None = None) -> None:
         chosen = options or CheckoutOptions()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from tempfile import NamedTemporaryFile
 from time import process_time
 
@@ -16,7 +15,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.measures import BoolArray, deviation, held_up, penetration
 from smartmesh_ros.evaluation.reference import HORIZON
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.contest import Result
+from studies.contest import Result, result_of
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.configurations import RobotConfiguration
 from studies.robots.engine import Links, RobotEngine, RobotSetup
@@ -182,9 +181,5 @@ def _result(runner: Runner, reference: FloatArray) -> Result:
         np.array([sample.held for sample in measured]),
     )
     times = 1e6 / len(STARTS) * np.array(runner.times)
-    low, middle, high = np.percentile(times, (25, 50, 75)).tolist()
     apart = deviation(centres_of(runner.samples[HORIZON].links), reference)
-    return Result(
-        cost=middle, spread=(low, high), update=math.nan, deviation=float(np.median(apart)),
-        most_deviation=float(apart.max()), ran=runner.time, note=runner.note, **asdict(found),
-    )  # fmt: skip
+    return result_of(found, times, apart, ran=runner.time, note=runner.note)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from smartmesh_ros import machine_code
 from tests.newcomer.conftest import (
     ASK_GAP,
     ASK_PLACE,
@@ -96,12 +97,12 @@ def test_a_changed_callee_is_fresh_after_a_build(tmp_path: Path, option: str) ->
     add_caller_and_callee(package)
     for gap in ("0.05", "-0.05"):
         made.run(build, sourced=False)
-        place = Path(made.run(f"python3 -c '{ASK_PLACE}'").stdout.strip())
-        assert place.is_relative_to(package if option else tmp_path / "install")
-        files = sorted(place.iterdir())
-        assert any("gap_to_corner" in file.name for file in files)
-        assert made.run(f"python3 -c '{ASK_GAP}'").stdout.strip() == gap
-        assert sorted(place.iterdir()) == files
+        files = set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*"))
+        found, place = made.run(f"python3 -c '{ASK_GAP}; {ASK_PLACE}'").stdout.split()
+        assert found == gap
+        assert Path(place).is_relative_to(package if option else tmp_path / "install")
+        assert any("gap_to_corner" in file.name for file in files if file.parent == Path(place))
+        assert set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*")) == files
         if gap == "0.05":
             change_callee(package)
 

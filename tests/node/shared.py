@@ -5,24 +5,27 @@ from __future__ import annotations
 import gc
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
+import psutil
 import rclpy
 import yaml
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.parameter import Parameter, parameter_value_to_python
-from smartmesh_msgs.srv import RemoveBodies
+from smartmesh_msgs.srv import QueryGround, RemoveBodies
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.testing import Probe, heightmap_message
+from smartmesh_ros.testing import TIMEOUT, Probe, heightmap_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
@@ -60,6 +63,18 @@ def clear(probe: Probe) -> None:
 def _tiles(terrain: Mapping[str, str]) -> set[str]:
     """Names of the tiles that the diagnostics list."""
     return {found[1] for key in terrain if (found := re.fullmatch(r"size of '(.*)'", key))}
+
+
+def show_level_ground(probe: Probe, size: int = 60) -> None:
+    """Publishes a map of zero height and waits until the node has it: a body that is spawned before would fall."""
+    probe.publish_map(np.zeros((size, size)))
+    middle = doubles(np.array([0.05 * size]))
+
+    def has_ground() -> bool:
+        answer = probe.call("query_ground", QueryGround, x=middle, y=middle)
+        return bool(answer.success and answer.z[0] == 0.0)
+
+    probe.wait_for(has_ground)
 
 
 def one_round(probe: Probe) -> None:
@@ -112,3 +127,19 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
     raise AssertionError(f"{parameters} {arguments} are not refused")
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    """Waits for a condition without a probe."""
+    end = monotonic() + TIMEOUT
+    while not condition():
+        assert monotonic() < end
+        sleep(0.02)
+
+
+def has_ended(process: int) -> bool:
+    """Whether a process, by its id, has ended; its parent may not have asked for its exit code yet."""
+    try:
+        return bool(psutil.Process(process).status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True

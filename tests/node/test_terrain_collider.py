@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.testing import Probe, assert_on_map, floats, pose_message
-from tests.node.shared import changed, set_parameters
+from tests.node.shared import changed, one_round, set_parameters, show_level_ground
 
 SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
@@ -52,23 +52,23 @@ def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(sha
         shared.publish_bodies(bodies, radius=0.3)
         return len(shared.patches()) == 3
 
-    shared.wait_for(three_patches)
-    shared.publish_bodies(bodies, radius=0.3)
-    last = shared.latest("patches")
-    assert {marker.header.frame_id for marker in last.markers} == {"map"}
-    for points in shared.patches().values():
-        assert len(points) >= 24
-        assert_on_map(points, message)
-    ids = set(shared.patches())
     gone: set[int] = set()
 
     def one_is_gone() -> bool:
-        shared.publish_bodies({name: bodies[name] for name in ("rover", "dog")}, radius=0.3)
         markers = shared.latest("patches").markers
         gone.update(marker.id for marker in markers if marker.action == Marker.DELETE)
         return bool(gone)
 
-    with changed(shared, {"bodies.timeout": 100.0}):  # the others stay, however late their poses come
+    with changed(shared, {"bodies.timeout": 1000.0}):  # no body goes because its poses come late
+        shared.wait_for(three_patches)
+        last = shared.latest("patches")
+        assert {marker.header.frame_id for marker in last.markers} == {"map"}
+        for points in shared.patches().values():
+            assert len(points) >= 24
+            assert_on_map(points, message)
+        ids = set(shared.patches())
+        one_round(shared)  # no pose of the body comes after its removal
+        assert shared.call("remove_body", RemoveBody, id="arm").success
         shared.wait_for(one_is_gone)
         assert len(gone) == 1
         assert set(shared.patches()) == ids - gone
@@ -96,7 +96,7 @@ def test_poses_make_bodies_and_a_shorter_array_takes_them_away(shared: Probe) ->
 
 
 def test_bodies_fall_rest_and_report(shared: Probe) -> None:
-    shared.publish_map(np.zeros((60, 60)))
+    show_level_ground(shared)
     assert spawn(shared, "ball", (3.0, 3.0, 0.6)).success
     assert spawn(shared, "box", (2.0, 3.0, 0.6), shape=SolidPrimitive(type=1, dimensions=[0.2, 0.3, 0.4])).success
     assert spawn(shared, "can", (4.0, 3.0, 0.6), shape=SolidPrimitive(type=3, dimensions=[0.4, 0.1])).success
@@ -137,7 +137,7 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
 
 
 def test_a_region_lifts_what_stands_on_it(shared: Probe) -> None:
-    shared.publish_map(np.zeros((60, 60)))
+    show_level_ground(shared)
     spawn(shared, "ball", (3.0, 3.0, 0.2))
     shared.wait_for(shared.patches)
     position, height = state(shared, "ball"), 0.0
@@ -210,7 +210,7 @@ def test_pause_step_and_reset(shared: Probe) -> None:
 def test_a_robot_drives_by_joint_commands(shared: Probe) -> None:
     import pybullet_data
 
-    shared.publish_map(np.zeros((80, 80)))
+    show_level_ground(shared, 80)
     urdf = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
     spawned = shared.call("spawn_body", SpawnBody, id="husky", urdf=urdf, pose=pose_message((4.0, 4.0, 0.3)))
     assert spawned.success, spawned.message

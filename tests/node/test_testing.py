@@ -5,16 +5,14 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from time import monotonic, sleep
 
 import numpy as np
-import psutil
 import pytest
 
 from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
 from smartmesh_ros.testing import TIMEOUT, Probe, Process
+from tests.node.shared import has_ended, wait_until
 
 STARTS_A_NODE = """
 import sys
@@ -32,20 +30,6 @@ def test_the_environment_names_it(domain):
 """
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
-    end = monotonic() + TIMEOUT
-    while not condition():
-        assert monotonic() < end
-        sleep(0.02)
-
-
-def is_gone(pid: int) -> bool:
-    try:
-        return bool(psutil.Process(pid).status() == psutil.STATUS_ZOMBIE)
-    except psutil.NoSuchProcess:
-        return True
-
-
 def test_a_process_ends_with_its_block_and_with_an_exception(domain: int) -> None:
     with Process("terrain_source") as first:
         assert first.process.poll() is None
@@ -61,14 +45,14 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ki
     assert test.stdin is not None
     assert test.stdout is not None
     pid = int(test.stdout.readline())
-    assert not is_gone(pid)
+    assert not has_ended(pid)
     if killed:
         test.send_signal(signal.SIGKILL)
     else:
         test.stdin.write(b"end\n")
     test.stdin.close()
     test.wait(TIMEOUT)
-    wait_until(lambda: is_gone(pid))
+    wait_until(lambda: has_ended(pid))
 
 
 def test_a_wait_in_vain_says_why(probe: Probe) -> None:

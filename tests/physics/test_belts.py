@@ -62,9 +62,9 @@ def test_a_belt_whose_maps_take_the_place_of_heights_where_it_stops_has_stopped(
             world.terrain.put("", HeightMap(heights, geometry=belt.geometry(step / 60), time=step / 60))
         heightmap = world.terrain.tiles[""]
         assert isinstance(heightmap, HeightMap)
-        assert heightmap.slide_w == pytest.approx((0.3, 0.0))
+        assert heightmap.track.motion[:2] == pytest.approx((0.3, 0.0))
         heightmap.replace(heights, time=13 / 60)
-        assert heightmap.slide_w == (0.0, 0.0)
+        assert heightmap.track.motion[:2] == (0.0, 0.0)
         assert heightmap.moved_to(14 / 60).x == heightmap.geometry.origin[0]
 
 

@@ -188,7 +188,7 @@ def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interv
     terrain = Terrain(HeightMap(shape, resolution=0.5, time=0.0))
     moved = HeightMap(shape, resolution=0.5, origin=(x * interval, y * interval), time=interval)
     terrain.put("", moved)
-    sliding = moved.slide_w != (0.0, 0.0)
+    sliding = moved.track.motion[:2] != (0.0, 0.0)
     for age in (0.0, 0.3 * interval, interval):
         grid = moved.moved_to(interval + age)
         went = interval + age if sliding else interval  # else it came by whole cells, or not at all

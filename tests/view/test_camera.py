@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
 from smartmesh_ros.testing.messages import heightmap_message
-from smartmesh_ros.view.camera import CONFIG, Lens, camera_on, places_in
+from smartmesh_ros.view.camera import CONFIG, Camera, Lens, camera_on
 from smartmesh_ros.view.ground import Ground
 from tests.examples import examples
 
@@ -23,6 +23,17 @@ def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground.take_map(serialize_message(heightmap_message(heights, **options)))
     ground.apply_waiting()
     return ground
+
+
+def places_in(camera: Camera, points: np.ndarray, lens: Lens) -> np.ndarray:
+    """Coordinates of points (n, 3) [m] in a picture (n, 2), right and up: 0 in the middle, -1 and 1 at the edges.
+    Points behind the camera are far outside."""
+    forward = np.subtract(camera.target, camera.position)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    axes = np.stack([axis / np.linalg.norm(axis) for axis in (right, np.cross(right, forward), forward)])
+    across, above, ahead = axes @ (points - np.asarray(camera.position)).T
+    depth = np.maximum(ahead, 1e-6) * math.tan(0.5 * lens.field_of_view)
+    return np.stack([across / (lens.aspect * depth), above / depth], axis=1)
 
 
 @given(bodies=BODIES, lens=LENSES)

@@ -133,7 +133,6 @@ class BulletHeightfield(_Bullet):
     """A heightfield of the whole map, replaced in place for every map."""
 
     name: ClassVar[str] = "bullet_heightfield"
-    carries_velocity: ClassVar[bool] = True
 
     def __init__(self, setup: Setup, options: BulletHeightfieldOptions | None = None) -> None:
         chosen = options or BulletHeightfieldOptions()

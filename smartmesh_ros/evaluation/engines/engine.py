@@ -67,8 +67,6 @@ class Engine(ABC):
     """
 
     name: ClassVar[str]
-    # True if the engine uses the ground's velocity.
-    carries_velocity: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, setup: Setup, options: Any = None) -> None:

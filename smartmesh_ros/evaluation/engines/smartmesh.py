@@ -28,7 +28,6 @@ class SmartMesh(Engine):
     """`World` on a `HeightMap`. `set_ground` prepares the patches; in steps without a new map, `step` does."""
 
     name: ClassVar[str] = "smartmesh"
-    carries_velocity: ClassVar[bool] = True
 
     def __init__(self, setup: Setup, options: SmartMeshOptions | None = None) -> None:
         chosen = options or SmartMeshOptions()
