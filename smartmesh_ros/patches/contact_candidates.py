@@ -20,7 +20,7 @@ from smartmesh_ros.patches.facets import (
     plane_of,
     scaled,
 )
-from smartmesh_ros.patches.gaps import Gap, deviation_near, gap_to
+from smartmesh_ros.patches.gaps import Gap, deviation_near, gap_to, gap_to_convex
 from smartmesh_ros.patches.solids import ShapeKind, Solid, extents, in_frame, out_of_frame, part_of, reach_along
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.moving_grid import triangle_weights
@@ -122,6 +122,8 @@ def out_of_reach(
     if solid.kind == ShapeKind.COMPOUND:
         return False
     distance = math.sqrt(dot(away, away))  # of the box around the cell from the solid's centre
+    if distance - solid.reach > margin:
+        return True
     return distance > margin and distance - reach_along(solid, scaled(away, 1.0 / distance)) > margin
 
 
@@ -188,7 +190,7 @@ def with_facets_of(
                 if not is_ground(facet):
                     continue
                 margin = margin_of(facet_of(window.rises, window.spacing, a, b, upper), travel)
-                gap = gap_to(facet, solid, margin)
+                gap = gap_to_convex(facet, solid, margin, best)
                 if gap.distance > margin:
                     continue
                 if not marks[a, b] & (1 + upper):
@@ -360,6 +362,12 @@ def plane_deviation(
     high, wide = window.heights.shape
     normal = plane_normal(plane)
     if (solid.centre.z - height_of(plane, solid.centre.x, solid.centre.y)) * normal.z <= 0.0:
+        return math.inf
+    # The nearest facet, whose gap is known, often decides.
+    nearest = facet_of(window.heights, window.spacing, candidates.a, candidates.b, candidates.upper)
+    rises = facet_of(window.rises, window.spacing, candidates.a, candidates.b, candidates.upper)
+    margin = max(margin_of(rises, travel), candidates.margin)
+    if deviation_near(nearest, plane, solid, candidates.gap, margin) + corner_drift(rises, rise) > limit:
         return math.inf
     extent, most = extents(solid), max(largest_margin(window, travel), candidates.margin)
     half = 0.5 * window.spacing

@@ -108,9 +108,9 @@ def separation_along(facet: Facet, solid: Solid, axis: Point) -> float:
 
 
 @compiled
-def overlap_gap(facet: Facet, solid: Solid, nearest: Point, towards: Point) -> Gap:
+def overlap_gap(facet: Facet, solid: Solid, nearest: Point, towards: Point, near: float) -> Gap:
     """The gap between a facet and a convex solid whose core overlaps it: the smallest depth along the facet's normal,
-    the solid's axes, and the direction ``towards`` which they were last apart."""
+    the solid's axes, and the direction ``towards`` which they were last apart; or any that exceeds ``near`` [m]."""
     best, normal = -math.inf, facet_normal(facet)
     for axis in (facet_normal(facet), solid.u, solid.v, solid.w, towards):
         if dot(axis, axis) == 0.0:
@@ -120,22 +120,24 @@ def overlap_gap(facet: Facet, solid: Solid, nearest: Point, towards: Point) -> G
             gap = separation_along(facet, solid, outward)
             if gap > best:
                 best, normal = gap, outward
+                if best > near:
+                    return Gap(best, normal, nearest)
     return Gap(best, normal, nearest)
 
 
 @compiled
-def convex_gap(facet: Facet, solid: Solid, limit: float) -> Gap:
-    """The gap between a facet and a convex solid, from the distance of its core."""
+def convex_gap(facet: Facet, solid: Solid, limit: float, near: float) -> Gap:
+    """The gap between a facet and a convex solid, from the distance of its core; see `gap_to`."""
     nearest = closest_point(facet, solid.centre)
     own = Facet(in_frame(solid, facet.a), in_frame(solid, facet.b), in_frame(solid, facet.c))
-    core = separation_of(own, solid, limit + solid.rounding)
+    core = separation_of(own, solid, limit + solid.rounding, near + solid.rounding)
     if core.distance > 0.0:
         return Gap(core.distance - solid.rounding, out_of_frame(solid, core.normal), nearest)
-    return overlap_gap(facet, solid, nearest, out_of_frame(solid, core.normal))
+    return overlap_gap(facet, solid, nearest, out_of_frame(solid, core.normal), near)
 
 
 @compiled
-def gap_to_convex(facet: Facet, solid: Solid, limit: float) -> Gap:
+def gap_to_convex(facet: Facet, solid: Solid, limit: float, near: float) -> Gap:
     """The gap between a facet and a convex solid; see `gap_to`."""
     if solid.kind == ShapeKind.BALL:
         return ball_gap(facet, solid.centre, solid.rounding)
@@ -143,16 +145,21 @@ def gap_to_convex(facet: Facet, solid: Solid, limit: float) -> Gap:
         gap = box_gap(facet, solid)
         if not 0.0 < gap.distance <= limit:
             return gap
-        exact = convex_gap(facet, solid, limit)
+        exact = convex_gap(facet, solid, limit, near)
         return exact if exact.distance > gap.distance else gap
-    return convex_gap(facet, solid, limit)
+    return convex_gap(facet, solid, limit, near)
 
 
 @compiled
-def gap_to(facet: Facet, solid: Solid, limit: float = math.inf) -> Gap:
-    """The gap between a facet and a solid. A distance above ``limit`` [m] may be less than the true one."""
+def gap_to(facet: Facet, solid: Solid, limit: float = math.inf, near: float = math.inf) -> Gap:
+    """The gap between a facet and a solid.
+
+    A distance above ``limit`` [m] (at least zero) may be less than the true one, and so may a distance between ``near``
+    [m] and ``limit``, but each stays in its range. A search for the nearest facet within a limit needs exact gaps only
+    up to the smallest one so far.
+    """
     if solid.kind != ShapeKind.COMPOUND:
-        return gap_to_convex(facet, solid, limit)
+        return gap_to_convex(facet, solid, limit, near)
     best = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre)
     for k in range(solid.first, solid.first + solid.rows):
         least = min(limit, best.distance)
@@ -160,7 +167,7 @@ def gap_to(facet: Facet, solid: Solid, limit: float = math.inf) -> Gap:
         if around.distance > least:
             best = best if best.distance < around.distance else around
             continue
-        gap = gap_to_convex(facet, part_of(solid, k), least)
+        gap = gap_to_convex(facet, part_of(solid, k), least, near)
         if gap.distance < best.distance:
             best = gap
     return best

@@ -61,9 +61,9 @@ def holds_origin(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 @compiled
-def separation_of(facet: Facet, solid: Solid, limit: float) -> Separation:
-    """Return how far a facet is from a convex solid's core, without its rounding. A distance above ``limit`` [m] may be
-    less than the true one."""
+def separation_of(facet: Facet, solid: Solid, limit: float, near: float) -> Separation:
+    """Return how far a facet is from a convex solid's core, without its rounding; ``limit`` and ``near`` [m] as in
+    `gap_to`."""
     nearest = closest_point(facet, ORIGIN)
     v = minus(nearest, core_support(solid, nearest))
     count, a, b, c = 1, v, v, v  # the simplex without its newest point
@@ -79,6 +79,8 @@ def separation_of(facet: Facet, solid: Solid, limit: float) -> Separation:
             best = Separation(bound, d)
         if best.distance > limit or length - best.distance <= CLOSE:
             return best if best.distance > 0.0 else Separation(0.0, d)
+        if best.distance > max(near, 0.0) and length <= limit:
+            return best
         if count == 1:
             b, v = w, on_segment(a, w)
             count = 2

@@ -171,6 +171,26 @@ def test_the_gap_of_a_form_is_none_where_points_of_the_triangle_are_inside(seed:
 
 
 @examples(400)
+@given(seeds, st.sampled_from(FORMS), st.booleans())
+def test_a_gap_beyond_what_matters_is_still_beyond_it(seed: int, name: str, upright: bool) -> None:
+    """And gaps within both limits are exact to the bit."""
+    rng = np.random.default_rng(seed)
+    corners = triangle(rng, upright=upright)
+    _, _, _, solid = form_at(rng, name, corners)
+    facet = as_facet(corners)
+    exact, size = gap_to(facet, solid), float(np.abs(corners - corners[0]).max())
+    limit, near = (exact.distance + size * rng.normal(0.0, 0.5, 2)).tolist()
+    limit = max(limit, 0.0)  # a solid's motion
+    gap = gap_to(facet, solid, limit, near)
+    assert gap.distance <= exact.distance + 2e-6
+    if exact.distance <= min(limit, near):
+        assert gap == exact
+    for threshold in (limit, min(limit, near)):
+        if abs(exact.distance - threshold) > 2e-6:
+            assert (gap.distance > threshold) == (exact.distance > threshold)
+
+
+@examples(400)
 @given(seeds, st.sampled_from(FORMS))
 def test_the_deviation_near_a_solid_is_that_of_every_point_it_can_touch(seed: int, name: str) -> None:
     rng = np.random.default_rng(seed)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.physics.colliders.table import COLLIDERS, MISFIT, NOTHING, POSE, SAMPLES, VELOCITY, advance, push
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.moving_grid import sample_at, to_world
+from smartmesh_ros.terrain.moving_grid import read_window, to_world
 
 
 def field_key(support: Any, radius: float, resolution: float, *, round_: bool) -> tuple[float, ...]:
@@ -93,15 +94,17 @@ class Drift(NamedTuple):
 def field_heights(grid, support, samples, time, hole, above):
     """Write the heights of a support's samples above its foot [m] to ``above``, in PyBullet's order; holes are ``hole``
     [m] deep. ``samples``: heights of fields that are not read from ``grid``."""
-    rows, columns, stride = support.rows, support.columns, support.stride
+    rows, columns = support.rows, support.columns
+    heights, rises = np.empty((rows, columns)), np.empty((rows, columns))
+    if support.first >= 0:
+        for k in range(rows * columns):
+            heights[k // columns, k % columns] = samples[support.first + k]
+    else:
+        read_window(grid, support.row, support.column, support.stride, time, 0.0, heights, rises)
     k = 0
     for i in range(columns):
-        c = columns - 1 - i
         for r in range(rows):
-            if support.first >= 0:
-                height = samples[support.first + r * columns + c]
-            else:
-                height, _ = sample_at(grid, support.row + r * stride, support.column + c * stride, time, 0.0)
+            height = heights[r, columns - 1 - i]
             above[k] = -hole if math.isnan(height) else height - support.foot_z
             k += 1
 
