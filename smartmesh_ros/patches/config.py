@@ -42,16 +42,17 @@ WholeKind = Literal["whole_trimesh", "whole_heightfield"]
 # The collider of one patch; "whole" = no collider of its own, because the body stands on one of the whole terrain.
 ColliderKind = Literal["heightfield", "plane", MeshKind, "whole"]
 PatchKind = Literal["auto", "plane", "heightfield", MeshKind, WholeKind]
+MESH_KINDS, WHOLE_KINDS = get_args(MeshKind), get_args(WholeKind)
 
 
 def is_mesh(kind: str) -> TypeGuard[MeshKind]:
     """Return True if a kind's colliders are made of triangles."""
-    return kind in get_args(MeshKind)
+    return kind in MESH_KINDS
 
 
 def is_whole(kind: str) -> TypeGuard[WholeKind]:
     """Return True if a kind has one collider of the whole terrain."""
-    return kind in get_args(WholeKind)
+    return kind in WHOLE_KINDS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,50 +6,73 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.compiled import compiled
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 class FollowerReader:
-    """Reads each awake base with two PyBullet calls, and all awake links of a robot with one."""
+    """Reads each awake base with two PyBullet calls, and all awake links of a robot with one, into the tables of
+    `Followers`."""
 
     def __init__(self, client: Any, followers: Followers) -> None:
         self._calls = BulletCalls(client)
         self._followers = followers
         self._wakes = -1
 
-    def read_positions(self) -> FloatArray:
-        """Return the centres of mass of the awake followers (n, 3) [m], in the order of `Followers.awake`."""
+    def read_positions(self) -> None:
+        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""
         self._list_awake()
-        positions = np.empty((self._count, 3))
-        positions[self._base_places] = np.array(self._calls.positions(self._bases), np.float64).reshape(-1, 3)
-        for body, links, places in self._robots:
-            positions[places] = self._calls.link_positions(body, links)
-        return positions
+        calls, followers = self._calls, self._followers
+        parts = [calls.positions(self._bases), *(calls.link_positions(body, links) for body, links in self._robots)]
+        write_positions(self._slots, np.concatenate(parts), followers.positions_w, followers.moved_w)
 
-    def read_states(self) -> FloatArray:
-        """Return position, orientation (x, y, z, w), velocity and angular velocity of the awake followers (n, 13) [m,
-        m/s, rad/s]."""
+    def read_states(self, dt: float) -> None:
+        """Update ``states`` and ``positions_w`` of the awake followers, and ``moved_w`` by their velocities and the
+        time step ``dt`` [s]."""
         self._list_awake()
-        states = np.empty((self._count, 13))
-        states[self._base_places] = self._calls.states(self._bases)
-        for body, links, places in self._robots:
-            states[places] = self._calls.link_states(body, links)
-        return states
+        calls, followers = self._calls, self._followers
+        parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
+        write_states(self._slots, np.concatenate(parts), dt, followers.states, followers.positions_w, followers.moved_w)
 
     def _list_awake(self) -> None:
+        """List the awake followers in the order in which they are read: bases, then the links of each robot."""
         if self._wakes == self._followers.wakes:
             return
         self._wakes = self._followers.wakes
         awake = [self._followers[slot] for slot in self._followers.awake.tolist()]
-        self._count = len(awake)
-        self._bases = [follower.body for follower in awake if follower.link < 0]
-        self._base_places = np.array([place for place, follower in enumerate(awake) if follower.link < 0], np.int64)
+        bases = [follower for follower in awake if follower.link < 0]
+        links = sorted((follower for follower in awake if follower.link >= 0), key=lambda follower: follower.body)
         by_robot: dict[int, list[int]] = {}
-        for place, follower in enumerate(awake):
-            if follower.link >= 0:
-                by_robot.setdefault(follower.body, []).append(place)
-        self._robots: list[tuple[int, list[int], IntArray]] = [
-            (body, [awake[place].link for place in places], np.array(places)) for body, places in by_robot.items()
-        ]
+        for follower in links:
+            by_robot.setdefault(follower.body, []).append(follower.link)
+        self._bases = [follower.body for follower in bases]
+        self._robots = list(by_robot.items())
+        self._slots = np.array([follower.slot for follower in bases + links], np.int64)
+
+
+@compiled
+def write_positions(slots: IntArray, found: FloatArray, positions: FloatArray, moved: FloatArray) -> None:
+    """Write positions ``found`` (n, 3) [m] of the bodies in ``slots`` (n,) to ``positions`` (S, 3), and their motion
+    since the ones before to ``moved`` (S, 3) [m]."""
+    for k in range(len(slots)):
+        i = slots[k]
+        for axis in range(3):
+            moved[i, axis] = found[k, axis] - positions[i, axis]
+            positions[i, axis] = found[k, axis]
+
+
+@compiled
+def write_states(
+    slots: IntArray, found: FloatArray, dt: float, states: FloatArray, positions: FloatArray, moved: FloatArray
+) -> None:
+    """Write states ``found`` (n, 13) of the bodies in ``slots`` (n,) to ``states`` (S, 13), their positions to
+    ``positions`` (S, 3) [m], and their motion in a step of ``dt`` [s] to ``moved`` (S, 3) [m]."""
+    for k in range(len(slots)):
+        i = slots[k]
+        for column in range(found.shape[1]):
+            states[i, column] = found[k, column]
+        for axis in range(3):
+            positions[i, axis] = found[k, axis]
+            moved[i, axis] = found[k, 7 + axis] * dt

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,6 @@ class Followers:
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
         self._slots: dict[int, list[int]] = {}  # by PyBullet body
-        self._chosen: dict[str, tuple[int, IntArray]] = {}
 
     def __len__(self) -> int:
         return len(self._items) - len(self._unused)
@@ -144,42 +144,42 @@ class Followers:
         if len(slots):
             self.table["awake"][slots] = awake
             self.moved_w[slots] = 0.0
-            self.wakes = next_revision()
+            self._note_wakes()
 
-    @property
+    @cached_property
     def awake(self) -> IntArray:
         """Slots of the followers that are not asleep."""
-        return self._slots_where("awake", lambda table: table["awake"])
+        return np.flatnonzero(self.table["awake"])
 
-    @property
+    @cached_property
     def asleep(self) -> IntArray:
         """Slots of the sleeping followers."""
-        return self._slots_where("asleep", lambda table: table["alive"] & ~table["awake"])
+        return np.flatnonzero(self.table["alive"] & ~self.table["awake"])
 
-    @property
+    @cached_property
     def solid(self) -> IntArray:
         """Slots of the followers that are awake and have a collider when ground is in reach."""
-        return self._slots_where("solid", lambda table: table["awake"] & table["solid"])
+        return np.flatnonzero(self.table["awake"] & self.table["solid"])
 
-    @property
+    @cached_property
     def free(self) -> IntArray:
         """Slots of the followers that are solid and may be clamped before impact."""
-        return self._slots_where("free", lambda table: table["awake"] & table["solid"] & table["free"])
+        return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["free"])
 
-    @property
+    @cached_property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
-        return self._slots_where("tracked", lambda table: table["alive"] & ~table["solid"])
+        return np.flatnonzero(self.table["alive"] & ~self.table["solid"])
 
-    def _slots_where(self, name: str, condition: Callable[[Any], Any]) -> IntArray:
-        """Return the slots whose records meet a condition, computed once between changes."""
-        known = self._chosen.get(name)
-        if known is None or known[0] != self.wakes:
-            known = self._chosen[name] = (self.wakes, np.flatnonzero(condition(self.table)))
-        return known[1]
+    def _note_wakes(self) -> None:
+        """Note that the lists of slots changed; each is computed again when it is read."""
+        self.wakes = next_revision()
+        for name in ("awake", "asleep", "solid", "free", "tracked"):
+            self.__dict__.pop(name, None)
 
     def _changed(self) -> None:
-        self.epoch = self.wakes = next_revision()
+        self._note_wakes()
+        self.epoch = self.wakes
 
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)

@@ -278,13 +278,14 @@ class Ground:
         if self.stale:
             self.update(time, dt, self._steps)
             return True
-        if not self.followers.awake.size:
+        followers = self.followers
+        if not followers.awake.size:
             return False
         with self.stopwatch.stage("bodies"):
             self._read_positions()
             left = leaves_support(
-                self.followers.awake, self.followers.positions_w, self.followers.moved_w, self.followers.states,
-                self.supports, self.followers.shapes, SELECTION.slack, SELECTION.fastest * dt,
+                followers.awake, followers.positions_w, followers.moved_w, followers.states, self.supports["margin"],
+                followers.radii, SELECTION.slack, SELECTION.fastest * dt,
             )  # fmt: skip
             if self._sleeping is not None:
                 left |= self._sleeping.wake_reached(time, time - self.time)
@@ -360,17 +361,11 @@ class Ground:
         self._waking.note(self.colliders.changed)
 
     def _read_states(self, dt: float) -> None:
-        followers = self.followers
-        followers.states[followers.awake] = self._reader.read_states()
-        followers.positions_w[:] = followers.states[:, :3]
-        followers.moved_w[:] = followers.states[:, 7:10] * dt
+        self._reader.read_states(dt)
         self._expected_moves.clear()
 
     def _read_positions(self) -> None:
-        followers = self.followers
-        awake, positions = followers.awake, self._reader.read_positions()
-        followers.moved_w[awake] = positions - followers.positions_w[awake]
-        followers.positions_w[awake] = positions
+        self._reader.read_positions()
         for slots, moved_w in self._expected_moves:
-            followers.moved_w[slots] = moved_w
+            self.followers.moved_w[slots] = moved_w
         self._expected_moves.clear()

@@ -6,12 +6,13 @@ from smartmesh_ros.compiled import compiled
 
 
 @compiled
-def leaves_support(chosen, positions, moved, states, supports, shapes, slack, fastest):
+def leaves_support(chosen, positions, moved, states, margins, radii, slack, fastest):
     """Return True if any body in the slots ``chosen`` (n,) moves farther, by the end of the next step, than its support
     was made for.
 
     ``states`` (S, 13): at the last update; ``positions`` (S, 3) [m]: now; ``moved`` (S, 3) [m]: motion in one step.
-    Bodies that move more than ``fastest`` [m] in a step are ignored.
+    ``margins``, ``radii`` (S,) [m]: predicted motions of the supports, and bounding radii. Bodies that move more than
+    ``fastest`` [m] in a step are ignored.
     """
     for k in range(len(chosen)):
         i = chosen[k]
@@ -19,6 +20,6 @@ def leaves_support(chosen, positions, moved, states, supports, shapes, slack, fa
         for axis in range(3):
             went += (positions[i, axis] + moved[i, axis] - states[i, axis]) ** 2
             step += moved[i, axis] ** 2
-        if step <= fastest * fastest and went > (supports[i].margin + slack * shapes.table[i].radius) ** 2:
+        if step <= fastest * fastest and went > (margins[i] + slack * radii[i]) ** 2:
             return True
     return False
