@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -118,7 +119,7 @@ class MotionConfig:
         """True if a change of height is a correction."""
         return self.changes == "correction"
 
-    @property
+    @cached_property
     def code(self) -> int:
         """The `Mode` for compiled functions."""
         if self.corrects:

@@ -86,7 +86,10 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
     if clock.known == 0:
         return height, 0.0
     phase = block_phase(clock, time, grid.mode)
-    velocity, acceleration = motion_at(grid, row, column, clock, phase)
+    if grid.noise > 0.0:
+        velocity, acceleration = motion_at(grid, row, column, clock, phase)
+    else:  # this call is inlined
+        velocity, acceleration = measured_motion(grid, row, column, clock, phase)
     return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
 
 

@@ -61,7 +61,7 @@ def test_without_the_edge_filter_the_ball_is_held_up() -> None:
 def test_the_fields_of_balls_are_filtered_where_the_ground_is_at_rest() -> None:
     supports = no_supports(3)
     supports["rise"][1], supports["turn_y"][2] = 0.1, -0.2
-    assert moves_nowhere(supports) == [True, False, False]
+    assert moves_nowhere(supports, np.arange(3)).tolist() == [True, False, False]
 
 
 def test_without_the_edge_filter_the_box_is_held_up() -> None:

@@ -77,6 +77,22 @@ def plan(grid, tile, chosen, supports, shapes, samples, time, limits, table, hel
     return misfits
 
 
+@compiled
+def note_changes(chosen: IntArray, active: IntArray, planned: Plan, changed: BoolArray) -> IntArray:
+    """Write to ``changed`` (S,) which followers' colliders change, and return the slots (n,) of those in ``chosen``
+    that need another collider than their ``active`` one (S,)."""
+    changed[:] = planned.changes != NOTHING
+    differs = np.empty(len(chosen), np.int64)
+    count = 0
+    for k in range(len(chosen)):
+        i = chosen[k]
+        if active[i] != planned.wanted[i]:
+            changed[i] = True
+            differs[count] = i
+            count += 1
+    return differs[:count]
+
+
 class Colliders:
     """Boxes, fields and meshes of followers, addressed by slot. ``changed`` (S,): followers whose collider the last
     update changed, moved, added or removed."""
@@ -124,13 +140,11 @@ class Colliders:
                 mesh = selector.terrain.tiles[name]
                 if isinstance(mesh, HeightMap):
                     self._plan_tile(mesh.moved_to(time), number, chosen, selector, time, limits)
-        differs = chosen[self.pool.active[chosen] != wanted[chosen]]
-        self.changed[:] = changes != NOTHING
-        self.changed[differs] = True
-        for slot in differs.tolist():
+        differs = note_changes(chosen, self.pool.active, self._plan, self.changed).tolist()
+        for slot in differs:
             if self.pool.active[slot] >= 0:
                 self.pool.put_away(self._followers[slot], time)
-        for slot in differs.tolist():
+        for slot in differs:
             if wanted[slot] >= 0:
                 self.pool.activate(self._followers[slot], int(wanted[slot]))
         self._send_changes(selector.supports, edge_filter=config.edge_filter)
@@ -173,7 +187,7 @@ class Colliders:
                 return
             for slot in chosen[self._plan.changes[chosen] == MISFIT].tolist():
                 support = selector.supports[slot]
-                kind = Kind.PLANE if support.state == Support.PLANE else Kind.FIELD
+                kind = Kind.PLANE if support["state"] == Support.PLANE else Kind.FIELD
                 pool.fit(self._followers[slot], kind, support, grid.resolution, time)
 
     def _send_changes(self, supports: Any, *, edge_filter: bool) -> None:
@@ -188,7 +202,7 @@ class Colliders:
         pool, client = self.pool, self._client_id
         colliders, places = pool.colliders, pool.active[changed]
         turned = pool.table["turned"][places].tolist()
-        still = moves_nowhere(supports[changed])
+        still = moves_nowhere(supports, changed).tolist()
         poses, velocities = self._plan.poses[changed].tolist(), self._plan.velocities[changed].tolist()
         set_pose, set_velocity = pb.resetBasePositionAndOrientation, pb.resetBaseVelocity
         for row, (slot, change, place) in enumerate(

@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.moving_grid import read_window, to_world
 
 def field_key(support: Any, radius: float, resolution: float, *, round_: bool) -> tuple[float, ...]:
     """Return rows, columns and spacing [m] of the field of a support; PyBullet cannot change these."""
-    return int(support.rows), int(support.columns), resolution * int(support.stride)
+    return int(support["rows"]), int(support["columns"]), resolution * int(support["stride"])
 
 
 def make_field(client: Any, key: tuple[float, ...]) -> int:
@@ -43,7 +43,7 @@ def make_field(client: Any, key: tuple[float, ...]) -> int:
 
 def describe_field(record: Any, key: tuple[float, ...]) -> None:
     """Write the constants of a field to its record of ``COLLIDER``."""
-    record.rows, record.columns, record.spacing = key
+    record["rows"], record["columns"], record["spacing"] = key
 
 
 def replace_field(client: int, shape: int, rows: int, columns: int, heights: list[float], *, filtered: bool) -> None:

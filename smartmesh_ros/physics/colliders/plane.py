@@ -25,7 +25,7 @@ def box_size(need: float) -> float:
 
 def plane_key(support: Any, radius: float, resolution: float, *, round_: bool) -> tuple[float, ...]:
     """Return the half edge of the box for a support [m]; infinite = a half space, for ``round_`` bodies."""
-    return (math.inf if round_ else box_size(radius + float(support.margin)),)
+    return (math.inf if round_ else box_size(radius + float(support["margin"])),)
 
 
 def make_box(client: Any, key: tuple[float, ...]) -> int:
@@ -39,7 +39,7 @@ def make_box(client: Any, key: tuple[float, ...]) -> int:
 def describe_box(record: Any, key: tuple[float, ...]) -> None:
     """Write the constants of a box to its record of ``COLLIDER``."""
     (size,) = key
-    record.extent, record.depth, record.nz = size, 0.0 if size == math.inf else size, 1.0
+    record["extent"], record["depth"], record["nz"] = size, 0.0 if size == math.inf else size, 1.0
 
 
 @compiled

@@ -14,7 +14,7 @@ from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.colliders.field import FieldMemory
 from smartmesh_ros.physics.colliders.kinds import KINDS, Key, Kind
 from smartmesh_ros.physics.colliders.pairs import Pairs
-from smartmesh_ros.physics.colliders.table import COLLIDER, COLLIDERS
+from smartmesh_ros.physics.colliders.table import COLLIDER, COLLIDERS, VELOCITIES
 from smartmesh_ros.physics.followers import Follower
 
 # Parking place of unused colliders [m]: far below the terrain, and apart from one another.
@@ -87,7 +87,7 @@ class ColliderPool:
         collider, record = self.colliders[place], self.table[place]
         if collider.uid is None:
             collider.uid = self._create_body(place, collider.shape)
-        record.there, record.turned, record.time = 0, 0, time
+        record["there"], record["turned"], record["time"] = 0, 0, time
         self._pairs.join(collider.uid, follower.body, follower.link)
         self.held[follower.slot, kind] = place
 
@@ -102,8 +102,9 @@ class ColliderPool:
         collider, record = self.colliders[place], self.table[place]
         pb.resetBasePositionAndOrientation(self.uid(place), park(place), UPRIGHT, self._client_id)
         pb.resetBaseVelocity(self.uid(place), STILL, STILL, self._client_id)
-        record.there = 0
-        record.vx = record.vy = record.vz = record.wx = record.wy = record.wz = 0.0
+        record["there"] = 0
+        for name in VELOCITIES:
+            record[name] = 0.0
         collider.unused_since = time
         self.active[follower.slot] = -1
         follower.collider = None
@@ -142,8 +143,8 @@ class ColliderPool:
         self.table = with_rows(self.table, place + 1, np.zeros(1, COLLIDER)[0])
         record = self.table[place]
         functions.describe(record, key)
-        record.first = first
-        unknown = np.full(int(record.rows * record.columns), np.nan)
+        record["first"] = first
+        unknown = np.full(int(record["rows"] * record["columns"]), np.nan)
         heights, at_contact = (np.concatenate([known, unknown]) for known in self.memory[:2])
         self.memory = self.memory._replace(heights=heights, at_contact=at_contact)
         return place

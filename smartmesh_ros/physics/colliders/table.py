@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled
+from smartmesh_ros.terrain.grid import BoolArray, IntArray
 
 # ``extent`` [m]: half edge of a box, infinite for a half space. ``depth`` [m]: depth of a box's base below its top,
 # zero for a half space. ``rows``, ``columns``, ``spacing`` [m]: of a field. ``first``: index of a field's first height
@@ -31,6 +31,7 @@ COLLIDER = np.dtype(
     )
 )
 
+VELOCITIES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 # Changes of a collider to pass to PyBullet, as bits; MISFIT: the collider does not fit its support.
 NOTHING, VELOCITY, POSE, SAMPLES, MISFIT = 0, 1, 2, 4, 8
@@ -78,14 +79,15 @@ class Limits(NamedTuple):
     hole: float
 
 
-def moves_nowhere(supports: NDArray[np.void]) -> list[bool]:
-    """Return True for each of the supports (n,) whose ground has no velocity. Pass a plain structured array: fields of
-    record arrays are read slowly."""
-    still = supports["rise"] == 0.0
-    for name in ("slide_x", "slide_y", "turn_x", "turn_y", "turn_z"):
-        still &= supports[name] == 0.0
-    found: list[bool] = still.tolist()
-    return found
+@compiled
+def moves_nowhere(supports: Any, slots: IntArray) -> BoolArray:
+    """Return which of the supports (S,) in ``slots`` (n,) are on ground without a velocity (n,)."""
+    still = np.empty(len(slots), np.bool_)
+    for k in range(len(slots)):
+        support = supports[slots[k]]
+        slides = support.slide_x != 0.0 or support.slide_y != 0.0 or support.rise != 0.0
+        still[k] = not (slides or support.turn_x != 0.0 or support.turn_y != 0.0 or support.turn_z != 0.0)
+    return still
 
 
 @compiled
