@@ -86,10 +86,7 @@ def sample_at(grid: MovingGrid, row: int, column: int, time: float, ahead: float
     if clock.known == 0:
         return height, 0.0
     phase = block_phase(clock, time, grid.mode)
-    if grid.noise > 0.0:
-        velocity, acceleration = motion_at(grid, row, column, clock, phase)
-    else:  # this call is inlined
-        velocity, acceleration = measured_motion(grid, row, column, clock, phase)
+    velocity, acceleration = motion_at(grid, row, column, clock, phase)
     return height + displacement(velocity, acceleration, phase), rise_of(velocity, acceleration, phase, ahead)
 
 
@@ -98,12 +95,6 @@ def motion_at(grid, row, column, clock, phase):
     """Return the velocity [m/s] and acceleration [m/s^2] of a sample."""
     if grid.noise > 0.0:
         return motion_in_noise(grid, row, column, clock, phase, noise_variances(clock, grid.noise))
-    return measured_motion(grid, row, column, clock, phase)
-
-
-@compiled
-def measured_motion(grid, row, column, clock, phase):
-    """Return the velocity [m/s] and acceleration [m/s^2] of a sample of a map without noise."""
     v, newest = grid.velocities, clock.newest
     first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
     return motion_of(
@@ -142,10 +133,7 @@ def read_window(
                 phase = block_phase(clock, time, grid.mode)
             height, rise = grid.z + float(grid.heights[r, c]), 0.0
             if known:
-                if grid.noise > 0.0:
-                    velocity, acceleration = motion_at(grid, r, c, clock, phase)
-                else:  # this call is inlined, which makes the loop five times as fast
-                    velocity, acceleration = measured_motion(grid, r, c, clock, phase)
+                velocity, acceleration = motion_at(grid, r, c, clock, phase)
                 height += displacement(velocity, acceleration, phase)
                 rise = rise_of(velocity, acceleration, phase, ahead)
             elif left > 0.0:
