@@ -58,6 +58,18 @@ def run(terrain, patch, change, steps=100):
                 world.ground_at([[4.0, 4.0]]), world.cast_rays([[4.0, 4.0, 3.0]], [[0.1, 0.0, -1.0]], 9.0)
 
 
+def run_alone():
+    # A single body, which falls, comes to rest and sleeps, before a guest comes beside it: tables of one row.
+    with World(HeightMap(np.zeros((40, 40)), resolution=0.25)) as world, World() as other:
+        world.spawn("alone", Sphere(0.2), 1.0, BodyState((5.0, 4.0, 0.6)))
+        other.spawn("guest", Sphere(0.3), 1.0, BodyState((5.5, 4.0, 0.5)))
+        for step in range(400):
+            if step >= 300:
+                world.guests.take("peer", simulated_states(other), world.time)
+            world.step()
+            assert step != 299 or world.is_asleep("alone")
+
+
 def whole(world, step):
     heights = hills(40, world.time)
     world.terrain.tiles[""].replace(heights if step % 8 else heights.astype(float), time=world.time)
@@ -95,6 +107,7 @@ tiles = Terrain(HeightMap(hills(40, 0.0), resolution=0.25))
 tiles.put("beside", HeightMap(hills(40, 0.0), resolution=0.25, origin=(0.0, 39 * 0.25)))
 run(tiles, PatchConfig(), whole)
 run(TriangleMesh(vertices(0.0), grid_triangles(40, 40)), PatchConfig(search="brute_force"), mesh)
+run_alone()
 after = signatures()
 assert after == before, sorted(after - before)
 """

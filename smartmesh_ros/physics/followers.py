@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.body_shapes import is_ball, is_round
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.revisions import next_revision
 
 # ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: has a
@@ -96,6 +96,11 @@ class Followers:
         """Bounding radii about the centres of mass by slot (S,) [m]."""
         return self._radii
 
+    def flags(self, name: str) -> BoolArray:
+        """Return a copy of a field of ``table`` (S,). Compiled functions take copies, because a field of a table with a
+        single row has another type than one of more rows, for which they would be compiled again."""
+        return np.array(self.table[name])
+
     @property
     def names(self) -> list[str]:
         """Names by slot, empty for unused slots."""
@@ -119,6 +124,7 @@ class Followers:
         self._items[slot] = follower
         self.table[slot] = (True, True, follower.solid, free, own, False)
         self._shapes.put(slot, follower.shape)
+        self._radii[slot] = follower.radius
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
         self._changed()
 
@@ -184,7 +190,7 @@ class Followers:
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
         self._shapes.reserve(slots)
-        self._radii = self.shapes.table["radius"]
+        self._radii = with_rows(self._radii, slots, 0.0)
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)
         self.moved_w = with_rows(self.moved_w, slots, 0.0)

@@ -284,8 +284,8 @@ class Ground:
         with self.stopwatch.stage("bodies"):
             self._read_positions()
             left = leaves_support(
-                followers.awake, followers.positions_w, followers.moved_w, followers.states, self.supports["margin"],
-                followers.radii, SELECTION.slack, SELECTION.fastest * dt,
+                followers.awake, followers.positions_w, followers.moved_w, followers.states,
+                np.array(self.supports["margin"]), followers.radii, SELECTION.slack, SELECTION.fastest * dt,
             )  # fmt: skip
             if self._sleeping is not None:
                 left |= self._sleeping.wake_reached(time, time - self.time)

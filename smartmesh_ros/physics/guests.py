@@ -179,7 +179,7 @@ class Guests:
         if not guests:
             return
         world, followers = self._world, self._world.followers
-        remote, solid = followers.table["remote"], followers.table["solid"]
+        remote, solid = followers.flags("remote"), followers.flags("solid")
         near = may_touch(followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching)
         client = world.client._client
         for slot in np.flatnonzero(near).tolist():
@@ -238,7 +238,7 @@ class Guests:
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
         near = near_any(
             states.numbers, self._age(now), states.radii, followers.positions_w, followers.moved_w / world.dt,
-            followers.radii, followers.table["own"], margins, self.config.horizon,
+            followers.radii, followers.flags("own"), margins, self.config.horizon,
         )  # fmt: skip
         if known.barred.size:
             near &= ~known.barred

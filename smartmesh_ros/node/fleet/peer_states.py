@@ -48,7 +48,7 @@ class PeerReader:
     """Reads the messages of one node. Reuses the list of names while the names do not change."""
 
     def __init__(self) -> None:
-        self._data: Bytes = np.zeros(0, np.uint8)
+        self._data: Bytes = np.frombuffer(bytes(1), np.uint8)  # not writable, as messages
         self._spans = np.zeros((0, 2), np.int64)
         self._names: list[str] = []
 
@@ -76,8 +76,8 @@ class PeerReader:
         names = self._read_names(content, spans, max_name)
         bodies = rows.view(BODY_RECORD)[:, 0]
         table = StateTable(
-            names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64), bodies["shape"],
-            bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
+            names, np.ascontiguousarray(bodies["numbers"]), bodies["radius"].astype(np.float64),
+            np.array(bodies["shape"]), bodies["dimensions"].astype(np.float64), bodies["centre"].astype(np.float64),
             bodies["mass"].astype(np.float64),
         )  # fmt: skip
         x, y, z = gravity
