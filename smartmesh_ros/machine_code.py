@@ -34,7 +34,7 @@ COMPLETE = "complete"
 # Environment variable with a folder that replaces all others. Use one folder for each installation.
 FOLDER_VARIABLE = "SMARTMESH_MACHINE_CODE"
 # Time to compile everything in one process on an idle machine, and time to start and end the processes [s].
-COMPILE_TIME, START_TIME = 24.0, 3.0
+COMPILE_TIME, START_TIME = 85.0, 3.0
 # Maximum number of processes. More gain nothing, because the longest call chain takes a third of the time.
 MAX_PROCESSES = 4
 
