@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, World
-from smartmesh_ros.physics.body_rays import GROUND, NOTHING
+from smartmesh_ros.physics.body_rays import GROUND, NOTHING, groups_of, may_meet
 
 ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 # How early PyBullet's rays may stop at a curved surface [m].
@@ -93,3 +93,23 @@ def test_a_body_that_was_moved_is_met_where_it_is() -> None:
         world.move("ball", BodyState((2.0, 0.0, 1.0)))
         assert names_of(world, [[0, 0, 3], [2, 0, 3], [4, 0, 3]], [[0, 0, -1]] * 3) == ["ground", "ball", "ground"]
         assert math.isinf(world.cast_rays([[0, 0, 3]], [[0, 0, 1]], 10.0).distances[0])
+
+
+@pytest.mark.parametrize("count", [1, 8, 9, 100])
+def test_rays_are_sent_to_bodies_whose_bounds_they_pass_through(count: int) -> None:
+    rng = np.random.default_rng(count)
+    low = rng.uniform(-5.0, 5.0, (count, 3))
+    bounds = np.hstack([low, low + rng.uniform(0.1, 1.0, (count, 3))])
+    origins, ways = rng.uniform(-8.0, 8.0, (300, 3)), rng.normal(size=(300, 3))
+    ways[::5, rng.integers(3)] = 0.0  # along a plane of the axes
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    reach = rng.uniform(0.5, 15.0, 300)
+    grouped, around, firsts = groups_of(bounds)
+    assert sorted(map(tuple, grouped)) == sorted(map(tuple, bounds))
+    assert firsts[0] == 0 and firsts[-1] == count and len(around) == len(firsts) - 1
+    found = may_meet(origins, ways, reach, grouped, around, firsts)
+    with np.errstate(divide="ignore"):
+        ends = np.sort((bounds.reshape(count, 2, 3)[None] - origins[:, None, None]) / ways[:, None, None], axis=2)
+    enter, leave = ends[:, :, 0].max(axis=-1).clip(0.0), ends[:, :, 1].min(axis=-1)
+    np.testing.assert_array_equal(found, (enter <= np.minimum(leave, reach[:, None])).any(axis=1))
+    assert 0 < found.sum() < 300
