@@ -140,7 +140,8 @@ class Soil:
         return the number of changed rectangles of the map. ``time`` [s]: the instant on the terrain's clock; None = the
         map's newest time + ``dt``.
 
-        Raises `InputError` for a contact of an unknown body, and then changes nothing.
+        Raises `InputError` for a contact of an unknown body: the soil then stays as it is, and the contacts since the
+        last update are discarded.
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError("time", f"dt is {dt} s; it must be above zero")
