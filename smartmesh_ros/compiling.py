@@ -107,6 +107,8 @@ def _record() -> list[tuple[Any, Any]]:
     PeerReader().read(NO_BODIES, 0, 0)
     for module in [module for name, module in sys.modules.items() if name.startswith("smartmesh_ros.")]:
         _restore(module)
+    for function, _ in _Recorder.calls:
+        function.add_wrapper()
     return sorted(_Recorder.calls, key=lambda call: -len(_called_by(call[0], set())))
 
 

@@ -64,3 +64,35 @@ def test_without_numba_it_runs_as_python_and_says_so_once(tmp_path: Path, proble
 
 def test_with_numba_it_warns_of_nothing() -> None:
     assert run(SMALL) == ["[2, 0]"]
+
+
+CALLS = """
+import sys
+from smartmesh_ros.compiled import compiled
+
+
+@compiled
+def half(x):
+    return 0.5 * x
+
+
+@compiled
+def quarter(x):
+    return half(half(x))
+
+
+calls = {"caller": lambda: quarter(8.0), "called": lambda: half(8.0), "other types": lambda: half(8)}
+print([calls[name]() for name in sys.argv[1:]])
+"""
+
+
+@pytest.mark.parametrize("order", [["caller", "called", "caller"], ["called", "caller", "called"]])
+def test_python_may_call_what_was_compiled_for_a_compiled_caller(tmp_path: Path, order: list[str]) -> None:
+    """Code without a wrapper for Python would end the process; the second process loads what the first one kept."""
+    script = tmp_path / "calls.py"
+    script.write_text(CALLS)
+    results = {"caller": 2.0, "called": 4.0, "other types": 4.0}
+    environment = {"PYTHONPATH": path_with(tmp_path), "SMARTMESH_MACHINE_CODE": str(tmp_path / "kept")}
+    for names in (order, ["caller"], [*reversed(order), "other types", *order]):
+        code = f"import runpy, sys; sys.argv[1:] = {names!r}; runpy.run_path({str(script)!r})"
+        assert run(code, **environment) == [str([results[name] for name in names])]

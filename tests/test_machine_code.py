@@ -118,7 +118,7 @@ def test_numbas_own_cache_would_have_kept_the_old_code(package: Path, tmp_path: 
     """The control of the test above."""
     facets = package / "patches" / "facets.py"
     module = package / "compiled.py"
-    module.write_text(module.read_text().replace("made._cache = CodeCache(function)", "made.enable_caching()"))
+    module.write_text(module.read_text().replace("self._cache = CodeCache(function, self)", "self.enable_caching()"))
     assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"
     facets.write_text(facets.read_text().replace("return corner[2]", "return -corner[2]"))
     assert run(GAP, tmp_path / "kept", package=package)[0] == "0.05"

@@ -47,18 +47,15 @@ def root_of(parents: IntArray, k: int) -> int:
 
 
 @compiled
-def islands(
-    chosen: IntArray, owners: IntArray, boxes: FloatArray, radii: FloatArray, near: float, near_share: float
-) -> IntArray:
-    """Return the island of each body in the slots ``chosen`` (n,), by the place of one of its members in ``chosen``.
+def join_islands(
+    parents: IntArray, chosen: IntArray, by_x: IntArray, by_owner: IntArray, owners: IntArray, boxes: FloatArray,
+    radii: FloatArray, near: float, near_share: float,
+) -> None:  # fmt: skip
+    """Write into ``parents`` (n,), at first 0 to n - 1, the islands as `islands` returns them.
 
-    Two bodies are in one island if they have the same of the ``owners`` (S,), or if their boxes (S, 6) are closer than
-    ``near`` [m] plus ``near_share`` of both ``radii`` (S,) [m], or through others.
+    ``by_x``, ``by_owner`` (n,): places in ``chosen`` in ascending order of the boxes' lowest x and of the owners.
     """
     count = len(chosen)
-    parents = np.arange(count)
-    order = np.argsort(boxes[chosen, 0])
-    by_owner = np.argsort(owners[chosen])
     for m in range(1, count):
         a, b = by_owner[m - 1], by_owner[m]
         if owners[chosen[a]] == owners[chosen[b]]:
@@ -67,15 +64,28 @@ def islands(
     for k in range(count):
         largest = max(largest, radii[chosen[k]])
     for m in range(count):
-        a = chosen[order[m]]
+        a = chosen[by_x[m]]
         for n in range(m + 1, count):
-            b = chosen[order[n]]
+            b = chosen[by_x[n]]
             if boxes[b, 0] > boxes[a, 3] + near + near_share * (radii[a] + largest):
                 break
             if apart(boxes[a], boxes[b]) <= near + near_share * (radii[a] + radii[b]):
-                parents[root_of(parents, order[m])] = root_of(parents, order[n])
+                parents[root_of(parents, by_x[m])] = root_of(parents, by_x[n])
     for k in range(count):
         parents[k] = root_of(parents, k)
+
+
+def islands(
+    chosen: IntArray, owners: IntArray, boxes: FloatArray, radii: FloatArray, near: float, near_share: float
+) -> IntArray:
+    """Return the island of each body in the slots ``chosen`` (n,), by the place of one of its members in ``chosen``.
+
+    Two bodies are in one island if they have the same of the ``owners`` (S,), or if their boxes (S, 6) are closer than
+    ``near`` [m] plus ``near_share`` of both ``radii`` (S,) [m], or through others.
+    """
+    parents = np.arange(len(chosen))
+    by_x, by_owner = np.argsort(boxes[chosen, 0]), np.argsort(owners[chosen])
+    join_islands(parents, chosen, by_x, by_owner, owners, boxes, radii, near, near_share)
     return parents
 
 
