@@ -47,34 +47,6 @@ def root_of(parents: IntArray, k: int) -> int:
 
 
 @compiled
-def join_islands(
-    parents: IntArray, chosen: IntArray, by_x: IntArray, by_owner: IntArray, owners: IntArray, boxes: FloatArray,
-    radii: FloatArray, near: float, near_share: float,
-) -> None:  # fmt: skip
-    """Write into ``parents`` (n,), at first 0 to n - 1, the islands as `islands` returns them.
-
-    ``by_x``, ``by_owner`` (n,): places in ``chosen`` in ascending order of the boxes' lowest x and of the owners.
-    """
-    count = len(chosen)
-    for m in range(1, count):
-        a, b = by_owner[m - 1], by_owner[m]
-        if owners[chosen[a]] == owners[chosen[b]]:
-            parents[root_of(parents, a)] = root_of(parents, b)
-    largest = 0.0
-    for k in range(count):
-        largest = max(largest, radii[chosen[k]])
-    for m in range(count):
-        a = chosen[by_x[m]]
-        for n in range(m + 1, count):
-            b = chosen[by_x[n]]
-            if boxes[b, 0] > boxes[a, 3] + near + near_share * (radii[a] + largest):
-                break
-            if apart(boxes[a], boxes[b]) <= near + near_share * (radii[a] + radii[b]):
-                parents[root_of(parents, by_x[m])] = root_of(parents, by_x[n])
-    for k in range(count):
-        parents[k] = root_of(parents, k)
-
-
 def islands(
     chosen: IntArray, owners: IntArray, boxes: FloatArray, radii: FloatArray, near: float, near_share: float
 ) -> IntArray:
@@ -83,9 +55,27 @@ def islands(
     Two bodies are in one island if they have the same of the ``owners`` (S,), or if their boxes (S, 6) are closer than
     ``near`` [m] plus ``near_share`` of both ``radii`` (S,) [m], or through others.
     """
-    parents = np.arange(len(chosen))
-    by_x, by_owner = np.argsort(boxes[chosen, 0]), np.argsort(owners[chosen])
-    join_islands(parents, chosen, by_x, by_owner, owners, boxes, radii, near, near_share)
+    count = len(chosen)
+    parents = np.arange(count)
+    order = np.argsort(boxes[chosen, 0])
+    by_owner = np.argsort(owners[chosen])
+    for m in range(1, count):
+        a, b = by_owner[m - 1], by_owner[m]
+        if owners[chosen[a]] == owners[chosen[b]]:
+            parents[root_of(parents, a)] = root_of(parents, b)
+    largest = 0.0
+    for k in range(count):
+        largest = max(largest, radii[chosen[k]])
+    for m in range(count):
+        a = chosen[order[m]]
+        for n in range(m + 1, count):
+            b = chosen[order[n]]
+            if boxes[b, 0] > boxes[a, 3] + near + near_share * (radii[a] + largest):
+                break
+            if apart(boxes[a], boxes[b]) <= near + near_share * (radii[a] + radii[b]):
+                parents[root_of(parents, order[m])] = root_of(parents, order[n])
+    for k in range(count):
+        parents[k] = root_of(parents, k)
     return parents
 
 

@@ -80,15 +80,6 @@ def require_valid(states: StateTable) -> None:
 
 
 @compiled
-def largest_of(row: FloatArray, first: int, last: int) -> float:
-    """Return the largest magnitude in the columns from ``first`` up to, but without ``last``; NaN does not count."""
-    largest = 0.0
-    for column in range(first, last):
-        largest = max(largest, abs(row[column]))
-    return largest
-
-
-@compiled
 def first_invalid(
     numbers: FloatArray, radii: FloatArray, kinds: NDArray[np.uint8], dimensions: FloatArray, centres: FloatArray,
     masses: FloatArray,
@@ -96,16 +87,15 @@ def first_invalid(
     """Return the row of the first impossible body and its code (`INVALID`); zeros if all are valid."""
     for i in range(len(numbers)):
         length = math.sqrt(numbers[i, 3] ** 2 + numbers[i, 4] ** 2 + numbers[i, 5] ** 2 + numbers[i, 6] ** 2)
-        for k in range(numbers.shape[1]):
-            if not math.isfinite(numbers[i, k]):
-                return i, 1
+        if not np.isfinite(numbers[i]).all():
+            return i, 1
         if not abs(length - 1.0) <= QUATERNION_SLACK:
             return i, 2
-        if largest_of(numbers[i], 0, 3) > FARTHEST_BODY:
+        if np.abs(numbers[i, :3]).max() > FARTHEST_BODY:
             return i, 3
-        if largest_of(numbers[i], 7, 10) > FASTEST:
+        if np.abs(numbers[i, 7:10]).max() > FASTEST:
             return i, 4
-        if largest_of(numbers[i], 10, 13) > FASTEST_SPIN:
+        if np.abs(numbers[i, 10:]).max() > FASTEST_SPIN:
             return i, 5
         if kinds[i] == 0 or kinds[i] >= len(DIMENSIONS):
             return i, 6

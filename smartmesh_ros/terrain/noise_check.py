@@ -16,8 +16,6 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -114,12 +112,12 @@ class NoiseCheck:
         self._time = time
         height, least = float(geometry.origin[2]), self.config.least_change
         fading = math.exp(-interval / self.config.memory)
-        self._counts, sizes = compare(self._lattice, heights, height, *self._first, least, self._counts, fading)
-        if not sizes.size:
+        self._counts, step = compare(self._lattice, heights, height, *self._first, least, self._counts, fading)
+        if not self._counts.known:
             return
         self._maps = fading * self._maps + 1.0
         noise = self._noise(time) if heightmap.noise == 0.0 else 0.0
-        self._record(noise, self._jump(Change(time, float(np.median(sizes)), interval)), time)
+        self._record(noise, self._jump(Change(time, step, interval)), time)
 
     def _follow(self, geometry: GridGeometry, heights: FloatGrid) -> bool:
         """Move the lattice to the position of a map; return False for a different grid, which gets a new lattice."""

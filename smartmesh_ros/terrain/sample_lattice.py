@@ -96,8 +96,8 @@ def moved_as_one(
 def compare(
     lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float,
     before: Counts, fading: float,
-) -> tuple[Counts, FloatArray]:  # fmt: skip
-    """Return the `Counts` of a map compared to the map before, and the sizes of the ``known`` changes [m].
+) -> tuple[Counts, float]:  # fmt: skip
+    """Return the `Counts` of a map compared to the map before, and the median of the changes [m].
 
     Counts are added to those ``before``, which decay by the factor ``fading`` [-]. ``first_row``, ``first_column``:
     position of sample (0, 0) in the world [samples]. Changes below ``least`` [m] are ignored.
@@ -134,7 +134,7 @@ def compare(
         fading * before.known + known, fading * before.changed + changed, fading * before.reversed + reverses,
         fading * before.tilted + tilted, fading * before.agreeing + agreeing, fading * before.tilt + tilt,
     )  # fmt: skip
-    return counts, sizes[:known]
+    return counts, np.median(sizes[:known]) if known > 0 else 0.0
 
 
 @compiled
