@@ -20,6 +20,7 @@ from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
 from studies.matrix.run import run_matrix
 from studies.pages import fill
+from studies.patch_tables import choosing_table, rates_table
 from studies.progress import Progress
 from studies.results_file import read_results, save_results
 from studies.tables import front_table, scene_table, summary_table
@@ -112,6 +113,9 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     draw_all(images / "all.png", titles, results, families)
     blocks["summary"] = summary_table(titles, results, families)
     blocks["front"] = front_table(titles, results, families)
+    if not options.quick:  # a quick run lacks configurations of these tables
+        blocks["patch rates"] = rates_table(titles, results)
+        blocks["choosing"] = choosing_table(titles, results)
     head = f"# Accuracy: every figure of every scene\n\nWritten by `make studies`. {blocks['machine']}\n"
     head += "See [accuracy](accuracy.md) for what the figures mean.\n\n"
     (images.parent.parent / "accuracy_tables.md").write_text(head + "\n".join(parts))
