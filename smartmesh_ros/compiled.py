@@ -108,7 +108,7 @@ class CodeCache:
     """Disk cache of one function's machine code: one file with a checksum for each signature and processor.
 
     Replaces the cache of a Numba dispatcher. Files are written under a temporary name and then renamed, so that readers
-    never see a partial file. Writers share no index. Code with and without a wrapper lies in files of its own.
+    never see a partial file. Writers share no index. Code with and code without a wrapper are in separate files.
     """
 
     def __init__(self, function: Callable[..., Any], dispatcher: CompiledFunction) -> None:

@@ -17,37 +17,28 @@ FIELDS = "heightfield"
 
 def rates_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
     """How often patches follow: one row a scene, by its name in ``titles``, and the medians over all scenes."""
-    rows = [[titles[name], *(_figures(found[rate]) for rate in RATES)] for name, found in _with(RATES, titles, results)]
-    often, usual, seldom = zip(
-        *([found[rate].cost for rate in RATES] for _, found in _with(RATES, titles, results)), strict=True
-    )
+    rows = [[title, *(_figures(results[name][rate]) for rate in RATES)] for name, title in titles.items()]
+    every_step, default, seldom = ([results[name][rate].cost for name in titles] for rate in RATES)
     return (
         table(["scene", "every step", "60 Hz, the default", "30 Hz"], rows)
-        + f"\n\nOver all scenes (median) the default costs {_median_ratio(usual, often):.2f} of patches in every step, "
-        + f"and 30 Hz {_median_ratio(seldom, often):.2f}."
+        + f"\n\nOver all scenes (median) the default costs {median(_ratios(default, every_step)):.2f} of patches in "
+        + f"every step, and 30 Hz {median(_ratios(seldom, every_step)):.2f}."
     )
 
 
 def choosing_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
     """`auto` beside fields alone: one row a scene, in ascending order of the ratio, and the mean over all scenes."""
-    both = (DEFAULTS, FIELDS)
-    ratios = {name: found[DEFAULTS].cost / found[FIELDS].cost for name, found in _with(both, titles, results)}
+    auto, fields = ([results[name][one].cost for name in titles] for one in (DEFAULTS, FIELDS))
+    ratios = dict(zip(titles, _ratios(auto, fields), strict=True))
     rows = [
-        [titles[name], *(_figures(results[name][one]) for one in both), f"{ratios[name]:.2f}"]
+        [titles[name], *(_figures(results[name][one]) for one in (DEFAULTS, FIELDS)), f"{ratios[name]:.2f}"]
         for name in sorted(ratios, key=lambda name: ratios[name])
     ]
-    mean = geometric_mean(ratios.values())
     return (
         table(["scene", "auto", "heightfield", "ratio"], rows)
-        + f"\n\nOver all scenes together (geometric mean) `auto` costs {mean:.2f} of heightfields alone."
+        + f"\n\nOver all scenes together (geometric mean) `auto` costs {geometric_mean(ratios.values()):.2f} of "
+        + "heightfields alone."
     )
-
-
-def _with(
-    wanted: Sequence[str], titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]
-) -> list[tuple[str, Mapping[str, Result]]]:
-    """Return the scenes that have results of all wanted configurations."""
-    return [(name, results[name]) for name in titles if set(wanted) <= results[name].keys()]
 
 
 def _figures(result: Result) -> str:
@@ -55,5 +46,5 @@ def _figures(result: Result) -> str:
     return f"{1e-3 * result.cost:.1f} ({1e3 * result.p99:.2g})"
 
 
-def _median_ratio(costs: Sequence[float], others: Sequence[float]) -> float:
-    return median(cost / other for cost, other in zip(costs, others, strict=True))
+def _ratios(costs: Sequence[float], others: Sequence[float]) -> list[float]:
+    return [cost / other for cost, other in zip(costs, others, strict=True)]
