@@ -7,6 +7,8 @@ import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 
+from smartmesh_ros.testing import Process
+from tests import preloaded
 from tests.examples import FACTORS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +23,8 @@ if settings.get_current_profile_name() == "steady":
     # Hypothesis also draws numbers that stand in the sources of imported modules, which differ between processes.
     assert callable(providers._get_local_constants)
     providers._get_local_constants = lambda: providers._local_constants
+
+Process.starter = staticmethod(preloaded.start)
 
 # Processor time of a file's tests, and of the processes that they start [s], of files that take long. Measured once, on
 # two cores; only their order counts.

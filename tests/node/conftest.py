@@ -7,6 +7,7 @@ import pytest
 
 from smartmesh_ros.testing import Probe, Process, domain, probe
 from smartmesh_ros.testing.probe import DIAGNOSTICS
+from smartmesh_ros.testing.process import start_command
 from tests.node.shared import clear
 
 __all__ = ["domain", "probe"]
@@ -18,6 +19,12 @@ def no_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     with a killed one ends (in ``SharedMemChannelResource::release``), which would be that of the tests. Ask for it
     before the probe."""
     monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+
+
+@pytest.fixture
+def executables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes are started by their executables, for tests of the start and the end; see `tests.preloaded`."""
+    monkeypatch.setattr(Process, "starter", staticmethod(start_command))
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from smartmesh_ros.testing import TIMEOUT, Probe, Process, assert_cannot_start, 
 from smartmesh_ros.testing.process import START_TIMEOUT
 from tests.node.shared import has_ended, refusal_at_start, wait_until
 
+pytestmark = pytest.mark.usefixtures("executables")
 # Processor time that ending at once may take [s]. Compiling takes many times as long.
 AT_ONCE = 5.0
 # A node whose clock goes on by 1000 s while it is made, as if it read a large file, and whose first step says how many

@@ -17,6 +17,8 @@ from smartmesh_ros.node.outputs import publishing
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.testing import Probe, Process, executable
 
+pytestmark = pytest.mark.usefixtures("executables")
+
 HUSKY = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 
 

@@ -12,17 +12,21 @@ import pytest
 
 from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
 from smartmesh_ros.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.testing.process import Starter, start_command
+from tests import preloaded
 from tests.node.shared import has_ended, wait_until
 
+ROOT = Path(__file__).parents[2]
 STARTS_A_NODE = """
 import sys
 from smartmesh_ros.testing import Process
+from tests import preloaded
+if "fork" in sys.argv:
+    Process.starter = staticmethod(preloaded.start)
 process = Process("terrain_source")
 print(process.process.pid, flush=True)
 sys.stdin.readline()
 """
-
-
 USES_THE_DOMAIN = """
 import os
 def test_the_environment_names_it(domain):
@@ -30,7 +34,7 @@ def test_the_environment_names_it(domain):
 """
 
 
-def test_a_process_ends_with_its_block_and_with_an_exception(domain: int) -> None:
+def test_a_process_ends_with_its_block_and_with_an_exception(domain: int, executables: None) -> None:
     with Process("terrain_source") as first:
         assert first.process.poll() is None
     assert first.process.poll() is not None
@@ -39,9 +43,10 @@ def test_a_process_ends_with_its_block_and_with_an_exception(domain: int) -> Non
     assert second.process.poll() is not None
 
 
-@pytest.mark.parametrize("killed", [False, True])
-def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, killed: bool) -> None:
-    test = subprocess.Popen([sys.executable, "-c", STARTS_A_NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+@pytest.mark.parametrize(("how", "killed"), [("executable", False), ("executable", True), ("fork", True)])
+def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, how: str, killed: bool) -> None:
+    command = [sys.executable, "-c", STARTS_A_NODE, how]
+    test = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert test.stdin is not None
     assert test.stdout is not None
     pid = int(test.stdout.readline())
@@ -55,10 +60,38 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ki
     wait_until(lambda: has_ended(pid))
 
 
+def test_a_fork_is_what_the_executable_is(domain: int) -> None:
+    """It says the same but for times, takes the same parameters and arguments, and ends with the same code."""
+    said, codes = [], []
+    for starter in (start_command, preloaded.start):
+        arguments = ["--ros-args", "-r", "__node:=renamed"]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Process, "starter", staticmethod(starter))
+            process = Process("terrain_collider", {"physics.rate": 37.0, "patch.knd": "auto"}, arguments)
+        with process:
+            wait_until(lambda process=process: "physics" in process.output)
+            codes.append(process.stop())
+            said.append(re.sub(r"\d+\.\d+|/tmp/\S+", "", process.output))
+        codes.append(refused_code(starter))
+    assert codes == [0, 2, 0, 2]
+    assert "37 Hz" in said[0]
+    assert "patch.knd" in said[0]
+    assert said[0] == said[1]
+
+
+def refused_code(starter: Starter) -> int:
+    """Exit code of a node that refuses its parameters."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Process, "starter", staticmethod(starter))
+        with Process("terrain_collider", {"physics.rate": -1.0}) as process:
+            return process.process.wait(TIMEOUT)
+
+
 def test_a_wait_in_vain_says_why(probe: Probe) -> None:
     with probe.running():
         probe.publish_map(np.zeros((3, 3)), resolution=-1.0)
         probe.wait_for(lambda: "1 refused" in probe.diagnostics("inputs")["message"])
+        probe.wait_for(lambda: "terrain_collider" in probe.node.get_node_names())  # may arrive after its topics
         with pytest.raises(AssertionError) as failure:
             probe.wait_for(lambda: False, timeout=0.1)
     words = str(failure.value)
