@@ -23,6 +23,7 @@ def repair(prefix: Path) -> int:
         repaired = NUMPY_INCLUDE.sub(np.get_include(), text)
         repaired = PYTHON_INCLUDE.sub(sysconfig.get_path("include"), repaired)
         if repaired != text:
+            path.unlink()  # the file may be a hard link to one in the installer's cache
             path.write_text(repaired, errors="surrogateescape")
             changed += 1
     return changed
