@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from asyncio import run_coroutine_threadsafe
 from typing import Any
 
 from smartmesh_ros.view.cameras import Cameras
@@ -32,6 +33,10 @@ class Page:
 
     def refresh(self) -> None:
         """Refresh the page. If no browser is connected, unsubscribe from the node's outputs instead."""
+        # By the thread that sends to browsers: viser may fail if another one queues messages meanwhile.
+        run_coroutine_threadsafe(self._refresh(), self._server.get_event_loop()).result()
+
+    async def _refresh(self) -> None:
         remote = self._remote
         if not self._server.get_clients():
             remote.watch(set())

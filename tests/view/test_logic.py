@@ -1,5 +1,6 @@
 """What the page is made of, without a browser: knobs from descriptions, colours, clicks, and the terrain's messages."""
 
+import asyncio
 import colorsys
 import itertools
 import math
@@ -25,6 +26,7 @@ from smartmesh_ros.view import looks, picking
 from smartmesh_ros.view.ground import Ground
 from smartmesh_ros.view.knobs import Kind, knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.view.looks import PatchLook, patch_look
+from smartmesh_ros.view.page import Page
 from smartmesh_ros.view.scene import Scene
 from smartmesh_ros.view.server import start_server, stop_server
 from smartmesh_ros.view.sight import Appearance, Pose, Sight
@@ -241,3 +243,20 @@ def test_a_robot_has_its_name_above_it() -> None:
             assert "/labels/rover" not in server.scene._handle_from_node_name
         finally:
             stop_server(server)
+
+
+def test_a_page_is_refreshed_by_the_thread_that_sends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From another thread, viser now and then failed with "deque mutated during iteration"."""
+    server, loops = start_server("localhost", 0), []
+    page = Page.__new__(Page)
+    page._server = server
+
+    async def refresh(_: Page) -> None:
+        loops.append(asyncio.get_running_loop())
+
+    monkeypatch.setattr(Page, "_refresh", refresh)
+    try:
+        page.refresh()
+        assert loops == [server.get_event_loop()]
+    finally:
+        stop_server(server)
