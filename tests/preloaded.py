@@ -20,7 +20,7 @@ from typing import IO
 
 from smartmesh_ros.startup import executables
 from smartmesh_ros.startup.quiet import STDERR, STDOUT
-from smartmesh_ros.testing.process import Running, start_command
+from smartmesh_ros.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.
 ENTRY_POINTS = ("fleet_front", "soil", "terrain_collider", "terrain_sensor", "terrain_source")
@@ -63,7 +63,7 @@ class Fork:
         self.send_signal(signal.SIGKILL)
 
 
-def start(command: list[str], log: IO[bytes], environment: dict[str, str]) -> Running:
+def start(command: list[str], log: IO[bytes], environment: dict[str, str]) -> Fork | subprocess.Popen[bytes]:
     """Start a command: as a fork if it is an executable of this package in this process's environment."""
     name = Path(command[0]).name
     if name not in ENTRY_POINTS or environment != dict(os.environ):

@@ -8,11 +8,11 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import IO, Any, ClassVar, Protocol
+from typing import IO, Any, ClassVar
 
 import yaml
 from ament_index_python.packages import get_package_prefix
@@ -40,35 +40,6 @@ def executable(name: str, package: str = "smartmesh_ros") -> Path:
     return path
 
 
-class Running(Protocol):
-    """A process that was started; see `subprocess.Popen`."""
-
-    pid: int
-
-    @property
-    def returncode(self) -> int | None:
-        """The exit code, None while it runs; -N: ended by signal N."""
-
-    def poll(self) -> int | None:
-        """Return the exit code, None while it runs."""
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Return the exit code at the end. Raises `subprocess.TimeoutExpired`."""
-
-    def send_signal(self, sig: int) -> None:
-        """Send a signal, unless it has ended."""
-
-    def kill(self) -> None:
-        """Send SIGKILL, unless it has ended."""
-
-
-class Starter(Protocol):
-    """Starts a command with its output in a file, in an environment."""
-
-    def __call__(self, command: list[str], log: IO[bytes], environment: dict[str, str]) -> Running:
-        """Return the running process."""
-
-
 def start_command(command: list[str], log: IO[bytes], environment: dict[str, str]) -> subprocess.Popen[bytes]:
     """Start a command as a child that ends with this process at the latest, on Linux even if that is killed."""
     with _receiving_sigint():
@@ -84,8 +55,10 @@ class Process:
     killed.
     """
 
-    # How processes are started. A suite with many nodes may set another starter.
-    starter: ClassVar[Starter] = staticmethod(start_command)
+    # Starts a command with its output in a file, in an environment. A suite with many nodes may set another.
+    starter: ClassVar[Callable[[list[str], IO[bytes], dict[str, str]], subprocess.Popen[bytes]]] = staticmethod(
+        start_command
+    )
 
     def __init__(
         self,
@@ -107,7 +80,7 @@ class Process:
         environment = {**os.environ, **(environment or {})}
         self._log = folder / "log.txt"
         with self._log.open("wb") as log:
-            self.process = self.starter(command, log, environment)
+            self.process = Process.starter(command, log, environment)
         self._close = weakref.finalize(self, _end, self.process, self._folder)
 
     def __enter__(self) -> Process:
@@ -153,7 +126,7 @@ def assert_cannot_start(
         process.close()
 
 
-def _end(process: Running, folder: tempfile.TemporaryDirectory[str]) -> None:
+def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:
     """Kill the process if it still runs, and remove its folder."""
     if process.poll() is None:
         process.kill()

@@ -12,7 +12,7 @@ import pytest
 
 from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
 from smartmesh_ros.testing import TIMEOUT, Probe, Process
-from smartmesh_ros.testing.process import Starter, start_command
+from smartmesh_ros.testing.process import start_command
 from tests import preloaded
 from tests.node.shared import has_ended, wait_until
 
@@ -60,31 +60,22 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ho
     wait_until(lambda: has_ended(pid))
 
 
-def test_a_fork_is_what_the_executable_is(domain: int) -> None:
+def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says the same but for times, takes the same parameters and arguments, and ends with the same code."""
     said, codes = [], []
     for starter in (start_command, preloaded.start):
+        monkeypatch.setattr(Process, "starter", staticmethod(starter))
         arguments = ["--ros-args", "-r", "__node:=renamed"]
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Process, "starter", staticmethod(starter))
-            process = Process("terrain_collider", {"physics.rate": 37.0, "patch.knd": "auto"}, arguments)
-        with process:
+        with Process("terrain_collider", {"physics.rate": 37.0, "patch.knd": "auto"}, arguments) as process:
             wait_until(lambda process=process: "physics" in process.output)
             codes.append(process.stop())
             said.append(re.sub(r"\d+\.\d+|/tmp/\S+", "", process.output))
-        codes.append(refused_code(starter))
+        with Process("terrain_collider", {"physics.rate": -1.0}) as refused:
+            codes.append(refused.process.wait(TIMEOUT))
     assert codes == [0, 2, 0, 2]
     assert "37 Hz" in said[0]
     assert "patch.knd" in said[0]
     assert said[0] == said[1]
-
-
-def refused_code(starter: Starter) -> int:
-    """Exit code of a node that refuses its parameters."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Process, "starter", staticmethod(starter))
-        with Process("terrain_collider", {"physics.rate": -1.0}) as process:
-            return process.process.wait(TIMEOUT)
 
 
 def test_a_wait_in_vain_says_why(probe: Probe) -> None:
