@@ -125,7 +125,7 @@ class Panel:
         self._on(self._step, lambda: self._call("step", StepPhysics, steps=int(self._steps.value)))
         self._on(self._reset, lambda: self._call("reset", Trigger))
         self._on(self._look, lambda: self._cameras.look(remote.ground, remote.sight))
-        self._shadows.on_update(lambda _: self._scene.light(shadows=self._shadows.value))
+        self._shadows.on_update(lambda _: self._actions.put(lambda: self._scene.light(shadows=self._shadows.value)))
         self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
         self._sunk.on_update(lambda _: setattr(self._scene, "show_sunk", self._sunk.value))
 
