@@ -259,7 +259,7 @@ class HeightMap:
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
 
     def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all update times, after the clock of the stamps was reset."""
+        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         for name in CLOCK_TIMES:
             self._clocks[name] += by
         self.track = self.track.shifted(by)

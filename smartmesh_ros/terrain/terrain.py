@@ -67,7 +67,7 @@ class Terrain:
         return next((self.tiles[name] for name, known in self.numbers.items() if known == number), None)
 
     def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to the times of all maps, after the clock of the stamps was reset."""
+        """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""
         for mesh in self.tiles.values():
             mesh.shift_time(by)
 

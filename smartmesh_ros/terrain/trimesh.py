@@ -170,7 +170,7 @@ class TriangleMesh:
         return self.lifetime > 0.0 and time - self.time < REST_AFTER * self.lifetime
 
     def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all update times, after the clock of the stamps was reset."""
+        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         for name in CLOCK_TIMES:
             self._clock[name] += by
 

@@ -207,9 +207,9 @@ class Reader:
     def _place(self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0) -> float:
         """Return the simulated time [s] of a stamp that arrives at ``now`` [s], at ``clock`` [s] of the recorder."""
         known = self._clocks.setdefault(source, StampClock())
-        time = known.place(stamp, clock, lambda age: now - age, late)
-        known.accept(stamp, time)
-        return time
+        placed = known.place(stamp, clock, lambda age: now - age, late)
+        known.accept(placed)
+        return placed.time
 
 
 # Converts a record, given its arrival after the start [s].

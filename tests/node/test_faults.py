@@ -8,6 +8,7 @@ import signal
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.client import Patch, PatchClient, TrackedLink
+from smartmesh_ros.node.timing.pacing import STALL
 from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
 
 SHAPE = (40, 30)
@@ -209,6 +212,46 @@ def test_a_source_that_is_cut_off_is_found_again(shared: Probe) -> None:
     finally:
         source.process.send_signal(signal.SIGCONT)
         source.close()
+
+
+def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(probe: Probe) -> None:
+    """The node stands still while its ground rises by 10 cm, which it must not take for the motion of some steps."""
+    speed, start = 0.1, monotonic()
+    link = TrackedLink(name="wheel", position=(2.0, 2.0, 0.0), radius=0.3)
+
+    def risen() -> float:
+        return speed * (monotonic() - start)
+
+    with probe.running() as node, PatchClient(COLLIDER) as client:
+
+        def patch() -> Patch | None:
+            probe.publish_map(np.full((40, 40), risen()), resolution=0.1)
+            client.track([link])
+            client.spin_once(1 / 30)
+            return client.patch("wheel")
+
+        def rises(patch: Patch | None) -> bool:
+            return patch is not None and patch.linear_w[2] == pytest.approx(speed, rel=0.2)
+
+        probe.wait_for(lambda: rises(patch()), watch=node)
+        for _ in range(3):
+            before = risen()
+            node.process.send_signal(signal.SIGSTOP)
+            try:
+                probe.wait_for(lambda: patch() is not None and risen() > before + 0.1)  # noqa: B023
+            finally:
+                node.process.send_signal(signal.SIGCONT)
+            seen: list[float] = []
+
+            def goes_on() -> bool:
+                found = patch()
+                if found is None or found.vertices_w[:, 2].max() < before + 0.1:  # noqa: B023
+                    return False
+                seen.append(float(found.linear_w[2]))  # noqa: B023
+                return len(seen) > 10 and rises(found)  # noqa: B023
+
+            probe.wait_for(goes_on, watch=node)
+            assert max(seen) <= STALL * speed
 
 
 def settled(probe: Probe) -> int:

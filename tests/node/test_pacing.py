@@ -10,7 +10,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, DeadlinePolicy, Pacer
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.timing.pacing import (
+    MOST_CATCH_UP,
+    MOST_JUMP,
+    OLDEST,
+    STALL,
+    DeadlinePolicy,
+    Pacer,
+    Placed,
+    StampClock,
+)
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 PERIOD = 1 / 240
 POLICIES: tuple[DeadlinePolicy, ...] = ("skip", "catch_up", "slow_down")
@@ -228,3 +239,79 @@ def test_steps_that_a_message_of_a_clock_brings_at_once_are_not_missed() -> None
             steps += 1
     assert steps == pytest.approx(100 * 0.02 / PERIOD, abs=1)
     assert pacer.misses == 0
+
+
+def placed_at(clock: StampClock, stamp: float, now: float, gained: float = 0.0) -> Placed:
+    """A stamp that arrives ``now`` [s] and is accepted; simulated time is ``gained`` [s] ahead of the node's clock."""
+    placed = clock.place(stamp, now, lambda age: now + gained - age)
+    clock.accept(placed)
+    return placed
+
+
+@given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=20), st.lists(st.floats(0.0, 0.1), min_size=20, max_size=20))
+def test_stamps_of_this_nodes_clock_are_placed_exactly_however_late_they_come(
+    ages: list[float], steps: list[float]
+) -> None:
+    clock, stamp = StampClock(), 100.0
+    assert placed_at(clock, stamp, stamp + 0.5 * OLDEST).time == pytest.approx(stamp)
+    for age, step in zip(ages, steps, strict=False):
+        stamp += step
+        placed = placed_at(clock, stamp, stamp + age)
+        assert placed.time == pytest.approx(stamp)
+        assert placed.lost == pytest.approx(0.0, abs=1e-9)
+
+
+@given(st.floats(1.5, 1e9), st.lists(st.floats(0.01, 0.1), min_size=2, max_size=20))
+def test_stamps_of_another_clock_keep_their_intervals(behind: float, steps: list[float]) -> None:
+    clock, now, before = StampClock(), 2e9, None
+    for step in steps:
+        now += step
+        placed = placed_at(clock, now - behind, now, gained=5.0)
+        if before is not None:
+            assert placed.time - before.time == pytest.approx(step, abs=1e-6)
+        assert not placed.own
+        before = placed
+
+
+def test_a_stamp_that_goes_back_is_refused_or_takes_the_last_ones_time() -> None:
+    clock = StampClock()
+    first = placed_at(clock, 10.0, 10.0)
+    with pytest.raises(InputError, match="older than the last one"):
+        clock.place(9.9, 10.1, lambda age: 10.1 - age, most=0.05)
+    again = clock.place(9.9, 10.1, lambda age: 10.1 - age, most=0.2)
+    assert again.stamp == 10.0
+    assert again.time == pytest.approx(first.time)
+
+
+def test_the_time_that_a_stall_takes_out_is_lost() -> None:
+    clock = StampClock()
+    placed_at(clock, 10.0, 10.0)
+    assert placed_at(clock, 10.5, 10.5, gained=-0.4).lost == pytest.approx(0.4)
+    assert placed_at(clock, 10.6, 10.6, gained=-0.4).lost == 0.0
+    assert placed_at(clock, 10.7, 10.7, gained=-0.4 - 0.1 * (1.0 - 1.2 / STALL)).lost == 0.0, "an overloaded loop"
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@given(st.lists(st.tuples(st.integers(1, 40), st.floats(0.0, 3.0)), min_size=1, max_size=6), st.floats(0.0, 1.0))
+def test_ground_that_rises_steadily_rises_no_faster_after_a_stall(
+    policy: DeadlinePolicy, stalls: list[tuple[int, float]], phase: float
+) -> None:
+    """Maps at 30 Hz, the newest of which waits when the loop goes on. A stall comes after so many steps."""
+    speed, every, now = 0.3, 1 / 30, [100.0]
+    pacer = Pacer(PERIOD, policy, lambda: now[0])
+    ground, clock = HeightMap(np.zeros((3, 3)), resolution=1.0, time=-100.0), StampClock()
+    time, maps = 0.0, int(now[0] / every)
+    for steps, stall in [*stalls, (40, 0.0)]:
+        for step in range(steps):
+            now[0] += max(pacer.remaining(), 0.0)
+            newest = int(now[0] / every - phase)
+            if newest > maps:
+                maps, stamp = newest, (newest + phase) * every
+                placed = clock.place(stamp, now[0], lambda age: pacer.simulated_at(age, time))  # noqa: B023
+                ground.shift_time(-placed.lost)
+                ground.replace(np.full((3, 3), speed * stamp), time=placed.time)
+                clock.accept(placed)
+            time += (1 + pacer.advance()) * PERIOD
+            now[0] += stall if step == steps - 1 else 0.0
+            # Ground whose map is late returns at half its speed.
+            assert abs(ground.at(np.zeros((1, 2)), time).velocities[0]) <= STALL * speed + 1e-3

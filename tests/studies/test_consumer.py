@@ -23,6 +23,9 @@ __all__ = ["domain", "probe"]
 
 NEAR = 0.01  # [m]
 RATE = 62.5  # of the node's steps [Hz]
+# Least mean speed of the rover [m/s], which is driven at 0.6. The wave takes it along or holds it back, by its phase at
+# the start of the drive: 0.47 to 0.70 in 6 s.
+SPEED = 0.4
 
 
 class SteppedGround(ServedGround):
@@ -99,7 +102,7 @@ def test_wheels_keep_to_the_true_ground(probe: Probe, case: Case) -> None:
     assert drive.messages > 0
     assert drive.lost == 0
     assert float(np.mean(np.abs(drive.clearance) <= NEAR)) >= 0.99
-    assert drive.way > 0.5 * case.seconds
+    assert drive.way > SPEED * case.seconds
 
 
 def test_a_case_runs_between_processes(domain: int) -> None:

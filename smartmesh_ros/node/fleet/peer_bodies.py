@@ -130,9 +130,9 @@ class PeerBodies:
                 stamp = stamp_seconds(new)
                 if peer.clock.is_overtaken(stamp, math.inf):  # older than the message before
                     return
-                time = peer.clock.place(stamp, session.clock_now(), session.time_at)
-                objections = self._session.world.guests.take(name, new.bodies, time + new.ahead)
-                peer.clock.accept(stamp, time)
+                placed = peer.clock.place(stamp, session.clock_now(), session.time_at)
+                objections = self._session.world.guests.take(name, new.bodies, placed.time + new.ahead)
+                peer.clock.accept(placed)
         except InputError as error:
             peer.refused = f"refused: {error}"
             raise

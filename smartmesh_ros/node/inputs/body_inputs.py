@@ -78,7 +78,7 @@ class BodyInputs:
         stamp = conversions.stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
         clock = self._clocks.setdefault(topic, StampClock())
-        time = clock.place(stamp, session.clock_now(), session.pace_at)
+        placed = clock.place(stamp, session.clock_now(), session.pace_at)
         require_room((body.name for body in bodies), session.world.bodies, session.settings)
         states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
         radii = [body.radius or session.settings.default_radius for body in bodies]
@@ -88,8 +88,8 @@ class BodyInputs:
             require_possible(body.name, state)
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, state, radius in zip(bodies, states, radii, strict=True):
-            session.tracking.update(body.name, radius, state, time)
-        clock.accept(stamp, time)
+            session.tracking.update(body.name, radius, state, placed.time)
+        clock.accept(placed)
 
     def _on_joint_commands(self, message: JointState) -> None:
         world = self._session.world

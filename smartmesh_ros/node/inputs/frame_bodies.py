@@ -56,8 +56,8 @@ class FrameBodies:
         if stamp is not None and stamp == self._stamps.get(name):
             return
         clock = self._clocks.setdefault(name, StampClock())
-        time = clock.place(stamp, session.clock_now(), session.pace_at)
-        session.tracking.update(name, session.settings.default_radius, BodyState(*pose), time)
-        clock.accept(stamp, time)
+        placed = clock.place(stamp, session.clock_now(), session.pace_at)
+        session.tracking.update(name, session.settings.default_radius, BodyState(*pose), placed.time)
+        clock.accept(placed)
         if stamp is not None:
             self._stamps[name] = stamp

@@ -23,7 +23,7 @@ from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
 from smartmesh_ros.node.inputs.rivals import Rivals, publisher_names
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.pacing import StampClock
+from smartmesh_ros.node.timing.pacing import Placed, StampClock
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -77,22 +77,22 @@ class TerrainInputs:
         start = new.start
         if self._overtaken(start.tile, conversions.stamp_seconds(start)):
             return
-        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as time:
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as placed:
             if new.geometry is None:
                 self._terrain.remove(start.tile)
                 self._map_checks.forget(start.tile)
                 self._session.map_warning = self._map_checks.warning
             else:
-                self._take_map(start.tile, new.geometry, new.heights, new.velocities, time)
+                self._take_map(start.tile, new.geometry, new.heights, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
         if self._overtaken("", stamp):
             return
-        with self._ingesting("", stamp, message.header.frame_id) as time:
+        with self._ingesting("", stamp, message.header.frame_id) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster.geometry, raster.heights, None, time, raster.variances)
+            self._take_map("", raster.geometry, raster.heights, None, placed, raster.variances)
 
     def _take_map(
         self,
@@ -100,15 +100,16 @@ class TerrainInputs:
         geometry: GridGeometry,
         heights: FloatGrid,
         velocities: FloatGrid | None,
-        time: float,
+        placed: Placed,
         variances: FloatGrid | None = None,
     ) -> None:
         """Checks a whole map and puts it into the terrain."""
         self._look_for_rivals(tile, geometry, heights)
-        take_map(self._terrain, self._session.settings, tile, Raster(geometry, heights, variances), velocities, time)
+        raster = Raster(geometry, heights, variances)
+        take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
-            self._map_checks.take(tile, taken, time, given=velocities is not None)
+            self._map_checks.take(tile, taken, placed.source_time, given=velocities is not None)
             self._session.map_warning = self._map_checks.warning
 
     def _look_for_rivals(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
@@ -135,15 +136,15 @@ class TerrainInputs:
     def _on_region(self, data: bytes) -> None:
         new = conversions.region_from(data, self._session.settings.max_samples)
         start = new.start
-        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id, update=True) as time:
-            self._take_region(start.tile, new.row, new.column, new.heights, new.velocities, time)
+        with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id, update=True) as placed:
+            self._take_region(start.tile, new.row, new.column, new.heights, new.velocities, placed.time)
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
-        with self._ingesting("", stamp, message.header.frame_id, update=True) as time:
+        with self._ingesting("", stamp, message.header.frame_id, update=True) as placed:
             row, column, heights = occupancy_grid.region_from(message, settings.raster, settings.max_samples)
-            self._take_region("", row, column, heights, None, time)
+            self._take_region("", row, column, heights, None, placed.time)
 
     def _take_region(
         self, name: str, row: int, column: int, heights: FloatGrid, velocities: FloatGrid | None, time: float
@@ -166,34 +167,36 @@ class TerrainInputs:
         """Loads the terrain of a file, at the start."""
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
-        with self._ingesting("", None, settings.frame_id) as time:
-            self._take_map("", raster.geometry, raster.heights, None, time)
+        with self._ingesting("", None, settings.frame_id) as placed:
+            self._take_map("", raster.geometry, raster.heights, None, placed)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
         new = conversions.mesh_from(data, settings.max_samples)
         stamp = conversions.stamp_seconds(new.start)
-        with self._ingesting(new.start.tile, stamp, new.start.frame_id) as time:
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id) as placed:
             if not len(new.vertices) and not len(new.triangles):
                 self._terrain.remove(new.start.tile)
                 return
             require_tile_fits(new.start.tile, len(new.vertices), self._terrain, settings)
             self._put(
                 new.start.tile,
-                TriangleMesh(new.vertices, new.triangles, time=time, velocities=new.velocities, motion=settings.motion),
+                TriangleMesh(
+                    new.vertices, new.triangles, time=placed.time, velocities=new.velocities, motion=settings.motion
+                ),
             )
 
     def _on_mesh_update(self, data: bytes) -> None:
         settings = self._session.settings
         new = conversions.mesh_update_from(data, settings.max_samples)
         stamp = conversions.stamp_seconds(new.start)
-        with self._ingesting(new.start.tile, stamp, new.start.frame_id, update=True) as time:
+        with self._ingesting(new.start.tile, stamp, new.start.frame_id, update=True) as placed:
             mesh = self._terrain.tile(new.start.tile)
             if not isinstance(mesh, TriangleMesh):
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
             method = settings.world.patch.search
             check = None if method in ANYWHERE else partial(require_search_on, method)
-            mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities, check=check)
+            mesh.move(new.vertices, time=placed.time, indices=new.indices, velocities=new.velocities, check=check)
 
     def _overtaken(self, tile: str, stamp: float | None) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
@@ -207,9 +210,9 @@ class TerrainInputs:
         self._terrain.put(tile, mesh)
 
     @contextmanager
-    def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[float]:
-        """Checks the fields common to all terrain messages and yields the simulated time of the stamp [s]; records the
-        message as accepted unless the block raises `InputError`."""
+    def _ingesting(self, tile: str, stamp: float | None, frame_id: str, *, update: bool = False) -> Iterator[Placed]:
+        """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
+        as accepted unless the block raises `InputError`."""
         session = self._session
         with session.world.stopwatch.stage("ingest"):
             if update and not self._terrain.tiles:
@@ -220,9 +223,12 @@ class TerrainInputs:
             require_name(tile, session.settings)
             clock = self._clocks.get(tile) or StampClock()
             late = self._session.settings.motion.max_interval if update else 0.0
-            time = clock.place(stamp, session.clock_now(), session.time_at, late)
-            yield time
-            clock.accept(stamp, time)
+            placed = clock.place(stamp, session.clock_now(), session.time_at, late)
+            if placed.lost and tile in self._terrain.tiles:
+                # Else the motion of the source during a stall of the loop would count as fast motion of the ground.
+                self._terrain.tiles[tile].shift_time(-placed.lost)
+            yield placed
+            clock.accept(placed)
             self._clocks[tile] = clock
             session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
             session.last_map_time = monotonic()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.timing.timeline import Timeline
@@ -18,6 +18,9 @@ MOST_CATCH_UP = 0.1
 MOST_JUMP = 1.0
 # A stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another clock.
 OLDEST, NEWEST = 1.0, -0.05
+# The loop has stalled if stamps of a source are more than this many times as far apart as their simulated times [-]. A
+# loop that is overloaded for good may run that much slower than real time: its ground moves faster, but evenly.
+STALL = 4.0
 # Gain of the filter that aligns another clock with this node's: share of the new offset in each message.
 OFFSET_GAIN = 0.05
 
@@ -129,6 +132,24 @@ class Pacer:
         return skipped
 
 
+class Placed(NamedTuple):
+    """A stamp in simulated time.
+
+    ``stamp`` [s] of the source's clock, None = the message has none. ``time`` [s]: simulated time. ``own``: the source
+    uses this node's clock. ``lost`` [s]: simulated time that a stall of the loop took out since the last stamp.
+    """
+
+    stamp: float | None
+    time: float
+    own: bool = False
+    lost: float = 0.0
+
+    @property
+    def source_time(self) -> float:
+        """The stamp [s], or the simulated time if there is none: intervals between messages, whatever the loop did."""
+        return self.time if self.stamp is None else self.stamp
+
+
 class StampClock:
     """Converts the stamps of one source to simulated times; stamps must not decrease.
 
@@ -137,41 +158,60 @@ class StampClock:
     """
 
     def __init__(self) -> None:
-        self._last: float | None = None
-        self._offset: float | None = None
+        self._last: Placed | None = None  # with a stamp
 
     def is_overtaken(self, stamp: float | None, most: float) -> bool:
         """Return True if a stamp is older than the last one by up to ``most`` [s], because messages were reordered."""
-        return stamp is not None and self._last is not None and 0.0 < self._last - stamp <= most
+        return stamp is not None and self._last is not None and 0.0 < self._last.source_time - stamp <= most
 
     def place(
         self, stamp: float | None, clock_now: float, time_at: Callable[[float], float], most: float = 0.0
-    ) -> float:
-        """Return the simulated time [s] of a stamp that arrives at ``clock_now`` [s] of the node's clock.
+    ) -> Placed:
+        """Return the simulated time of a stamp [s] that arrives at ``clock_now`` [s] of the node's clock.
 
         ``time_at(age)``: simulated time of an instant ``age`` [s] ago. A stamp that is older than the last one by up to
         ``most`` [s] gets the last one's time; an older one raises `InputError`. Changes nothing; see `accept`.
         """
         if stamp is None:
-            return time_at(0.0)
-        if self._last is not None and self.is_overtaken(stamp, most):
-            stamp = self._last
-        if self._last is not None and stamp < self._last:
+            return Placed(None, time_at(0.0))
+        last = self._last
+        if last is not None:
+            stamp = self._in_order(stamp, last.source_time, most)
+        age = clock_now - stamp
+        # A stamp between the last one of this node's clock and now is late, not of another clock.
+        own = NEWEST <= age <= OLDEST or (last is not None and last.own and age >= NEWEST)
+        time = time_at(age) if own else self._aligned(stamp, time_at(0.0))
+        return Placed(stamp, time, own, self._lost(stamp, time))
+
+    def accept(self, placed: Placed) -> None:
+        """Record that the message with this stamp was accepted."""
+        if placed.stamp is not None:
+            self._last = placed
+
+    def _in_order(self, stamp: float, last: float, most: float) -> float:
+        """Return a stamp [s], or the ``last`` one if that overtook it; raise `InputError` if it is older still."""
+        if self.is_overtaken(stamp, most):
+            return last
+        if stamp < last:
             raise InputError(
                 "stamp_backwards",
-                f"stamp {stamp:.9f} s is older than the last one, {self._last:.9f} s; if the source's clock was set "
+                f"stamp {stamp:.9f} s is older than the last one, {last:.9f} s; if the source's clock was set "
                 "back, call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies",
             )
-        age = clock_now - stamp
-        if NEWEST <= age <= OLDEST:
-            return time_at(age)
-        offset = time_at(0.0) - stamp
-        if self._offset is not None and abs(offset - self._offset) < OLDEST:
-            offset = self._offset + OFFSET_GAIN * (offset - self._offset)
+        return stamp
+
+    def _aligned(self, stamp: float, arrival: float) -> float:
+        """Return the simulated time [s] of a stamp of another clock that arrives at a simulated time [s]."""
+        offset = arrival - stamp
+        if self._last is not None:
+            before = self._last.time - self._last.source_time
+            if abs(offset - before) < OLDEST:
+                offset = before + OFFSET_GAIN * (offset - before)
         return stamp + offset
 
-    def accept(self, stamp: float | None, time: float) -> None:
-        """Records that a message with this stamp was accepted, at simulated ``time`` [s]."""
-        if stamp is not None and not (self._last is not None and stamp < self._last):
-            self._last = stamp
-            self._offset = time - stamp
+    def _lost(self, stamp: float, time: float) -> float:
+        """Return the simulated time [s] that a stall took out between the last stamp and one at ``time`` [s]."""
+        if self._last is None:
+            return 0.0
+        interval, simulated = stamp - self._last.source_time, time - self._last.time
+        return interval - simulated if interval > STALL * simulated else 0.0
