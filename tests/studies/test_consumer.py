@@ -80,9 +80,9 @@ class SteppedGround(ServedGround):
 @pytest.mark.parametrize(
     "case",
     [
-        Case(source="patches", scene="waves", map_rate=20.0, seconds=10.0),
+        Case(source="patches", scene="waves", map_rate=20.0, seconds=6.0),
         Case(source="patches", scene="waves", map_rate=60.0, seconds=6.0),
-        Case(source="patches", scene="elevation", seconds=10.0),
+        Case(source="patches", scene="elevation", seconds=6.0),
     ],
     ids=lambda case: f"{case.scene}-{case.map_rate:g}",
 )
