@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.client import Patch, PatchClient, TrackedLink
-from smartmesh_ros.node.timing.pacing import STALL
+from smartmesh_ros.node.timing.pacing import STALL_RATIO
 from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
 
 SHAPE = (40, 30)
@@ -251,7 +251,7 @@ def test_ground_that_rises_slowly_throws_nothing_when_a_stalled_node_goes_on(pro
                 return len(seen) > 10 and rises(found)  # noqa: B023
 
             probe.wait_for(goes_on, watch=node)
-            assert max(seen) <= STALL * speed
+            assert max(seen) <= STALL_RATIO * speed
 
 
 def settled(probe: Probe) -> int:

@@ -15,7 +15,7 @@ from smartmesh_ros.node.timing.pacing import (
     MOST_CATCH_UP,
     MOST_JUMP,
     OLDEST,
-    STALL,
+    STALL_RATIO,
     DeadlinePolicy,
     Pacer,
     Placed,
@@ -288,7 +288,7 @@ def test_the_time_that_a_stall_takes_out_is_lost() -> None:
     placed_at(clock, 10.0, 10.0)
     assert placed_at(clock, 10.5, 10.5, gained=-0.4).lost == pytest.approx(0.4)
     assert placed_at(clock, 10.6, 10.6, gained=-0.4).lost == 0.0
-    assert placed_at(clock, 10.7, 10.7, gained=-0.4 - 0.1 * (1.0 - 1.2 / STALL)).lost == 0.0, "an overloaded loop"
+    assert placed_at(clock, 10.7, 10.7, gained=-0.4 - 0.1 * (1.0 - 1.2 / STALL_RATIO)).lost == 0.0, "an overloaded loop"
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -314,4 +314,4 @@ def test_ground_that_rises_steadily_rises_no_faster_after_a_stall(
             time += (1 + pacer.advance()) * PERIOD
             now[0] += stall if step == steps - 1 else 0.0
             # Ground whose map is late returns at half its speed.
-            assert abs(ground.at(np.zeros((1, 2)), time).velocities[0]) <= STALL * speed + 1e-3
+            assert abs(ground.at(np.zeros((1, 2)), time).velocities[0]) <= STALL_RATIO * speed + 1e-3

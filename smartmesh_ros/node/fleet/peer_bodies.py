@@ -23,7 +23,7 @@ NEWEST_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Period of the search for new peers [s].
 DISCOVERY_PERIOD = 1.0
 # Time between refreshes above which this node itself has stalled [s].
-STALL = 0.1
+LEAST_STALL = 0.1
 # Relative tolerance for equal gravity and rate, which messages hold in single precision.
 RELATIVE_TOLERANCE = 1e-5
 STATES_TYPE = "smartmesh_msgs/msg/TrackedBodyArray"
@@ -61,7 +61,7 @@ class PeerBodies:
         """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`."""
         now = self._session.clock.pace()
         # A stall of this node itself does not count as silence of its peers.
-        pause, self._last_refresh = max(now - self._last_refresh - STALL, 0.0), now
+        pause, self._last_refresh = max(now - self._last_refresh - LEAST_STALL, 0.0), now
         for name, peer in self._peers.items():
             if peer.heard is not None and pause:
                 peer.heard += pause

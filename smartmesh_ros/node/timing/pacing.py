@@ -20,7 +20,7 @@ MOST_JUMP = 1.0
 OLDEST, NEWEST = 1.0, -0.05
 # The loop has stalled if stamps of a source are more than this many times as far apart as their simulated times [-]. A
 # loop that is overloaded for good may run that much slower than real time: its ground moves faster, but evenly.
-STALL = 4.0
+STALL_RATIO = 4.0
 # Gain of the filter that aligns another clock with this node's: share of the new offset in each message.
 OFFSET_GAIN = 0.05
 
@@ -214,4 +214,4 @@ class StampClock:
         if self._last is None:
             return 0.0
         interval, simulated = stamp - self._last.source_time, time - self._last.time
-        return interval - simulated if interval > STALL * simulated else 0.0
+        return interval - simulated if interval > STALL_RATIO * simulated else 0.0
