@@ -63,7 +63,7 @@ def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, exe
     for s in summaries:
         way = s.case.executor if executors and s.case.kind == "terrain_collider" else KINDS[s.case.kind]
         names.append(
-            way if executors else f"{way}\n{s.case.bodies} bodies\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
+            way if executors else f"{way}: {s.case.bodies} bodies,\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
         )
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
     place = np.arange(len(summaries))
@@ -80,28 +80,32 @@ def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, exe
     axes[2].bar(place, [s.cpu_per_step for s in summaries], color=colours)
     axes[2].set_ylabel("processor time a step, all in [ms]")
     for axis in axes:
-        axis.set_xticks(place, names, fontsize=7, rotation=20 if executors else 0)
+        axis.set_xticks(place, names, fontsize=7, rotation=30, ha="right", rotation_mode="anchor")
     figure.suptitle(title)
     return _save(figure, machine, path)
 
 
 def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
     """From a region that is sent to the marker that shows it."""
-    figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
-    for s in summaries:
+    figure, axis = plt.subplots(figsize=(10, 4.5), layout="constrained")
+    for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
         if s.case.side != 1024 or not s.result["latencies_ms"] or s.case.map_rate not in (30.0, 60.0):
             continue
         times = np.sort(s.result["latencies_ms"])
         share = np.arange(1, len(times) + 1) / len(times)
         style = "--" if s.case.mode == "full" else "-"
-        label = f"{s.case.bodies} bodies, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
+        bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
+        label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
         axis.plot(times, share, style, linewidth=1.2, label=label)
     axis.axvline(10.0, color="black", linestyle=":", label="to reach at 99 %: 10 ms")
     axis.set_xscale("log")
+    ticks = [2, 5, 10, 20, 50, 100]
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.minorticks_off()
     axis.set_xlabel("from the map that is sent to the marker that shows it [ms]")
     axis.set_ylabel("share of the maps")
     axis.set_title("Latency through the node, 1024$^2$ map")
-    axis.legend(fontsize=6)
+    figure.legend(loc="outside right upper", fontsize=7, frameon=False)
     axis.grid(alpha=0.3)
     return _save(figure, machine, path)
 
