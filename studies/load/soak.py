@@ -54,6 +54,7 @@ class Log:
 
     samples: dict[str, list[float]] = field(default_factory=dict)
     done: Counter[str] = field(default_factory=Counter)
+    missing: list[str] = field(default_factory=list)  # bodies that the node did not have when it was to remove them
 
     def add(self, **values: float) -> None:
         """Adds a sample."""
@@ -91,6 +92,7 @@ class Soak(Node):
         self.create_subscription(TrackedBodyArray, f"{base}/body_states", self._on_states, 10)
         self.alive: list[str] = []
         self.seen: set[str] = set()
+        self.last_seen: dict[str, list[float]] = {}  # position in the last message with the body [m]
         self.health: dict[str, str] = {}
         self.factor = 0.0
         self._count = 0
@@ -134,7 +136,10 @@ class Soak(Node):
             self._log.done["spawned"] += 1
         if len(self.alive) > MOST_BODIES:
             oldest = self.alive.pop(0)
-            self._log.done["removed"] += self.call(self._remover, RemoveBody.Request(id=oldest)).success
+            answer = self.call(self._remover, RemoveBody.Request(id=oldest))
+            self._log.done["removed"] += answer.success
+            if not answer.success:
+                self._log.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
 
     def change_kind(self) -> None:
         """Changes the patches' kind while bodies stand on them, and measures how long the answer takes."""
@@ -160,9 +165,10 @@ class Soak(Node):
             self._updates.publish(HeightmapUpdate(x=2**31, width=1, height=1, heights=[0.0]))
         self._log.done["bad messages"] += 1
 
-    def refused(self) -> int:
-        """What the node says it has refused."""
-        return sum(int(value) for key, value in self.health.items() if key.startswith("refused, "))
+    def refused(self) -> dict[str, int]:
+        """How often the node says that it refused something, by topic or service and reason."""
+        start = "refused, "
+        return {key.removeprefix(start): int(value) for key, value in self.health.items() if key.startswith(start)}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.health = {pair.key: pair.value for status in message.status for pair in status.values}
@@ -172,6 +178,9 @@ class Soak(Node):
 
     def _on_states(self, message: TrackedBodyArray) -> None:
         self.seen = {body.id for body in message.bodies}
+        for body in message.bodies:
+            at = body.pose.position
+            self.last_seen[body.id] = [round(value, 2) for value in (at.x, at.y, at.z)]
 
 
 def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
@@ -242,6 +251,7 @@ def _keep(node: Soak, log: Log, file: Path) -> None:
         "samples": log.samples,
         "done": dict(log.done),
         "refused": node.refused(),
+        "missing": log.missing,
         "alive": sorted(node.alive),
         "seen": sorted(node.seen),
         "below_ground": int(node.health.get("below ground", 0)),
@@ -254,7 +264,7 @@ def _tell(node: Soak, log: Log, minutes: float) -> None:
     last = {name: values[-1] for name, values in log.samples.items()}
     print(
         f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
-        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {node.refused()} refused",
+        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {sum(node.refused().values())} refused",
         flush=True,
     )
 

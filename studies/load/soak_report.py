@@ -68,18 +68,19 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         s = slopes[name]
         rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
                      "flat" if s.flat else "**changes**"])  # fmt: skip
-    done, lost = data["done"], sorted(set(data["alive"]) - set(data["seen"]))
+    done, lost = data["done"], sorted(set(data["alive"]) - set(data["seen"])) + data["missing"]
     sent = done.get("bad messages", 0) + done.get("bad calls", 0)
     words = (
         f"{data['minutes']:g} minutes: {done.get('sources killed', 0)} sources killed and started with a map of "
         f"another size, {done.get('spawned', 0)} bodies spawned and {done.get('removed', 0)} removed, patch kinds "
         f"changed {done.get('kinds changed', 0)} times. Bad messages and calls: {sent} sent, "
-        f"{data['refused']} refused by the "
-        f"node's count. Bodies lost: {len(lost)} of {len(data['alive'])}; below the ground at the end: "
+        f"{sum(data['refused'].values())} refused by the "
+        f"node's count. Bodies lost: {len(lost)} of {done.get('spawned', 0)}; below the ground at the end: "
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
     print(text)
+    print("\n".join(["refused:", *(f"  {key} {count}" for key, count in data["refused"].items()), "lost:", *lost]))
     if page is not None:
         fill(page, {"soak": text})
 

@@ -1,7 +1,8 @@
 """Rules for which colliders touch which bodies.
 
-PyBullet keeps the rule of a pair of bodies for ever, even after one of them is removed and a new body gets its id.
-`Pairs` records its rules and resets them, so that a new body does not inherit the rules of a removed collider.
+PyBullet keeps the rule of a pair of ids for ever, even after a body is removed and a new one gets its id. An id of a
+collider may go to a body, and an id of a body to a collider. `Pairs` records its rules under both ids and resets them,
+so that no pair inherits the rule of another: a body below another body's collider would be thrown out of it.
 """
 
 from __future__ import annotations
@@ -17,19 +18,24 @@ class Pairs:
 
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
-        self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)  # by collider: its link, body, body's link
+        self._colliders: set[int] = set()  # that exist
+        # By id, of bodies and colliders: its link, the other id, and the other's link.
+        self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
 
     def claim(self, collider: int) -> None:
-        """Make a new collider touch nothing, and reset the rules of removed colliders with the same id."""
+        """Make a new collider touch nothing, and reset the rules of removed bodies and colliders with the same id."""
         for link in range(-1, pb.getNumJoints(collider, self._client)):
             # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
             pb.setCollisionFilterGroupMask(collider, link, 0, 0, self._client)
-        self._set_all(collider, 0)
+        self._colliders.add(collider)
+        for link, other, other_link in self._rules.get(collider, ()):
+            pb.setCollisionFilterPair(collider, other, link, other_link, 0, self._client)
 
     def join(self, collider: int, body: int, link: int) -> None:
         """Makes a collider touch one body or link."""
         for part in range(-1, pb.getNumJoints(collider, self._client)):
             self._rules[collider].add((part, body, link))
+            self._rules[body].add((link, collider, part))
             pb.setCollisionFilterPair(collider, body, part, link, 1, self._client)
 
     def part(self, collider: int, body: int, link: int) -> None:
@@ -38,10 +44,9 @@ class Pairs:
             pb.setCollisionFilterPair(collider, body, part, link, 0, self._client)
 
     def retire(self, collider: int) -> None:
-        """Reset a collider's rules before the collider is removed, so that a body that gets its id touches others
-        normally."""
-        self._set_all(collider, 1)
-
-    def _set_all(self, collider: int, touch: int) -> None:
-        for part, body, link in self._rules.get(collider, ()):
-            pb.setCollisionFilterPair(collider, body, part, link, touch, self._client)
+        """Reset a collider's rules before the collider is removed, so that a body that gets its id touches other bodies
+        normally, and no collider."""
+        self._colliders.discard(collider)
+        for link, other, other_link in self._rules.get(collider, ()):
+            touch = int(other not in self._colliders)
+            pb.setCollisionFilterPair(collider, other, link, other_link, touch, self._client)
