@@ -9,7 +9,7 @@ from smartmesh_ros.physics.colliders.pairs import Pairs
 
 
 class Overlapping:
-    """Spheres at one place, bodies and colliders: whatever may touch has a contact after a step."""
+    """Bodies and colliders, all spheres at nearly the same place: every pair that may touch has a contact."""
 
     def __init__(self) -> None:
         self.client = BulletClient(pb.DIRECT)
@@ -48,10 +48,9 @@ class Overlapping:
         self.pairs.part(collider, body, -1)
 
     def touching(self) -> set[frozenset[int]]:
-        """The pairs with a contact, all spheres being at the origin."""
+        """The pairs with a contact."""
         for uid in self.bodies + self.colliders:
             self.client.resetBasePositionAndOrientation(uid, (1e-3 * uid, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-            self.client.resetBaseVelocity(uid, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.client.performCollisionDetection()
         return {frozenset(point[1:3]) for point in self.client.getContactPoints()}
 

@@ -2,7 +2,8 @@
 
 PyBullet keeps the rule of a pair of ids for ever, even after a body is removed and a new one gets its id. An id of a
 collider may go to a body, and an id of a body to a collider. `Pairs` records its rules under both ids and resets them,
-so that no pair inherits the rule of another: a body below another body's collider would be thrown out of it.
+so that no pair inherits the rule of an earlier one. A body that touched another body's collider from below would be
+thrown.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ class Pairs:
 
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
-        self._colliders: set[int] = set()  # that exist
+        self._colliders: set[int] = set()  # claimed and not retired
         # By id, of bodies and colliders: its link, the other id, and the other's link.
         self._rules: dict[int, set[tuple[int, int, int]]] = defaultdict(set)
 
@@ -28,8 +29,7 @@ class Pairs:
             # PyBullet lets two bodies touch if either mask contains the other's group, so the group must be empty, too.
             pb.setCollisionFilterGroupMask(collider, link, 0, 0, self._client)
         self._colliders.add(collider)
-        for link, other, other_link in self._rules.get(collider, ()):
-            pb.setCollisionFilterPair(collider, other, link, other_link, 0, self._client)
+        self._reset(collider)
 
     def join(self, collider: int, body: int, link: int) -> None:
         """Makes a collider touch one body or link."""
@@ -47,6 +47,10 @@ class Pairs:
         """Reset a collider's rules before the collider is removed, so that a body that gets its id touches other bodies
         normally, and no collider."""
         self._colliders.discard(collider)
-        for link, other, other_link in self._rules.get(collider, ()):
-            touch = int(other not in self._colliders)
-            pb.setCollisionFilterPair(collider, other, link, other_link, touch, self._client)
+        self._reset(collider)
+
+    def _reset(self, uid: int) -> None:
+        """Let a body or collider touch whatever it had a rule with, unless one of the two is a collider."""
+        for link, other, other_link in self._rules.get(uid, ()):
+            touch = int(self._colliders.isdisjoint((uid, other)))
+            pb.setCollisionFilterPair(uid, other, link, other_link, touch, self._client)
