@@ -24,11 +24,6 @@ from smartmesh_ros import compiled, machine_code
 
 # Periods of polling the processes and of printing progress [s].
 POLL_PERIOD, PROGRESS_PERIOD = 0.05, 2.0
-# Number of processes beyond the number of cores, because processes wait for functions that others compile.
-EXTRA_PROCESSES = 1
-# Number of allocations between garbage collections. At the default of Python collections take 7 % of the time, because
-# most of Numba's objects stay in use.
-COLLECT_AFTER = 100_000
 # Option of prctl, from <linux/prctl.h>: the signal that a process receives when its parent ends.
 PR_SET_PDEATHSIG = 1
 # Serialized message without bodies, input of the functions that parse body states of other nodes.
@@ -85,8 +80,7 @@ def fill() -> None:
     calls = _record()
     with _tasks(len(calls)) as tasks:
         gc.freeze()
-        gc.set_threshold(COLLECT_AFTER)
-        children = [_child(tasks, calls) for _ in range(machine_code.processes() + EXTRA_PROCESSES)]
+        children = [_child(tasks, calls) for _ in range(machine_code.processes())]
         try:
             _wait(children, place, int(parent), bool(progress))
         except BaseException:
