@@ -24,6 +24,8 @@ from smartmesh_ros.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.
 ENTRY_POINTS = ("fleet_front", "soil", "terrain_collider", "terrain_sensor", "terrain_source")
+# Variables that are read when a participant of DDS is created, after the imports.
+READ_LATE = {"FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"}
 
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(["tests.preloaded_modules"])
@@ -64,9 +66,11 @@ class Fork:
 
 
 def start(command: list[str], log: IO[bytes], environment: dict[str, str]) -> Fork | subprocess.Popen[bytes]:
-    """Start a command: as a fork if it is an executable of this package in this process's environment."""
+    """Start a command: as a fork if it is an executable of this package, and its environment differs from this
+    process's in no variable but `READ_LATE`."""
     name = Path(command[0]).name
-    if name not in ENTRY_POINTS or environment != dict(os.environ):
+    changed = {variable for variable, _ in environment.items() ^ os.environ.items()}
+    if name not in ENTRY_POINTS or not changed <= READ_LATE:
         return start_command(command, log, environment)
     process = _context.Process(target=_run, args=(name, command, log.name, environment), name=name, daemon=True)
     process.start()

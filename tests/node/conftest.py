@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
 
 import pytest
 
@@ -13,12 +15,24 @@ from tests.node.shared import clear
 __all__ = ["domain", "probe"]
 
 
+# Changes of the environment with which a node sends by UDP within this machine, and shares no memory.
+UDP_ONLY = {
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).parent / "udp_only.xml"),
+    # With LOCALHOST, rmw_fastrtps adds shared memory to any profile, and ignores FASTDDS_BUILTIN_TRANSPORTS.
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+}
+
+
 @pytest.fixture
-def no_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Messages by UDP only, for tests that kill a peer: Fast DDS 2.14 may crash when a participant that shared memory
-    with a killed one ends (in ``SharedMemChannelResource::release``), which would be that of the tests. Ask for it
-    before the probe."""
-    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes share no memory with the tests, for tests that kill a node: Fast DDS 2.14 may crash when a participant that
+    shared memory with a killed one ends (in ``SharedMemChannelResource::release``), which would be that of the tests."""
+    start = Process.starter
+
+    def start_udp_only(command: list[str], log: IO[bytes], environment: dict[str, str]) -> Any:
+        return start(command, log, environment | UDP_ONLY)
+
+    monkeypatch.setattr(Process, "starter", staticmethod(start_udp_only))
 
 
 @pytest.fixture

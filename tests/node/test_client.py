@@ -102,7 +102,7 @@ def test_bodies_come_stay_and_go(shared: Probe, client: PatchClient, *, incremen
         assert client.refused == 0
 
 
-def test_patches_of_a_node_that_stands_still_grow_old(no_shared_memory: None, probe: Probe) -> None:
+def test_patches_of_a_node_that_stands_still_grow_old(udp_only: None, probe: Probe) -> None:
     """First of a node that is stalled and goes on, then of one that was killed."""
     with PatchClient(COLLIDER) as client:
         assert client.age() == math.inf

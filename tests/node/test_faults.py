@@ -97,7 +97,7 @@ def test_clocks_that_jump_neither_stop_nor_mislead_the_node(shared: Probe) -> No
     shared.wait_for(lambda: shared.latest("timing").real_time_factor > 0.0)
 
 
-def test_a_node_that_was_killed_comes_back_with_the_latched_map(no_shared_memory: None, probe: Probe) -> None:
+def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, probe: Probe) -> None:
     map_message = heightmap_message(rough(1))
     keeper = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
     keeper.publish(map_message)

@@ -91,7 +91,7 @@ def node(index: int, **parameters: Any) -> Iterator[Process]:
 
 
 @pytest.fixture
-def fleet(no_shared_memory: None, probe: Probe) -> Fleet:
+def fleet(udp_only: None, probe: Probe) -> Fleet:
     return Fleet(probe)
 
 

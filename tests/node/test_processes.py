@@ -158,7 +158,7 @@ def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:
     assert int(missed) < 100
 
 
-def test_a_source_may_be_killed_and_started_again(no_shared_memory: None, probe: Probe) -> None:
+def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) -> None:
     """The map stays while there is no source, and the new source's maps are taken."""
     source = {"scene": "waves", "rate": 30.0, "rows": 60, "columns": 80, "yaw": 0.3}
     with probe.running():

@@ -60,6 +60,24 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ho
     wait_until(lambda: has_ended(pid))
 
 
+def shares_memory(process: Process) -> bool:
+    """Return True if Fast DDS has mapped shared memory into the process."""
+    return "/dev/shm/fastrtps_" in Path(f"/proc/{process.process.pid}/maps").read_text()
+
+
+@pytest.mark.parametrize("start", ["preloaded", "executables"])
+def test_a_node_that_sends_by_udp_only_shares_no_memory(
+    request: pytest.FixtureRequest, probe: Probe, start: str
+) -> None:
+    if start == "executables":
+        request.getfixturevalue("executables")
+    with probe.running() as other:
+        assert shares_memory(other)
+    request.getfixturevalue("udp_only")
+    with probe.running() as process:
+        assert not shares_memory(process)
+
+
 def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says the same but for times, takes the same parameters and arguments, and ends with the same code."""
     said, codes = [], []
