@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any, Literal
 
 import rclpy
-from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logging_directory
@@ -46,17 +46,38 @@ def executor_of(kind: ExecutorKind) -> Executor:
     return makers[kind]()
 
 
+class Stop:
+    """Notes SIGINT and SIGTERM in ``asked`` (bool).
+
+    While ``starting``, the first signal also raises `KeyboardInterrupt`, which interrupts the wait for processes that
+    compile. Later signals raise nothing: an exception from a signal handler while Numba makes the named tuple that a
+    compiled function returns ends Python with a segmentation fault (Numba 0.68).
+    """
+
+    def __init__(self) -> None:
+        self.asked, self.starting = False, True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, _: object) -> None:
+        first, self.asked = not self.asked, True
+        if self.starting and first:
+            raise KeyboardInterrupt
+
+
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
     """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with the reason if
     the node refuses its settings."""
-    rclpy.init(args=args)
-    executor = SingleThreadedExecutor()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    executor, stop = SingleThreadedExecutor(), Stop()
     try:
         executor.add_node(make_node())
-        executor.spin()
+        stop.starting = False
+        while not stop.asked:
+            executor.spin_once(timeout_sec=LONGEST_WAIT)
     except InputError as error:
         raise SystemExit(f"cannot start: {error}") from None
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         pass
     finally:
         executor.shutdown()
@@ -72,20 +93,12 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
     counted in the node's ``refusals``. Returns after SIGINT or SIGTERM; exits with 2 if the node's settings are
     invalid.
     """
-    stop: list[int] = []
-    node = None
-
-    def on_signal(received: int, _: object) -> None:
-        stop.append(received)
-        if node is None and len(stop) == 1:
-            raise KeyboardInterrupt  # interrupts the wait for processes that compile
-
+    stop = Stop()
     try:
         try:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, on_signal)
             rclpy.init(args=_with_checked_log_folder(args), signal_handler_options=SignalHandlerOptions.NO)
             node = make_node()
+            stop.starting = False
         except KeyboardInterrupt:
             return
         except InputError as error:
@@ -103,19 +116,19 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
         node.restart()
         worked = monotonic()
         try:
-            while not stop:
+            while not stop.asked:
                 if node.pacer.remaining() <= 0.0:
                     _handle_some(executor, node)
                     node.turn()
                 turned = False
-                while not stop and (left := node.pacer.remaining()) > 0.0:
+                while not stop.asked and (left := node.pacer.remaining()) > 0.0:
                     works = (left > TURN or not turned) and node.turn()
                     turned |= works
                     _handle(executor, node, 0.0 if works else min(left, LONGEST_WAIT))
                     if monotonic() - worked > LONGEST_WAIT:
                         node.idle()
                         worked = monotonic()
-                if not stop:
+                if not stop.asked:
                     node.tick(node.pacer.advance())
                     worked = monotonic()
         finally:

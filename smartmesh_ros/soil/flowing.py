@@ -40,9 +40,11 @@ class Changes(NamedTuple):
 
 
 @compiled
-def update_soil(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, flow: Flow, dirty: IntArray) -> Changes:
-    """Press all ``feet``, records of ``FOOT``, into the soil, and return the changes of the map; ``dirty``: see
-    `no_blocks`."""
+def update_soil(
+    grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, flow: Flow, dirty: IntArray
+) -> tuple[int, int]:
+    """Press all ``feet``, records of ``FOOT``, into the soil, and return the numbers of rectangles and of samples of
+    the map that change; ``dirty``: see `no_blocks`."""
     press_all(grid, layer, feet, press)
     finish_all(grid, layer, feet, press, flow, dirty)
     count, size = 0, 0
@@ -51,19 +53,26 @@ def update_soil(grid: MovingGrid, layer: SoilLayer, feet: Any, press: Press, flo
             if dirty[a, b, 2] >= 0:
                 count += 1
                 size += (dirty[a, b, 2] - dirty[a, b, 0] + 1) * (dirty[a, b, 3] - dirty[a, b, 1] + 1)
-    rectangles, heights, speeds = np.empty((count, 4), np.int64), np.empty(size, np.float32), np.empty(size, np.float32)
+    return count, size
+
+
+@compiled
+def list_changes(
+    grid: MovingGrid, layer: SoilLayer, press: Press, flow: Flow, dirty: IntArray, changes: Changes
+) -> None:
+    """Fill ``changes`` with what `update_soil` changed. It does not return new arrays in a named tuple, because Numba
+    0.68 crashes when a signal interrupts it while it makes one."""
     count, size = 0, 0
     for a in range(dirty.shape[0]):
         for b in range(dirty.shape[1]):
             if dirty[a, b, 2] >= 0:
                 for k in range(4):
-                    rectangles[count, k] = dirty[a, b, k]
+                    changes.rectangles[count, k] = dirty[a, b, k]
                 count += 1
                 for r in range(dirty[a, b, 0], dirty[a, b, 2] + 1):
                     for c in range(dirty[a, b, 1], dirty[a, b, 3] + 1):
-                        heights[size], speeds[size] = change_at(grid, layer, r, c, press, flow)
+                        changes.heights[size], changes.velocities[size] = change_at(grid, layer, r, c, press, flow)
                         size += 1
-    return Changes(rectangles, heights, speeds)
 
 
 @compiled

@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.bodies import PressingBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT
-from smartmesh_ros.soil.flowing import Changes, Flow, no_blocks, update_soil
+from smartmesh_ros.soil.flowing import Changes, Flow, list_changes, no_blocks, update_soil
 from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
 from smartmesh_ros.soil.pressing import NOWHERE, Press
 from smartmesh_ros.soil.soils import soil_named
@@ -180,7 +180,10 @@ class Soil:
         carried = config.carried_speed * dt if extrapolates else 0.0
         drop = math.tan(math.radians(config.repose)) * grid.resolution
         flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
-        return update_soil(grid, self.layer, self._feet, press, flow, self._dirty)
+        count, size = update_soil(grid, self.layer, self._feet, press, flow, self._dirty)
+        changes = Changes(np.empty((count, 4), np.int64), np.empty(size, np.float32), np.empty(size, np.float32))
+        list_changes(grid, self.layer, press, flow, self._dirty, changes)
+        return changes
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""

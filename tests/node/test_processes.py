@@ -59,6 +59,43 @@ class Slow(Node):
 
 run(Slow)
 """
+# A node without a loop of its own that is interrupted while a compiled function runs, and has nothing to do from then on.
+INTERRUPTED = """
+import ctypes
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from rclpy.node import Node
+
+from smartmesh_ros.node.running import spin
+
+interrupt = ctypes.CDLL(None)["raise"]
+interrupt.argtypes, interrupt.restype = [ctypes.c_int], ctypes.c_int
+
+
+class Result(NamedTuple):
+    values: np.ndarray
+
+
+@numba.njit
+def compute():
+    interrupt(NUMBER)
+    return Result(np.zeros(3))
+
+
+class Computes(Node):
+    def __init__(self):
+        super().__init__("computes")
+        self.timer = self.create_timer(0.001, self.on_time)
+
+    def on_time(self):
+        self.timer.cancel()
+        assert compute().values.shape == (3,)
+
+
+spin(Computes)
+"""
 
 
 @pytest.mark.parametrize(
@@ -156,6 +193,14 @@ def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:
     result = subprocess.run([sys.executable, "-c", SLOW_START], capture_output=True, text=True, check=True)
     [missed] = re.findall(r"missed (\d+)", result.stdout)
     assert int(missed) < 100
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_is_interrupted_while_it_computes_ends_cleanly(domain: int, number: signal.Signals) -> None:
+    """Without a segmentation fault, which `KeyboardInterrupt` causes when Numba makes a named tuple to return."""
+    script = f"NUMBER = {int(number)}\n{INTERRUPTED}"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=TIMEOUT)
+    assert (result.returncode, result.stderr) == (0, "")
 
 
 def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) -> None:
