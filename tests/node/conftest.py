@@ -25,8 +25,8 @@ UDP_ONLY = {
 
 @pytest.fixture
 def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes share no memory with the tests, for tests that kill a node: Fast DDS 2.14 may crash when a participant that
-    shared memory with a killed one ends (in ``SharedMemChannelResource::release``), which would be that of the tests."""
+    """Nodes share no memory with the tests, for tests that kill a node: Fast DDS 2.14 may crash when a participant ends
+    that shared memory with a killed one (in ``SharedMemChannelResource::release``), here that of the tests."""
     start = Process.starter
 
     def start_udp_only(command: list[str], log: IO[bytes], environment: dict[str, str]) -> Any:

@@ -59,7 +59,7 @@ class Slow(Node):
 
 run(Slow)
 """
-# A node without a loop of its own that is interrupted while a compiled function runs, and has nothing to do from then on.
+# A node that is interrupted while a compiled function runs, and has nothing to do from then on.
 INTERRUPTED = """
 import ctypes
 from typing import NamedTuple
@@ -199,7 +199,8 @@ def test_a_node_counts_no_deadlines_while_it_starts(domain: int) -> None:
 def test_a_node_that_is_interrupted_while_it_computes_ends_cleanly(domain: int, number: signal.Signals) -> None:
     """Without a segmentation fault, which `KeyboardInterrupt` causes when Numba makes a named tuple to return."""
     script = f"NUMBER = {int(number)}\n{INTERRUPTED}"
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=TIMEOUT)
+    command = [sys.executable, "-c", script]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT)
     assert (result.returncode, result.stderr) == (0, "")
 
 
