@@ -69,10 +69,11 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
     """Make a node without a loop of its own and handle its messages until SIGINT or SIGTERM; exits with the reason if
     the node refuses its settings."""
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    executor, stop = SingleThreadedExecutor(), Stop()
+    executor, stop, node = SingleThreadedExecutor(), Stop(), None
     try:
-        executor.add_node(make_node())
+        node = make_node()
         stop.starting = False
+        executor.add_node(node)
         while not stop.asked:
             executor.spin_once(timeout_sec=LONGEST_WAIT)
     except InputError as error:
@@ -81,6 +82,10 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
         pass
     finally:
         executor.shutdown()
+        # Otherwise, if Python ends without freeing its objects, peers may send to the shared memory of this node, and
+        # not to that of the next one.
+        if node is not None:
+            node.destroy_node()
         try_shutdown()
 
 

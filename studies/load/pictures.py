@@ -88,6 +88,7 @@ def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, exe
 def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
     """From a region that is sent to the marker that shows it."""
     figure, axis = plt.subplots(figsize=(10, 4.5), layout="constrained")
+    axis.set_prop_cycle(color=[*plt.get_cmap("tab10").colors, "black", "gold"])  # twelve, one for each line
     for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
         if s.case.side != 1024 or not s.result["latencies_ms"] or s.case.map_rate not in (30.0, 60.0):
             continue

@@ -60,9 +60,9 @@ def test_a_process_ends_with_a_test_that_forgot_it_or_was_killed(domain: int, ho
     wait_until(lambda: has_ended(pid))
 
 
-def shares_memory(process: Process) -> bool:
-    """Return True if Fast DDS has mapped shared memory into the process."""
-    return "/dev/shm/fastrtps_" in Path(f"/proc/{process.process.pid}/maps").read_text()
+def shared_memory(process: int) -> set[str]:
+    """Files of the shared memory that Fast DDS has mapped into a process."""
+    return set(re.findall(r"/dev/shm/fastrtps_\w+", Path(f"/proc/{process}/maps").read_text()))
 
 
 @pytest.mark.parametrize("start", ["preloaded", "executables"])
@@ -72,10 +72,21 @@ def test_a_node_that_sends_by_udp_only_shares_no_memory(
     if start == "executables":
         request.getfixturevalue("executables")
     with probe.running() as other:
-        assert shares_memory(other)
+        assert shared_memory(other.process.pid)
     request.getfixturevalue("udp_only")
     with probe.running() as process:
-        assert not shares_memory(process)
+        assert not shared_memory(process.process.pid)
+
+
+def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
+    """Also a fork, which ends without freeing Python's objects. Otherwise peers send to it what is for the next one."""
+    topic, others = "/terrain_sensor/points", shared_memory(os.getpid())
+    with Process("terrain_sensor") as process:
+        probe.wait_for(lambda: probe.node.count_publishers(topic), watch=process)
+        own = {file for file in shared_memory(process.process.pid) - others if "port" not in file}
+        assert own
+        assert process.stop() == 0
+    assert not [file for file in own if Path(file).exists()]
 
 
 def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
