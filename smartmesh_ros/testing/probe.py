@@ -206,6 +206,9 @@ class Probe:
         name = self.topic(service)
         if name not in self._services:
             self._services[name] = self.node.create_client(kind, name, qos_profile=_SERVICE_QOS)
+            # The executor must know the client before a response can come: rmw_fastrtps does not report one that comes
+            # while the executor asks for reports. Tasks wait behind the news of the client.
+            self.wait_for(self._executor.create_task(lambda: None).done)
         self.wait_for(self._services[name].service_is_ready)
         return self._services[name]
 
