@@ -4,14 +4,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import Point
 from smartmesh_msgs.msg import ColliderPatchArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.testing import COLLIDER, Probe
+from tests.node.shared import set_parameters
 
 Picture = dict[Any, list[tuple[float, float, float]]]
-SETTINGS = {"publish.incremental": True, "terrain.motion": "hold", "patch.kind": "heightfield", "bodies.timeout": 1.0}
+SETTINGS = {"publish.incremental": True, "terrain.motion": "hold", "patch.kind": "heightfield", "bodies.timeout": 10.0}
 LEFT, RIGHT = (1.0, 1.0, 0.1), (4.0, 4.0, 0.1)
 
 
@@ -72,19 +74,23 @@ def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) ->
         def quiet() -> bool:
             return shown("left", "right") and not patches[-1].patches and not markers[-1].markers
 
-        probe.wait_for(quiet)
-        assert patches[-1].incremental
-        said = len(patches), len(markers)
-        heights[30:, 30:] += 0.5
-        probe.publish_map(heights)
-        low = of_patches.picture["right"]
+        for _ in range(10):
+            probe.wait_for(quiet)
+            assert patches[-1].incremental
+            said, low = len(patches), of_patches.picture["right"]
+            heights[30:, 30:] += 0.5
+            probe.publish_map(heights)
 
-        def raised() -> bool:
-            return shown("left", "right") and of_patches.picture["right"] != low
+            def raised() -> bool:
+                return shown("left", "right") and of_patches.picture["right"] != low  # noqa: B023
 
-        probe.wait_for(raised)
-        changed = [message for message in patches[said[0] :] if message.incremental]
-        assert {patch.body_id for message in changed for patch in message.patches} <= {"right"}
+            probe.wait_for(raised)
+            changed = patches[said:]
+            if all(message.incremental for message in changed):
+                break  # else it was everybody's turn meanwhile
+        else:
+            pytest.fail("ten times, a full message came between the map and its patch")
+        assert {patch.body_id for message in changed for patch in message.patches} == {"right"}
 
         # Whoever joins now is told everything at once, not only when it is everybody's turn.
         late = Probe()
@@ -104,7 +110,8 @@ def test_increments_make_the_whole_picture_for_late_joiners_too(probe: Probe) ->
             late.close()
 
         del bodies["left"]
+        assert set_parameters(probe, {"bodies.timeout": 1.0}).successful
         probe.wait_for(lambda: shown("right"))
         gone = [name for message in patches for name in message.removed]
         whole_since = any(not message.incremental for message in patches[-30:])
-        assert gone == ["left"] or (not gone and whole_since)  # said so, unless a full message said it first
+        assert "left" in gone or whole_since  # said so, unless a full message said it first
