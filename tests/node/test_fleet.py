@@ -170,9 +170,12 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         for line in (died, again):
             assert f"{len(last)} bodies" in line
             assert ", ".join(sorted(line.rpartition("(")[2].rstrip(")").split(", "))) == named
-        gone = layout.marker_namespace(NODES[1])
-        cleared = [marker.ns for message in patches for marker in message.markers if marker.action == Marker.DELETEALL]
-        assert cleared == [gone]
+
+        def cleared() -> list[str]:
+            return [each.ns for message in patches for each in message.markers if each.action == Marker.DELETEALL]
+
+        probe.wait_for(cleared)
+        assert cleared() == [layout.marker_namespace(NODES[1])]
 
         # It comes back, and is given what comes next.
         stack.enter_context(node(1))
