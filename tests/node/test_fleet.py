@@ -181,7 +181,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         stack.enter_context(node(1))
         fleet.states[1].clear()
         fleet.show_ground()
-        probe.wait_for(fleet.complete)
+        probe.wait_for(lambda: front.output.count(f"{NODES[1]} joined the fleet") == 2)  # diagnostics may be old
         assert fleet.spawn("late", 5.0).success
         probe.wait_for(lambda: fleet.speeds(1).keys() == {"late"})
 
