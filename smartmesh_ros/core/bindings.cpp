@@ -1,0 +1,111 @@
+// What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include "plugin.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace smartmesh {
+namespace {
+
+using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Bytes3 = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+// A height map's arrays, which stay alive with it.
+struct Grid {
+  HeightGrid grid;
+  Floats2 heights, offsets;
+  Floats3 velocities;
+  Bytes3 clocks;
+
+  Grid(Floats2 heights_rc, Floats3 velocities_krc, Floats2 offsets_rc, Bytes3 clocks_rc)
+      : heights(heights_rc), offsets(offsets_rc), velocities(velocities_krc), clocks(clocks_rc) {
+    const std::size_t rows = heights.shape(0), columns = heights.shape(1);
+    const std::size_t block_rows = (rows + 63) >> BLOCK_SHIFT, block_columns = (columns + 63) >> BLOCK_SHIFT;
+    if (rows < 2 || columns < 2 || rows > (1u << 24) || columns > (1u << 24))
+      throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
+    if (offsets.shape(0) != rows || offsets.shape(1) != columns)
+      throw std::invalid_argument("offsets must have the shape of heights");
+    if (velocities.shape(0) != KEPT || velocities.shape(1) != rows || velocities.shape(2) != columns)
+      throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
+    if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
+      throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
+    grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
+    grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
+    grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
+    grid.block_columns = static_cast<int>(block_columns);
+  }
+
+  void place(double x, double y, double z, double yaw, double resolution) {
+    if (!(resolution > 0.0)) throw std::invalid_argument("the resolution must be above zero");
+    grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
+  }
+  void move(double time, double interval, double x, double y, double spin) { grid.track = {time, interval, x, y, spin}; }
+  void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
+    if (mode < 0 || mode > 3) throw std::invalid_argument("the mode must be one of Mode");
+    grid.mode = static_cast<Mode>(mode);
+    grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
+  }
+};
+
+// The ground in the client of one PyBullet server, by the number that its plugin gave.
+struct Ground {
+  int number;
+  nb::list tiles;  // keeps the grids alive
+
+  explicit Ground(int of) : number(of) { world(); }
+
+  BulletWorld& world() const {
+    BulletWorld* found = world_of(number);
+    if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
+    return *found;
+  }
+  void set_tiles(nb::list grids) {
+    std::vector<const HeightGrid*> found;
+    for (nb::handle grid : grids) found.push_back(&nb::cast<Grid&>(grid).grid);
+    world().surface.tiles = found;
+    tiles = grids;
+  }
+};
+
+}  // namespace
+}  // namespace smartmesh
+
+NB_MODULE(_core, m) {
+  using namespace smartmesh;
+  nb::class_<Grid>(m, "Grid")
+      .def(nb::init<Floats2, Floats3, Floats2, Bytes3>(), "heights"_a.noconvert(), "velocities"_a.noconvert(),
+           "offsets"_a.noconvert(), "clocks"_a.noconvert())
+      .def("place", &Grid::place, "x"_a, "y"_a, "z"_a, "yaw"_a, "resolution"_a)
+      .def("move", &Grid::move, "time"_a, "interval"_a, "x"_a, "y"_a, "spin"_a)
+      .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "shown"_a)
+      .def("sample", [](const Grid& g, int row, int column, double time, double ahead) {
+        const Sample s = GridReader(g.grid, time, ahead).read(row, column);
+        return std::make_tuple(s.height, s.rise);
+      });
+  nb::class_<Ground>(m, "Ground")
+      .def(nb::init<int>(), "number"_a)
+      .def("set_tiles", &Ground::set_tiles, "grids"_a)
+      .def("attach", [](Ground& g, int body, int link, int proxy) { return g.world().attach(body, link, proxy); })
+      .def("detach", [](Ground& g, int slot) { g.world().detach(slot); })
+      .def("enable", [](Ground& g, int slot, bool enabled) { g.world().enable(slot, enabled); })
+      .def_prop_rw(
+          "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })
+      .def_prop_rw(
+          "duration", [](const Ground& g) { return g.world().duration; },
+          [](Ground& g, double t) { g.world().duration = t; })
+      .def_prop_rw(
+          "margin", [](const Ground& g) { return g.world().margin; }, [](Ground& g, double t) { g.world().margin = t; })
+      .def_prop_rw(
+          "carry_velocity", [](const Ground& g) { return g.world().carry_velocity; },
+          [](Ground& g, bool on) { g.world().carry_velocity = on; })
+      .def_prop_ro("touched", [](const Ground& g) { return g.world().touched; });
+}

@@ -1,0 +1,22 @@
+// Between Bullet's types and the core's.
+#pragma once
+
+#include <LinearMath/btTransform.h>
+
+#include "convex.h"
+
+class btConvexShape;
+
+namespace smartmesh {
+
+inline Vec3 from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
+inline btVector3 to_bullet(const Vec3& v) { return btVector3(v.x, v.y, v.z); }
+inline Pose from_bullet(const btTransform& t) {
+  const btMatrix3x3& m = t.getBasis();
+  return {{{from_bullet(m[0]), from_bullet(m[1]), from_bullet(m[2])}}, from_bullet(t.getOrigin())};
+}
+
+// Returns the shape that Bullet collides, with its margin; false if its kind is not known here.
+bool convex_of(const btConvexShape& shape, Convex& convex);
+
+}  // namespace smartmesh

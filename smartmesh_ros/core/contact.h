@@ -1,0 +1,36 @@
+// Contacts of a convex shape with a patch of ground, exact for each pair of features.
+//
+// Candidates are the pairs of features that are nearest to each other within their surroundings: a vertex of the shape
+// and a facet, edge or peak of the ground; a peak and a face or edge of the shape; two edges. The normal of a pair lies
+// in the normal cones of both features, so that inner edges of flat ground have no contacts.
+#pragma once
+
+#include <vector>
+
+#include "convex.h"
+#include "patch.h"
+
+namespace smartmesh {
+
+// Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
+// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step.
+struct Contact {
+  Vec3 point, normal;
+  double distance;
+  int body_feature, ground_feature;
+};
+
+// Motion of a body relative to the ground, and how far contacts are looked for.
+struct Approach {
+  Vec3 linear, angular, centre;  // [m/s], [rad/s], and the point that moves at `linear` [m]
+  double duration = 0.0;         // of the step [s]
+  double margin = 0.0;           // distance up to which contacts are found beside the motion [m]
+
+  Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
+};
+
+// Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.
+void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
+                   std::vector<Contact>& contacts);
+
+}  // namespace smartmesh

@@ -1,0 +1,38 @@
+// An edge of a polytope against the convex edges of the ground.
+#include <cmath>
+
+#include "cones.h"
+#include "contact_pairs.h"
+#include "triangle.h"
+
+namespace smartmesh {
+
+void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& patch, const Approach& approach,
+                std::vector<Contact>& contacts) {
+  if (patch.edges.empty()) return;
+  const PolyEdge& edge = shape.core.edges[index];
+  const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
+  const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
+  const double spin = norm(approach.angular) * 0.5 * norm(b - a);
+  const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.radius + reach;
+  Bounds bounds;
+  bounds.add(a), bounds.add(b);
+  bounds = bounds.grown(most);
+  for (const Edge& other : patch.edges) {
+    const Vec3 &p = patch.points[other.end[0]], &q = patch.points[other.end[1]];
+    if (!bounds.meets({{std::fmin(p.x, q.x), std::fmin(p.y, q.y), -1e300},
+                       {std::fmax(p.x, q.x), std::fmax(p.y, q.y), std::fmax(p.z, q.z)}}))
+      continue;
+    double s, t;
+    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) continue;
+    Vec3 n = unit(cross(b - a, q - p));
+    if (dot(n, other.outward) < 0.0) n = -n;
+    const Vec3 on_ground = p + (q - p) * t;
+    const double distance = dot(n, a + (b - a) * s - on_ground) - shape.radius;
+    if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) continue;
+    contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
+                        ground_name(patch, other.end[0], other.end[1])});
+  }
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,35 @@
+// Contacts of the single features of a shape; `find_contacts` goes through all of them.
+#pragma once
+
+#include "contact.h"
+
+namespace smartmesh {
+
+// A point of a shape with its speed relative to the ground, grown by a radius.
+struct MovingPoint {
+  Vec3 at, velocity;
+  double radius, reach;  // `reach` [m]: distance up to which it may come to the ground in the step
+};
+
+// Kinds of features of a body, for their names.
+enum class BodyFeature : int { Vertex = 1, Face = 2, Edge = 3, Rim = 4, Side = 5 };
+
+inline int name_of(BodyFeature kind, int number) { return (static_cast<int>(kind) << 24) + number; }
+
+// Returns a name of the ground's points `a`, `b` and `c`, or of fewer (-1).
+int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
+
+// Adds the contacts of a point with facets alone. Returns false if the point lies below the ground, which is then its
+// only contact.
+bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
+
+void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,
+                  std::vector<Contact>& contacts);
+void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const Patch& patch, const Approach& approach,
+                std::vector<Contact>& contacts);
+void touch_edge(const Convex& shape, const Pose& pose, int edge, const Patch& patch, const Approach& approach,
+                std::vector<Contact>& contacts);
+void touch_cylinder(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
+                    std::vector<Contact>& contacts);
+
+}  // namespace smartmesh

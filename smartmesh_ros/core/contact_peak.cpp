@@ -1,0 +1,77 @@
+// A peak of the ground against faces and edges of a polytope.
+#include <cmath>
+
+#include "cones.h"
+#include "contact_pairs.h"
+#include "triangle.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Returns true if `q`, a point of the plane of a face, lies inside the face.
+bool inside_face(const Polytope& core, const PolyFace& face, const Vec3& q) {
+  for (int k = 0; k < face.count; ++k) {
+    const Vec3& a = core.vertices[core.loops[face.first + k]];
+    const Vec3& b = core.vertices[core.loops[face.first + (k + 1) % face.count]];
+    if (dot(cross(b - a, q - a), face.normal) < 0.0) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const Patch& patch, const Approach& approach,
+                std::vector<Contact>& contacts) {
+  const Polytope& core = shape.core;
+  const Vec3 at = patch.points[peak.point], velocity = approach.velocity_at(at);
+  const double travel = norm(velocity) * approach.duration, reach = approach.margin + travel;
+  const Vec3 q = pose.to_local(at), moved = transposed(pose.turn, velocity) * -approach.duration;
+  if (!shape.bounds.grown(reach).meets({q, q})) return;
+  const int ground = ground_name(patch, peak.point);
+  const auto add = [&](const Vec3& n_world, double distance, int name) {
+    if (distance <= reach) contacts.push_back({at, n_world, distance, name, ground});
+  };
+  bool inside = !core.faces.empty();
+  for (const PolyFace& face : core.faces) inside &= dot(face.normal, q) <= face.offset;
+  int nearest = -1;
+  for (std::size_t f = 0; f < core.faces.size(); ++f) {
+    const PolyFace& face = core.faces[f];
+    const double from_plane = dot(face.normal, q) - face.offset;
+    if (inside != (from_plane <= 0.0) || from_plane - shape.radius > reach) continue;
+    const Vec3 n = pose.turn * -face.normal;
+    if (!in_cone(patch, peak, n)) continue;
+    if (inside) {  // out by the nearest face that the ground can touch
+      if (nearest < 0 || from_plane > dot(core.faces[nearest].normal, q) - core.faces[nearest].offset)
+        nearest = static_cast<int>(f);
+      continue;
+    }
+    const double closing = -dot(face.normal, moved), gap = std::fmax(from_plane - shape.radius, 0.0);
+    const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
+                                                                    (moved + face.normal * closing) * (gap / closing));
+    if (comes || inside_face(core, face, q - face.normal * from_plane))
+      add(n, from_plane - shape.radius, name_of(BodyFeature::Face, static_cast<int>(f)));
+  }
+  if (inside) {
+    if (nearest >= 0) {
+      const PolyFace& face = core.faces[nearest];
+      add(pose.turn * -face.normal, dot(face.normal, q) - face.offset - shape.radius,
+          name_of(BodyFeature::Face, nearest));
+    }
+    return;
+  }
+  for (std::size_t k = 0; k < core.edges.size(); ++k) {
+    const PolyEdge& edge = core.edges[k];
+    const Vec3 &a = core.vertices[edge.end[0]], &b = core.vertices[edge.end[1]];
+    const double t = along_segment(q, a, b);
+    if (!(t > 0.0 && t < 1.0)) continue;
+    const Vec3 away = a + (b - a) * t - q;
+    const double distance = norm(away);
+    if (!(distance - shape.radius <= reach && distance > 1e-9)) continue;
+    const Vec3 n = away * (1.0 / distance), n_world = pose.turn * n;
+    if (in_cone(edge, n) && in_cone(patch, peak, n_world))
+      add(n_world, distance - shape.radius, name_of(BodyFeature::Edge, static_cast<int>(k)));
+  }
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,116 @@
+#include "convex.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+namespace smartmesh {
+
+namespace {
+
+// Sine of the angle between two faces below which they count as one plane.
+constexpr double SAME_PLANE = 1e-4;
+
+void set_bounds(Convex& shape) {
+  shape.core.neighbours.resize(shape.core.vertices.size());
+  for (const PolyEdge& edge : shape.core.edges) {
+    shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
+    shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
+  }
+  for (const Vec3& corner : shape.core.vertices) shape.bounds.add(corner);
+  shape.bounds = shape.bounds.grown(shape.radius);
+  shape.reach = 0.0;
+  for (const Vec3& corner : shape.core.vertices) shape.reach = std::max(shape.reach, norm(corner) + shape.radius);
+}
+
+// Returns the vector area of a loop, whose direction is the normal of its face.
+Vec3 area_of(const std::vector<Vec3>& corners, const std::vector<int>& loop) {
+  Vec3 area;
+  for (std::size_t k = 1; k + 1 < loop.size(); ++k)
+    area = area + cross(corners[loop[k]] - corners[loop[0]], corners[loop[k + 1]] - corners[loop[0]]);
+  return area;
+}
+
+void add_faces(Polytope& core, const std::vector<std::vector<int>>& loops) {
+  for (const auto& loop : loops) {
+    const Vec3 area = area_of(core.vertices, loop);
+    if (!(norm(area) > 0.0)) continue;
+    const Vec3 normal = unit(area);
+    core.faces.push_back({normal, dot(normal, core.vertices[loop[0]]), static_cast<int>(core.loops.size()),
+                          static_cast<int>(loop.size())});
+    core.loops.insert(core.loops.end(), loop.begin(), loop.end());
+  }
+}
+
+void add_edges(Polytope& core) {
+  std::map<std::pair<int, int>, int> found;  // by the ends, the lower first
+  for (std::size_t f = 0; f < core.faces.size(); ++f) {
+    const PolyFace& face = core.faces[f];
+    for (int k = 0; k < face.count; ++k) {
+      const int a = core.loops[face.first + k], b = core.loops[face.first + (k + 1) % face.count];
+      const auto [place, is_new] = found.try_emplace({std::min(a, b), std::max(a, b)}, core.edges.size());
+      if (is_new) core.edges.push_back({{a, b}, {-1, -1}, {}});
+      PolyEdge& edge = core.edges[place->second];
+      const int side = is_new ? 0 : 1;
+      edge.faces[side] = static_cast<int>(f);
+      edge.into[side] = unit(cross(face.normal, core.vertices[b] - core.vertices[a]));
+    }
+  }
+  const auto flat = [&](const PolyEdge& edge) {
+    return edge.faces[1] < 0 ||
+           norm(cross(core.faces[edge.faces[0]].normal, core.faces[edge.faces[1]].normal)) < SAME_PLANE;
+  };
+  core.edges.erase(std::remove_if(core.edges.begin(), core.edges.end(), flat), core.edges.end());
+}
+
+}  // namespace
+
+Convex ball(double radius) {
+  Convex shape;
+  shape.core.vertices = {{}};
+  shape.radius = radius;
+  set_bounds(shape);
+  return shape;
+}
+
+Convex capsule(double radius, double half, const Vec3& axis) {
+  Convex shape;
+  shape.core.vertices = {axis * -half, axis * half};
+  shape.core.edges = {{{0, 1}, {-1, -1}, {}}};
+  shape.radius = radius;
+  shape.axis = axis;
+  set_bounds(shape);
+  return shape;
+}
+
+Convex cylinder(double radius, double half, const Vec3& axis) {
+  Convex shape;
+  shape.radius = radius;
+  shape.half = half;
+  shape.axis = axis;
+  shape.cylinder = true;
+  const auto side = [&](double along) { return std::abs(along) * half + radius * std::sqrt(1.0 - along * along); };
+  const Vec3 size{side(axis.x), side(axis.y), side(axis.z)};
+  shape.bounds = {-size, size};
+  shape.reach = std::hypot(radius, half);
+  return shape;
+}
+
+Convex box(const Vec3& half) {
+  std::vector<Vec3> corners;
+  for (int k = 0; k < 8; ++k)
+    corners.push_back({k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z});
+  return hull(corners, {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}}, 0.0);
+}
+
+Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius) {
+  Convex shape;
+  shape.core.vertices = corners;
+  shape.radius = radius;
+  add_faces(shape.core, loops);
+  add_edges(shape.core);
+  set_bounds(shape);
+  return shape;
+}
+
+}  // namespace smartmesh

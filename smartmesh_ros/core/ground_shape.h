@@ -1,0 +1,52 @@
+// The shape of a ground proxy: the ground near one body, as Bullet sees it.
+#pragma once
+
+#include <BulletCollision/CollisionShapes/btConcaveShape.h>
+#include <BulletCollision/CollisionShapes/btTriangleCallback.h>
+
+#include "bullet_convert.h"
+#include "surface.h"
+
+namespace smartmesh {
+
+// Reach of everything, for callers that need all triangles in a box.
+struct Everything final : Reach {
+  bool touches(const Vec3&, double) const override { return true; }
+};
+
+// Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
+// serve whatever else asks Bullet, such as rays and shapes of unknown kinds.
+class GroundShape final : public btConcaveShape {
+ public:
+  GroundShape(Surface* surface, const double* time) : surface_(surface), time_(time) {
+    m_shapeType = CUSTOM_CONCAVE_SHAPE_TYPE;
+    setMargin(0.0);
+  }
+
+  // Bounds of the ground in reach, in the proxy's frame.
+  btVector3 low{0.0, 0.0, 0.0}, high{0.0, 0.0, 0.0};
+
+  void getAabb(const btTransform& t, btVector3& least, btVector3& most) const override {
+    const btVector3 centre = (low + high) * 0.5, half = (high - low) * 0.5;
+    const btMatrix3x3 turn = t.getBasis().absolute();
+    const btVector3 extent(half.dot3(turn[0], turn[1], turn[2])), at = t * centre;
+    least = at - extent;
+    most = at + extent;
+  }
+
+  void processAllTriangles(btTriangleCallback* callback, const btVector3& least, const btVector3& most) const override;
+
+  const btVector3& getLocalScaling() const override { return scaling_; }
+  void setLocalScaling(const btVector3&) override {}
+  void calculateLocalInertia(btScalar, btVector3& inertia) const override { inertia.setValue(0.0, 0.0, 0.0); }
+  const char* getName() const override { return "Ground"; }
+
+  btVector3 origin{0.0, 0.0, 0.0};  // of the proxy in the world; it is never turned
+
+ private:
+  Surface* surface_;
+  const double* time_;
+  btVector3 scaling_{1.0, 1.0, 1.0};
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,72 @@
+// Reader of a moving height map: the height and the rise of a sample at an instant.
+#pragma once
+
+#include <cstddef>
+
+#include "motion.h"
+#include "vec3.h"
+
+namespace smartmesh {
+
+// Side of the square blocks of samples that share one clock [samples], as the exponent of two.
+constexpr int BLOCK_SHIFT = 6;
+
+// Horizontal motion of a grid as a rigid body, see terrain/grid_track.py. `interval` [s]: between the last two maps, zero
+// at rest.
+struct GridTrack {
+  double time = 0.0, interval = 0.0, x = 0.0, y = 0.0, spin = 0.0;
+};
+
+// Pose of a grid at one instant. `x`, `y` [m]: of sample (0, 0). `slide_x`, `slide_y` [m/s], `spin` [rad/s]: velocity.
+struct GridPose {
+  double x = 0.0, y = 0.0, cos = 1.0, sin = 0.0, slide_x = 0.0, slide_y = 0.0, spin = 0.0;
+};
+
+// Height [m] of a sample at an instant, NaN = no ground, and its rise [m] within a duration.
+struct Sample {
+  double height, rise;
+};
+
+// Samples of a height map and their motion; the arrays belong to Python. The fields have the names and meanings of
+// MovingGrid in terrain/moving_grid.py.
+struct HeightGrid {
+  const float* heights = nullptr;
+  const float* velocities = nullptr;
+  const float* offsets = nullptr;
+  const Clock* clocks = nullptr;
+  int rows = 0, columns = 0, block_columns = 0;
+  double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
+  Mode mode = Mode::Extrapolate;
+  double max_velocity = 0.0, settle = 0.0, noise = 0.0, shown = 0.0;
+  GridTrack track;
+
+  std::size_t index(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
+  }
+  bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
+  const Clock& clock(int row, int column) const {
+    return clocks[(row >> BLOCK_SHIFT) * block_columns + (column >> BLOCK_SHIFT)];
+  }
+
+  GridPose pose_at(double time) const;
+};
+
+// Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last
+// block, because neighbouring samples share it.
+class GridReader {
+ public:
+  GridReader(const HeightGrid& grid, double time, double ahead) : grid_(grid), time_(time), ahead_(ahead) {}
+  Sample read(int row, int column);
+
+ private:
+  const HeightGrid& grid_;
+  double time_, ahead_;
+  const Clock* clock_ = nullptr;
+  Phase phase_;
+  double left_ = 0.0;  // share of the block's correction that is not blended in yet
+};
+
+// Returns the share of a block's correction that is not yet blended in at the instant `shown` [s].
+double remaining(const Clock& clock, double shown, double settle);
+
+}  // namespace smartmesh

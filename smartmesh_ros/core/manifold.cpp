@@ -1,0 +1,100 @@
+#include "manifold.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+// Distance that a new contact must be deeper by to take the place of one that was there [m]. Raising it calms wide
+// bodies on rough ground, but lets a new contact penetrate this much.
+constexpr double PREFERENCE = 1e-3;
+// Share by which a new contact must span a larger area.
+constexpr double AREA_PREFERENCE = 1.2;
+// Distance below which contacts with one normal are the same [m].
+constexpr double SAME_PLACE = 1e-6;
+
+struct Candidate {
+  Contact contact;
+  double closes;  // distance at the end of the step if nothing held the body back, less the preference [m]
+  bool was_there;
+};
+
+bool same(const Contact& a, const Contact& b) {
+  return norm2(a.point - b.point) < SAME_PLACE * SAME_PLACE && dot(a.normal, b.normal) > 1.0 - 1e-9;
+}
+
+void add_distinct(const Contact& contact, std::vector<Contact>& contacts) {
+  if (std::none_of(contacts.begin(), contacts.end(), [&](const Contact& other) { return same(contact, other); }))
+    contacts.push_back(contact);
+}
+
+std::vector<Candidate> candidates_of(const Approach& approach, const std::vector<OldContact>& before,
+                                     const std::vector<Contact>& contacts) {
+  std::vector<Candidate> found;
+  for (const Contact& contact : contacts) {
+    const double closing = std::min(0.0, dot(contact.normal, approach.velocity_at(contact.point)));
+    const bool was_there = std::any_of(before.begin(), before.end(), [&](const OldContact& old) {
+      return old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature;
+    });
+    found.push_back({contact, contact.distance + closing * approach.duration - (was_there ? PREFERENCE : 0.0), was_there});
+  }
+  // Contacts that touch suffice if there are enough of them.
+  const auto touches = [](const Candidate& c) { return c.closes < PREFERENCE; };
+  if (std::count_if(found.begin(), found.end(), touches) >= 3)
+    found.erase(std::remove_if(found.begin(), found.end(), [&](const Candidate& c) { return !touches(c); }), found.end());
+  return found;
+}
+
+// Returns the index of the candidate with the largest value, `otherwise` if none is above zero.
+template <class Value>
+int largest(const std::vector<Candidate>& found, int otherwise, Value value) {
+  int best = otherwise;
+  double most = 0.0;
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    const double size = value(found[k]) * (found[k].was_there ? AREA_PREFERENCE : 1.0);
+    if (size > most) most = size, best = static_cast<int>(k);
+  }
+  return best;
+}
+
+}  // namespace
+
+void choose_contacts(const Approach& approach, const std::vector<OldContact>& before, std::vector<Contact>& contacts) {
+  if (contacts.size() <= MOST_CONTACTS) {
+    std::vector<Contact> distinct;
+    for (const Contact& contact : contacts) add_distinct(contact, distinct);
+    contacts.swap(distinct);
+    return;
+  }
+  const std::vector<Candidate> found = candidates_of(approach, before, contacts);
+  contacts.clear();
+  if (found.size() <= MOST_CONTACTS) {
+    for (const Candidate& c : found) add_distinct(c.contact, contacts);
+    return;
+  }
+  const auto deeper = [](const Candidate& a, const Candidate& b) { return a.closes < b.closes; };
+  const int first = static_cast<int>(std::min_element(found.begin(), found.end(), deeper) - found.begin());
+  const Vec3 origin = found[first].contact.point, normal = found[first].contact.normal;
+  const int second =
+      largest(found, first, [&](const Candidate& c) { return norm2(c.contact.point - origin); });
+  const Vec3 along = found[second].contact.point - origin;
+  const auto side = [&](const Candidate& c) { return dot(cross(along, c.contact.point - origin), normal); };
+  const int third = largest(found, first, side);
+  const int fourth = largest(found, first, [&](const Candidate& c) { return -side(c); });
+  for (int k : {first, second, third, fourth}) add_distinct(found[k].contact, contacts);
+}
+
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double radius) {
+  const OldContact* best = nullptr;
+  double nearest = radius * radius;
+  for (const OldContact& old : before) {
+    if (old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature) return &old;
+    const double distance = norm2(old.point - contact.point);
+    if (distance < nearest) nearest = distance, best = &old;
+  }
+  return best;
+}
+
+}  // namespace smartmesh

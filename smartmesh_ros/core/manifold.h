@@ -1,0 +1,27 @@
+// Choice of the contacts that a solver gets: at most four, the same from step to step for a body at rest.
+#pragma once
+
+#include <vector>
+
+#include "contact.h"
+
+namespace smartmesh {
+
+constexpr int MOST_CONTACTS = 4;
+
+// A contact of the last step and its impulses [N s].
+struct OldContact {
+  int body_feature, ground_feature;
+  Vec3 point;
+  double normal_impulse, lateral_impulse[2];
+};
+
+// Reduces contacts to at most four: the one that closes the most, and those that span the largest area with it. Contacts
+// that were there in the last step are preferred. `duration` [s]: of the step.
+void choose_contacts(const Approach& approach, const std::vector<OldContact>& before, std::vector<Contact>& contacts);
+
+// Returns the contact of the last step that became this one: of the same features, or else the nearest within `radius`
+// [m]; null = none.
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double radius);
+
+}  // namespace smartmesh

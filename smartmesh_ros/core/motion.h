@@ -1,0 +1,58 @@
+// Motion of the ground between maps: second order, from the last three velocities of a sample.
+#pragma once
+
+#include <cstdint>
+
+namespace smartmesh {
+
+// Number of velocities stored for each sample, and of update intervals stored for each block.
+constexpr int KEPT = 3;
+constexpr int INTERVALS_KEPT = 10;
+
+enum class Mode : int { Hold = 0, Extrapolate = 1, Interpolate = 2, Correct = 3 };
+
+// Update times of a block of samples, with the layout of the NumPy type CLOCK in terrain/motion.py, which explains the
+// fields.
+struct Clock {
+  double time, opened, lifetime, middle, middle_1, middle_2;
+  std::int64_t known, newest;
+  double intervals[INTERVALS_KEPT];
+  std::int64_t count, updates;
+};
+static_assert(sizeof(Clock) == 160, "the layout of CLOCK in terrain/motion.py");
+
+// Coefficients of the motion at one instant. Height above the last map: velocity * along + acceleration * bend. Its
+// rate: velocity * rate + acceleration * bend_rate. That rate changes by acceleration * curve per second and ends after
+// a time `left` [s]. `inverse`, `inverse_1` [1/s]: reciprocals of the times between the velocities, newest first, zero =
+// unknown.
+struct Phase {
+  double along = 0.0, bend = 0.0, rate = 0.0, bend_rate = 0.0, curve = 0.0, left = 0.0, inverse = 0.0, inverse_1 = 0.0;
+};
+
+// Velocity [m/s] and acceleration [m/s^2] of a sample at its last map.
+struct Motion {
+  double velocity = 0.0, acceleration = 0.0;
+};
+
+// Returns the phase at `time` [s] of ground whose last map came at `last` [s]. `lifetime` [s]: expected time until the
+// next map. `lag` [s]: the velocity holds at this time before the last map.
+Phase phase_of(double time, double last, double lifetime, double lag, Mode mode);
+
+// Returns the phase of a block at `time` [s].
+Phase block_phase(const Clock& clock, double time, Mode mode);
+
+// Returns a `change` limited to a multiple of the one `before`; zero if their signs differ.
+double agreed(double change, double before);
+
+// Returns the motion of a sample from its velocities, newest first [m/s]. A velocity that is NaN (the sample is or was a
+// hole) or above `max_velocity` (a jump) counts as no motion.
+Motion motion_of(double velocity, double velocity_1, double velocity_2, const Phase& phase, double max_velocity);
+
+inline double displacement(const Motion& motion, const Phase& phase) {
+  return motion.velocity * phase.along + motion.acceleration * phase.bend;
+}
+
+// Returns the rise of a sample [m] within a `duration` [s].
+double rise_of(const Motion& motion, const Phase& phase, double duration);
+
+}  // namespace smartmesh

@@ -1,0 +1,55 @@
+// The ground near one body as a small triangle mesh with its neighbourhoods: what contacts are worked out from.
+#pragma once
+
+#include <vector>
+
+#include "vec3.h"
+#include "window.h"
+
+namespace smartmesh {
+
+// Triangle of a patch, counterclockwise seen from its outside. `normal`: unit, outwards.
+struct Facet {
+  int corner[3];
+  Vec3 normal;
+};
+
+// Convex edge of a patch. `opposite`: the third corners of the facets at both sides; -1 = no facet.
+struct Edge {
+  int end[2];
+  int opposite[2];
+  Vec3 outward;  // mean of the normals of its facets, not of unit length
+};
+
+// A point of a patch where the ground is convex, and its neighbours.
+struct Peak {
+  int point;
+  int first, count;  // of its neighbours in `Patch::neighbours`
+};
+
+struct Patch {
+  std::vector<Vec3> points;
+  std::vector<Facet> facets;
+  std::vector<Edge> edges;
+  std::vector<Peak> peaks;
+  std::vector<int> neighbours;
+  std::vector<long> names;  // of points, equal from step to step; edges and facets are named by their points
+
+  void clear() {
+    points.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
+  }
+};
+
+// Decides whether a part of the ground may be touched: a ball around `centre` that contains it.
+struct Reach {
+  virtual bool touches(const Vec3& centre, double radius) const = 0;
+
+ protected:
+  ~Reach() = default;
+};
+
+// Adds the facets, convex edges and peaks of those cells of a window that are in `reach`. The window has a ring of
+// samples around its cells. `first_row`, `first_column`: of the window in the map, for the names of points.
+void add_cells(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch);
+
+}  // namespace smartmesh

@@ -1,0 +1,152 @@
+#include "surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace smartmesh {
+
+namespace {
+
+// Distance outside a map at which a point still counts as on its edge [samples].
+constexpr double EDGE = 1e-6;
+// Share of a cell by which a gap between tiles may be wider than a cell, against rounding.
+constexpr double GAP_ROUNDING = 1e-6;
+constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
+
+// Returns how far a point lies outside a grid [samples], along the axis where it is farthest.
+double beyond(const HeightGrid& grid, const GridPoint& p) {
+  return std::max({-p.row, -p.column, p.row - (grid.rows - 1), p.column - (grid.columns - 1), 0.0});
+}
+
+}  // namespace
+
+GroundPoint grid_ground(const HeightGrid& grid, GridPoint place, double time, double ahead) {
+  const double row = std::clamp(place.row, 0.0, grid.rows - 1.0);
+  const double column = std::clamp(place.column, 0.0, grid.columns - 1.0);
+  const int r = std::min(static_cast<int>(row), grid.rows - 2), c = std::min(static_cast<int>(column), grid.columns - 2);
+  const double v = row - r, u = column - c;
+  const bool upper = u < v;
+  GridReader reader(grid, time, ahead);
+  const struct {
+    double weight;
+    int row, column;
+  } corners[3] = {{1.0 - std::max(u, v), r, c},
+                  {std::abs(u - v), upper ? r + 1 : r, upper ? c : c + 1},
+                  {std::min(u, v), r + 1, c + 1}};
+  GroundPoint ground{0.0, 0.0};
+  for (const auto& corner : corners) {
+    if (corner.weight == 0.0) continue;
+    const Sample sample = reader.read(corner.row, corner.column);
+    ground.height += corner.weight * sample.height;
+    ground.velocity += corner.weight * sample.rise / ahead;
+  }
+  return ground;
+}
+
+GroundPoint Surface::at(double x, double y, double time, double ahead) const {
+  for (const HeightGrid* grid : tiles) {
+    const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
+    if (beyond(*grid, place) > EDGE) continue;
+    const GroundPoint ground = grid_ground(*grid, place, time, ahead);
+    if (!std::isnan(ground.height)) return ground;
+  }
+  return tiles.size() > 1 ? bridged(x, y, time, ahead) : GroundPoint{NONE, 0.0};
+}
+
+GroundPoint Surface::bridged(double x, double y, double time, double ahead) const {
+  double widest = 0.0, weights = 0.0;
+  for (const HeightGrid* grid : tiles) widest = std::max(widest, grid->resolution);
+  widest *= 1.0 + GAP_ROUNDING;
+  GroundPoint sum{0.0, 0.0};
+  int sides = 0;
+  for (const HeightGrid* grid : tiles) {
+    const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
+    const double distance = beyond(*grid, place) * grid->resolution;
+    if (!(distance > 0.0 && distance <= widest)) continue;
+    const GroundPoint edge = grid_ground(*grid, place, time, ahead);
+    if (std::isnan(edge.height)) continue;
+    weights += 1.0 / distance;
+    sum.height += edge.height / distance;
+    sum.velocity += edge.velocity / distance;
+    ++sides;
+  }
+  if (sides < 2) return {NONE, 0.0};
+  return {sum.height / weights, sum.velocity / weights};
+}
+
+void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+  patch.clear();
+  const HeightGrid* finest = nullptr;
+  int met = 0;
+  for (const HeightGrid* grid : tiles) {
+    const Bounds grown = tiles.size() > 1 ? bounds.grown(grid->resolution) : bounds;
+    if (cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown).empty()) continue;
+    ++met;
+    if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;
+  }
+  if (met == 0) return;
+  if (met > 1) {
+    sample_across(*finest, bounds, time);
+    add_cells(window_, 0, 0, reach, patch);
+    return;
+  }
+  const CellRange cells = cells_under(finest->pose_at(time), finest->resolution, finest->rows, finest->columns, bounds);
+  if (cells.empty()) return;
+  read_window(*finest, cells, time, window_);
+  add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
+}
+
+// Samples all tiles on the lattice of the finest one, which may go on beyond its edge.
+void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time) {
+  GridPose pose = finest.pose_at(time);
+  double low_row = 1e300, high_row = -1e300, low_column = 1e300, high_column = -1e300;
+  for (int corner = 0; corner < 4; ++corner) {
+    const GridPoint p = to_grid(pose, finest.resolution, corner & 1 ? bounds.high.x : bounds.low.x,
+                                corner & 2 ? bounds.high.y : bounds.low.y);
+    low_row = std::min(low_row, p.row), high_row = std::max(high_row, p.row);
+    low_column = std::min(low_column, p.column), high_column = std::max(high_column, p.column);
+  }
+  const double top = std::floor(low_row) - 1.0, left = std::floor(low_column) - 1.0;
+  window_.rows = static_cast<int>(std::ceil(high_row) - top) + 2;
+  window_.columns = static_cast<int>(std::ceil(high_column) - left) + 2;
+  window_.resolution = finest.resolution;
+  const double u = left * finest.resolution, v = top * finest.resolution;
+  pose.x += u * pose.cos - v * pose.sin;
+  pose.y += u * pose.sin + v * pose.cos;
+  window_.pose = pose;
+  window_.heights.resize(static_cast<std::size_t>(window_.rows) * window_.columns);
+  for (int r = 0; r < window_.rows; ++r) {
+    for (int c = 0; c < window_.columns; ++c) {
+      const Vec3 p = window_.point(r, c);
+      window_.at(r, c) = at(p.x, p.y, time, 1e-9).height;
+    }
+  }
+}
+
+GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead) const {
+  const GroundPoint here = at(x, y, time, ahead);
+  GroundMotion motion;
+  if (std::isnan(here.height)) return motion;
+  motion.known = true;
+  motion.foot = {x, y, here.height};
+  motion.linear = {0.0, 0.0, here.velocity};
+  const auto slope = [&](double dx, double dy) {
+    const GroundPoint low = at(x - dx, y - dy, time, ahead), high = at(x + dx, y + dy, time, ahead);
+    if (std::isnan(low.height) || std::isnan(high.height)) return 0.0;
+    return (high.velocity - low.velocity) / (2.0 * half);
+  };
+  motion.angular = {slope(0.0, half), -slope(half, 0.0), 0.0};
+  for (const HeightGrid* grid : tiles) {
+    const GridPose pose = grid->pose_at(time);
+    const GridPoint place = to_grid(pose, grid->resolution, x, y);
+    if (beyond(*grid, place) > 1.0) continue;
+    motion.linear.x = pose.slide_x - pose.spin * (y - pose.y);
+    motion.linear.y = pose.slide_y + pose.spin * (x - pose.x);
+    motion.angular.z = pose.spin;
+    break;
+  }
+  return motion;
+}
+
+}  // namespace smartmesh

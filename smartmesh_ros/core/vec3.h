@@ -1,0 +1,63 @@
+// Vectors, rotations and poses in three dimensions.
+#pragma once
+
+#include <cmath>
+
+namespace smartmesh {
+
+struct Vec3 {
+  double x = 0.0, y = 0.0, z = 0.0;
+};
+
+inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
+inline Vec3 operator*(const Vec3& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
+inline Vec3 operator*(double s, const Vec3& a) { return a * s; }
+inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline double norm2(const Vec3& a) { return dot(a, a); }
+inline double norm(const Vec3& a) { return std::sqrt(norm2(a)); }
+
+// Returns the unit vector along `a`; a zero vector stays zero.
+inline Vec3 unit(const Vec3& a) {
+  const double length = norm(a);
+  return length > 0.0 ? a * (1.0 / length) : a;
+}
+
+// Rotation by its rows.
+struct Mat3 {
+  Vec3 row[3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+};
+
+inline Vec3 operator*(const Mat3& m, const Vec3& v) { return {dot(m.row[0], v), dot(m.row[1], v), dot(m.row[2], v)}; }
+
+// Returns the product of the transposed matrix and `v`, which for a rotation is the inverse rotation of `v`.
+inline Vec3 transposed(const Mat3& m, const Vec3& v) { return m.row[0] * v.x + m.row[1] * v.y + m.row[2] * v.z; }
+
+struct Pose {
+  Mat3 turn;
+  Vec3 at;
+
+  Vec3 to_world(const Vec3& local) const { return turn * local + at; }
+  Vec3 to_local(const Vec3& world) const { return transposed(turn, world - at); }
+};
+
+// Axis-aligned box from `low` to `high`.
+struct Bounds {
+  Vec3 low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
+
+  void add(const Vec3& p) {
+    low = {std::fmin(low.x, p.x), std::fmin(low.y, p.y), std::fmin(low.z, p.z)};
+    high = {std::fmax(high.x, p.x), std::fmax(high.y, p.y), std::fmax(high.z, p.z)};
+  }
+  Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
+  bool meets(const Bounds& other) const {
+    return low.x <= other.high.x && other.low.x <= high.x && low.y <= other.high.y && other.low.y <= high.y &&
+           low.z <= other.high.z && other.low.z <= high.z;
+  }
+};
+
+}  // namespace smartmesh
