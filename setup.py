@@ -14,6 +14,7 @@ from setuptools.command.install_lib import install_lib
 NAME = "smartmesh_ros"
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
+from core_build import BuildCore, extension  # noqa: E402
 from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
 # For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
@@ -99,7 +100,8 @@ setup(
     name=NAME,
     version="0.1.0",
     distclass=WithMachineCode,
-    cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew},
+    cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew, "build_ext": BuildCore},
+    ext_modules=[extension()],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml", "soil/soils.yaml"]},
     data_files=[
