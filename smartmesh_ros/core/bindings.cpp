@@ -1,5 +1,7 @@
 // What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
-#include <cstring>
+#include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +19,10 @@ namespace {
 
 using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Slots = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Flags = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using States = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+constexpr int MOST_SLOTS = 1 << 24;
 using Bytes3 = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 // A height map's arrays, which stay alive with it.
@@ -61,7 +67,18 @@ struct Ground {
   int number;
   nb::list tiles;  // keeps the grids alive
 
-  explicit Ground(int of) : number(of) { world(); }
+  explicit Ground(int of) : number(of) {
+    if (world().owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
+    world().owned = true;
+  }
+  ~Ground() { release(); }
+  Ground(const Ground&) = delete;
+
+  // Takes the ground from all bodies; another ground may then use the client.
+  void release() {
+    if (BulletWorld* found = world_of(number)) found->release();
+    number = -1;
+  }
 
   BulletWorld& world() const {
     BulletWorld* found = world_of(number);
@@ -73,6 +90,34 @@ struct Ground {
     for (nb::handle grid : grids) found.push_back(&nb::cast<Grid&>(grid).grid);
     world().surface.tiles = found;
     tiles = grids;
+  }
+  void attach(int slot, int body, int link, int proxy) {
+    if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
+    if (world().has(slot)) throw std::invalid_argument("the slot is used already");
+    if (body < 0 || link < -1 || !world().attach(slot, body, link, proxy))
+      throw std::invalid_argument("PyBullet has no such body, link or proxy");
+  }
+  void detach(int slot) {
+    if (world().has(slot)) world().detach(slot);
+  }
+  // Switches the ground of the slots (S,) on or off.
+  void enable(Flags flags) {
+    for (std::size_t k = 0; k < flags.shape(0); ++k)
+      if (world().has(static_cast<int>(k))) world().enable(static_cast<int>(k), flags.data()[k]);
+  }
+  // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
+  void read(Slots slots, States states) {
+    if (states.shape(1) != 13) throw std::invalid_argument("states must have the shape (S, 13)");
+    BulletWorld& found = world();
+    found.find_objects();
+    for (std::size_t k = 0; k < slots.shape(0); ++k) {
+      const std::int64_t slot = slots.data()[k];
+      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
+        throw std::invalid_argument("a slot is not in states");
+      double* state = states.data() + 13 * slot;
+      if (!found.has(static_cast<int>(slot)) || !found.read(static_cast<int>(slot), state))
+        std::fill(state, state + 13, std::numeric_limits<double>::quiet_NaN());
+    }
   }
 };
 
@@ -93,10 +138,13 @@ NB_MODULE(_core, m) {
       });
   nb::class_<Ground>(m, "Ground")
       .def(nb::init<int>(), "number"_a)
+      .def("release", &Ground::release)
       .def("set_tiles", &Ground::set_tiles, "grids"_a)
-      .def("attach", [](Ground& g, int body, int link, int proxy) { return g.world().attach(body, link, proxy); })
-      .def("detach", [](Ground& g, int slot) { g.world().detach(slot); })
-      .def("enable", [](Ground& g, int slot, bool enabled) { g.world().enable(slot, enabled); })
+      .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
+      .def("detach", &Ground::detach, "slot"_a)
+      .def("enable", &Ground::enable, "flags"_a.noconvert())
+      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
+      .def_prop_ro("epoch", [](const Ground& g) { return g.world().epoch; })
       .def_prop_rw(
           "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })
       .def_prop_rw(

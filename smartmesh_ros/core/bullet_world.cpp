@@ -51,7 +51,9 @@ bool is_of(const btCollisionObject& object, int body, int link) {
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
   slots_.clear();
+  roles_.clear();
   slot_of_ground_.clear();
+  ++epoch;
   if (world != nullptr) register_algorithm(*world, this);
 }
 
@@ -62,56 +64,88 @@ btCollisionObject* BulletWorld::find(int body, int link) const {
   return nullptr;
 }
 
-int BulletWorld::attach(int body, int link, int proxy) {
+void BulletWorld::release() {
+  for (std::size_t k = 0; k < slots_.size(); ++k)
+    if (slots_[k].used) detach(static_cast<int>(k));
+  surface.tiles.clear();
+  owned = false;
+}
+
+std::vector<BulletWorld::Role>& BulletWorld::roles_of(int body) {
+  if (body >= static_cast<int>(roles_.size())) roles_.resize(body + 1);
+  return roles_[body];
+}
+
+bool BulletWorld::attach(int index, int body, int link, int proxy) {
   btCollisionObject* object = find(body, link);
-  auto* ground = btRigidBody::upcast(find(proxy, -1));
-  if (object == nullptr || ground == nullptr) return -1;
-  std::size_t k = 0;
-  while (k < slots_.size() && slots_[k].used) ++k;
-  if (k == slots_.size()) slots_.emplace_back();
-  Slot& slot = slots_[k];
-  slot.used = slot.enabled = true;
+  auto* ground = proxy < 0 ? nullptr : btRigidBody::upcast(find(proxy, -1));
+  if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
+  if (index >= static_cast<int>(slots_.size())) slots_.resize(index + 1);
+  Slot& slot = slots_[index];
+  slot = Slot{};
+  slot.used = true;
   slot.body = body, slot.link = link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
+  roles_of(body).push_back({index, false});
+  if (ground == nullptr) return true;
+  roles_of(proxy).push_back({index, true});
   slot.shape = std::make_unique<GroundShape>(&surface, &time);
-  slot_of_ground_[slot.shape.get()] = static_cast<int>(k);
+  slot_of_ground_[slot.shape.get()] = index;
   ground->setCollisionShape(slot.shape.get());
   ground->setCollisionFlags((ground->getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
                             btCollisionObject::CF_KINEMATIC_OBJECT);
-  place(slot);
-  return static_cast<int>(k);
+  return true;
 }
 
 void BulletWorld::detach(int index) {
   Slot& slot = slots_[index];
-  slot_of_ground_.erase(slot.shape.get());
+  for (int body : {slot.body, slot.proxy}) {
+    if (body < 0) continue;
+    auto& roles = roles_of(body);
+    roles.erase(std::remove_if(roles.begin(), roles.end(), [&](const Role& role) { return role.slot == index; }),
+                roles.end());
+  }
+  if (slot.shape != nullptr) slot_of_ground_.erase(slot.shape.get());
   slot = Slot{};
 }
 
-void BulletWorld::enable(int index, bool enabled) { slots_[index].enabled = enabled; }
-
 void BulletWorld::find_objects() {
-  std::unordered_map<long, Slot*> by_body, by_proxy;
-  for (Slot& slot : slots_) {
-    if (!slot.used) continue;
-    slot.object = nullptr, slot.ground = nullptr;
-    by_body[(static_cast<long>(slot.body) << 20) + slot.link + 1] = &slot;
-    by_proxy[slot.proxy] = &slot;
-  }
+  for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {
     btCollisionObject* object = objects[k];
     int body = object->getUserIndex2(), link = -1;
     if (auto* collider = btMultiBodyLinkCollider::upcast(object))
       body = collider->m_multiBody->getUserIndex2(), link = collider->m_link;
-    const auto found = by_body.find((static_cast<long>(body) << 20) + link + 1);
-    if (found != by_body.end()) found->second->object = object;
-    const auto ground = link < 0 ? by_proxy.find(body) : by_proxy.end();
-    if (ground != by_proxy.end()) {
-      auto* proxy = btRigidBody::upcast(object);
-      if (proxy != nullptr && proxy->getCollisionShape() == ground->second->shape.get()) ground->second->ground = proxy;
+    if (body < 0 || body >= static_cast<int>(roles_.size())) continue;
+    for (const Role& role : roles_[body]) {
+      Slot& slot = slots_[role.slot];
+      if (!role.is_proxy && slot.link == link) slot.object = object;
+      if (role.is_proxy && object->getCollisionShape() == slot.shape.get()) slot.ground = btRigidBody::upcast(object);
     }
   }
+}
+
+void BulletWorld::read_velocity(Slot& slot) const {
+  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) {
+    const LinkVelocity velocity = link_velocity(*collider->m_multiBody, collider->m_link);
+    slot.linear = velocity.linear, slot.angular = velocity.angular;
+  } else if (auto* rigid = btRigidBody::upcast(slot.object)) {
+    slot.linear = from_bullet(rigid->getLinearVelocity()), slot.angular = from_bullet(rigid->getAngularVelocity());
+  }
+}
+
+bool BulletWorld::read(int index, double* state) {
+  Slot& slot = slots_[index];
+  if (slot.object == nullptr) return false;
+  read_velocity(slot);
+  const btTransform& pose = slot.object->getWorldTransform();
+  const btQuaternion turn = pose.getRotation();
+  const double values[13] = {pose.getOrigin().x(), pose.getOrigin().y(), pose.getOrigin().z(), turn.x(), turn.y(),
+                             turn.z(), turn.w(), slot.linear.x, slot.linear.y, slot.linear.z, slot.angular.x,
+                             slot.angular.y, slot.angular.z};
+  std::copy(values, values + 13, state);
+  return true;
 }
 
 void BulletWorld::before_step() {
@@ -134,12 +168,7 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
   if (slot.object == nullptr || !slot.enabled) return;
   const btTransform& pose = slot.object->getWorldTransform();
-  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) {
-    const LinkVelocity velocity = link_velocity(*collider->m_multiBody, collider->m_link);
-    slot.linear = velocity.linear, slot.angular = velocity.angular;
-  } else if (auto* rigid = btRigidBody::upcast(slot.object)) {
-    slot.linear = from_bullet(rigid->getLinearVelocity()), slot.angular = from_bullet(rigid->getAngularVelocity());
-  }
+  read_velocity(slot);
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
   const double half = 0.5 * std::max(high.x() - low.x(), high.y() - low.y());
@@ -162,7 +191,7 @@ void BulletWorld::place(Slot& slot) {
   ground.setInterpolationWorldTransform(foot);
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
-  if (moved > 0.0 || norm2(motion.angular) > 0.0) slot.object->activate();
+  if (!slot.object->isActive() && (moved > 0.0 || norm2(motion.angular) > 0.0)) slot.object->activate();
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
@@ -187,32 +216,37 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   if (shape == nullptr) return;
   ++touched;
   const Pose pose = from_bullet(body.getWorldTransform());
-  const auto& proxy = *slot.ground;
-  Approach approach;
-  approach.centre = from_bullet(slot.object->getWorldTransform().getOrigin());
-  approach.angular = slot.angular - from_bullet(proxy.getAngularVelocity());
-  approach.linear = slot.linear - from_bullet(proxy.getVelocityInLocalPoint(to_bullet(approach.centre) -
-                                                                            proxy.getWorldTransform().getOrigin()));
+  Approach approach = approach_of(slot);
   approach.duration = step, approach.margin = margin;
-  const double arm = norm(pose.at - approach.centre) + shape->reach;
-  const double grown = margin + (norm(approach.linear) + norm(approach.angular) * arm) * step;
-  Bounds bounds;
-  const Vec3 extent{grown, grown, grown};
-  for (int k = 0; k < 8; ++k)
-    bounds.add(pose.to_world({k & 1 ? shape->bounds.high.x : shape->bounds.low.x,
-                              k & 2 ? shape->bounds.high.y : shape->bounds.low.y,
-                              k & 4 ? shape->bounds.high.z : shape->bounds.low.z}));
-  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high) + grown)) {
-    manifold.setNumContacts(0);
-    return;
-  }
-  bounds = {bounds.low - extent, bounds.high + extent};
-  surface.gather(bounds, time, ShapeReach(*shape, pose, grown), patch_);
   contacts_.clear();
-  find_contacts(*shape, pose, patch_, approach, contacts_);
+  find_near(*shape, pose, approach);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
   write_contacts(contacts_, before_, body, ground, approach, manifold);
+}
+
+Approach BulletWorld::approach_of(const Slot& slot) const {
+  const btRigidBody& proxy = *slot.ground;
+  const btVector3 centre = slot.object->getWorldTransform().getOrigin();
+  Approach approach;
+  approach.centre = from_bullet(centre);
+  approach.angular = slot.angular - from_bullet(proxy.getAngularVelocity());
+  approach.linear =
+      slot.linear - from_bullet(proxy.getVelocityInLocalPoint(centre - proxy.getWorldTransform().getOrigin()));
+  return approach;
+}
+
+void BulletWorld::find_near(const Convex& shape, const Pose& pose, const Approach& approach) {
+  const double arm = norm(pose.at - approach.centre) + shape.reach;
+  const double grown = margin + (norm(approach.linear) + norm(approach.angular) * arm) * approach.duration;
+  Bounds bounds;
+  for (int k = 0; k < 8; ++k)
+    bounds.add(pose.to_world({k & 1 ? shape.bounds.high.x : shape.bounds.low.x,
+                              k & 2 ? shape.bounds.high.y : shape.bounds.low.y,
+                              k & 4 ? shape.bounds.high.z : shape.bounds.low.z}));
+  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high) + grown)) return;
+  surface.gather(bounds.grown(grown), time, ShapeReach(shape, pose, grown), patch_);
+  find_contacts(shape, pose, patch_, approach, contacts_);
 }
 
 }  // namespace smartmesh

@@ -17,7 +17,8 @@ namespace smartmesh {
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, enabled = true;
-  int body = -1, link = -1, proxy = -1;
+  int body = -1, link = -1;
+  int proxy = -1;                       // -1 = the body is only read
   btCollisionObject* object = nullptr;  // found anew in each step; null = it is gone
   btRigidBody* ground = nullptr;        // of the proxy, likewise
   std::unique_ptr<GroundShape> shape;
@@ -36,12 +37,21 @@ class BulletWorld {
   // Called by the plugin when PyBullet makes a world, at the start and at `resetSimulation`.
   void enter(btDiscreteDynamicsWorld* world);
   void leave() { world_ = nullptr; }
+  // Detaches all bodies and forgets the tiles, which may go.
+  void release();
   bool alive() const { return world_ != nullptr; }
 
-  // Gives a body's link its `proxy`; returns its slot, -1 if PyBullet has no such objects.
-  int attach(int body, int link, int proxy);
+  // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects.
+  bool attach(int slot, int body, int link, int proxy);
   void detach(int slot);
-  void enable(int slot, bool enabled);
+  bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
+  void enable(int slot, bool enabled) { slots_[slot].enabled = enabled; }
+
+  // Finds the objects of all slots; call it before `read`.
+  void find_objects();
+  // Writes position [m], orientation (x, y, z, w), linear and angular velocity of the body in a slot to `state` (13,);
+  // false if it is gone.
+  bool read(int slot, double* state);
 
   // Places the proxies under their bodies, before a step of the world.
   void before_step();
@@ -51,17 +61,27 @@ class BulletWorld {
   void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, btPersistentManifold& manifold,
              double duration);
 
-  btCollisionObject* find(int body, int link) const;
+  bool owned = false;    // by a ground of Python
+  int epoch = 0;     // number of PyBullet's worlds so far; bodies and proxies of another one are gone
   long touched = 0;  // pairs of shape and ground that were looked at so far
-  static BulletWorld* of(const btCollisionShape* shape);
 
  private:
-  void find_objects();
+  // A slot that a PyBullet body belongs to, as the body itself or as its proxy.
+  struct Role {
+    int slot;
+    bool is_proxy;
+  };
+  std::vector<Role>& roles_of(int body);
+  btCollisionObject* find(int body, int link) const;
+  void read_velocity(Slot& slot) const;
   void place(Slot& slot);
+  Approach approach_of(const Slot& slot) const;
+  void find_near(const Convex& shape, const Pose& pose, const Approach& approach);
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
 
   btDiscreteDynamicsWorld* world_ = nullptr;
   std::vector<Slot> slots_;
+  std::vector<std::vector<Role>> roles_;  // by PyBullet body
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;

@@ -19,6 +19,7 @@ from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.leaving import leaves_support
+from smartmesh_ros.physics.proxies import Proxies, missing_for
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.sleeping import Sleeping
@@ -77,24 +78,36 @@ class Ground:
         self._waking = Waking(client)
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # lifetime of the last update [steps]
+        self._duration = 0.0  # the same [s]
         self._expected_moves: list[tuple[list[int], FloatArray]] = []
         self._sleeping: Sleeping | None = None
         self._tracked_chosen = False  # patches of followers that are not solid are those of the last update
+        self._proxies: Proxies | None = None  # None while patches are colliders of PyBullet's own
+        self._chosen = True  # the supports are those of the last update
+        self.no_proxies = missing_for(client)  # why the client has no ground proxies, empty if it can have them
 
     @property
     def supports(self) -> Any:
         """Supports by slot as of the last update: records of ``SUPPORT`` (S,)."""
+        self._choose()
         return self._selector.supports
+
+    @property
+    def exact(self) -> bool:
+        """True if contacts come from the map itself, by ground proxies."""
+        return self._proxies is not None
 
     @property
     def batches(self) -> list[PatchBatch]:
         """Patches as of the last update; their bodies are slots of `followers`. Call `choose_tracked` before, if bodies
         were attached with ``solid=False``."""
+        self._choose()
         return self._selector.batches()
 
     def choose_tracked(self) -> None:
         """Compute the patches of the bodies that were attached with ``solid=False``, as of the last update. They are
         not part of `update`, because nothing collides with them."""
+        self._choose()
         if not self._tracked_chosen:
             self._tracked_chosen = True
             self._selector.choose_tracked(self.followers.tracked)
@@ -193,6 +206,8 @@ class Ground:
         own = solid and self._client.getDynamicsInfo(body, -1)[0] > 0.0  # a body without mass does not move by physics
         follower = Follower(body, link, record, solid)
         self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
+        if self._proxies is not None:
+            self._proxies.attach(follower)
         slots = self.followers.capacity
         for table in (self.colliders, self._selector, self._waking, self.stepper.landing):
             table.reserve(slots)
@@ -207,6 +222,8 @@ class Ground:
         for slot in list(self.followers.of(body)):
             if self._sleeping is not None:
                 self._sleeping.remove(slot)
+            if self._proxies is not None:
+                self._proxies.detach(slot)
             self.colliders.release(self.followers[slot], self.time)
             self._selector.remove(slot)
             self._waking.forget(slot)
@@ -248,6 +265,7 @@ class Ground:
     def update(self, time: float, dt: float, steps: int = 1) -> None:
         """Refresh every patch at ``time`` [s], for the next ``steps`` steps of ``dt`` [s]."""
         followers, sleeping = self.followers, self._sleeping
+        self._use_proxies(time, dt)
         with self.stopwatch.stage("bodies"):
             corrections = self._show_corrections(time)
             if sleeping is not None:
@@ -262,7 +280,11 @@ class Ground:
                 if sleeping.wake_reached(time, 0.0):
                     sleeping.note_motion(time)
                 sleeping.put_to_sleep(time, dt * steps, self.config.tolerance)
-        self.stale, self._steps, self.time = False, steps, time
+        self.stale, self._steps, self.time, self._duration = False, steps, time, dt * steps
+        if self._proxies is not None:
+            self._chosen = self._tracked_chosen = False
+            self._proxies.use(self.terrain, active=True)
+            return
         if not followers.awake.size:
             self.colliders.pool.trim(followers, time)
             return
@@ -281,6 +303,8 @@ class Ground:
         followers = self.followers
         if not followers.awake.size:
             return False
+        if self._proxies is not None:
+            return self._wake_on_the_way(time, dt)
         with self.stopwatch.stage("bodies"):
             self._read_positions()
             left = leaves_support(
@@ -292,6 +316,54 @@ class Ground:
         if left:
             self.update(time, dt, self._steps)
         return bool(left)
+
+    def _wake_on_the_way(self, time: float, dt: float) -> bool:
+        """Wake sleeping bodies that something may touch in the step from ``time`` [s] on; returns True if there were
+        any."""
+        assert self._proxies is not None
+        self._proxies.set_time(time, dt)
+        if self._sleeping is None or not self.followers.asleep.size:
+            return False
+        with self.stopwatch.stage("bodies"):
+            self._read_positions()
+            woken = self._sleeping.wake_reached(time, time - self.time)
+        if woken:
+            self.update(time, dt, self._steps)
+        return woken
+
+    def _use_proxies(self, time: float, dt: float) -> None:
+        """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
+        wanted = (
+            not self.no_proxies
+            and self.config.kind == "auto"
+            and self.config.rings == 0
+            and all(isinstance(mesh, HeightMap) for mesh in self.terrain.tiles.values())
+        )
+        if wanted and self._proxies is None:
+            for follower in self.followers:
+                self.colliders.release(follower, time)
+            self._whole.release()
+            self._proxies = Proxies(self._client, self.followers, time=time, dt=dt)
+            for follower in self.followers:
+                self._proxies.attach(follower)
+        elif not wanted and self._proxies is not None:
+            self._proxies.close()
+            self._proxies, self._chosen = None, True
+            for follower in self.followers:
+                follower.collider = None
+        if self._proxies is not None:
+            self._proxies.set_time(time, dt)
+            self._proxies.carry_velocity(on=self.config.carry_velocity)
+
+    def _choose(self) -> None:
+        """Choose the ground that bodies can touch, if that was not done since the last update. Contacts by ground
+        proxies do not need it; messages do."""
+        if not self._chosen:
+            self._chosen = True
+            followers = self.followers
+            self._selector.update(
+                followers.solid, followers.shapes, followers.states, self.time, self._duration, self.gravity
+            )
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
@@ -306,6 +378,8 @@ class Ground:
         for follower in list(self.followers):
             self.detach(follower.body)
         self._whole.release()
+        if self._proxies is not None:
+            self._proxies.close()
 
     @cached_property
     def stepper(self) -> Stepper:
@@ -315,7 +389,9 @@ class Ground:
     def _release_for_sleep(self, slots: IntArray) -> dict[int, SleepContacts]:
         """Take their colliders from followers that fall asleep, and return the contacts of these by slot. Mesh
         colliders stay, because PyBullet leaks for each that is rebuilt."""
-        active = slots[self.colliders.pool.active[slots] >= 0].tolist()
+        if self._proxies is None:
+            slots = slots[self.colliders.pool.active[slots] >= 0]
+        active = [slot for slot in slots.tolist() if self.followers[slot].collider is not None]
         released = {self.followers[slot].collider: slot for slot in active}
         points: dict[int, list[Any]] = {slot: [] for slot in active}
         # All points are read, because PyBullet swaps the bodies of a point to fit a filter, but not its friction.
@@ -324,8 +400,9 @@ class Ground:
             if slot is not None:
                 points[slot].append(point)
         contacts = {slot: SleepContacts(self.followers[slot].collider, points[slot]) for slot in active}
-        for slot in active:
-            self.colliders.pool.release(self.followers[slot], self.time)
+        if self._proxies is None:
+            for slot in active:
+                self.colliders.pool.release(self.followers[slot], self.time)
         return contacts
 
     def _show_corrections(self, time: float) -> list[tuple[int, MovingGrid, MovingGrid]]:
@@ -361,11 +438,17 @@ class Ground:
         self._waking.note(self.colliders.changed)
 
     def _read_states(self, dt: float) -> None:
-        self._reader.read_states(dt)
+        if self._proxies is not None:
+            self._proxies.read_states(dt)
+        else:
+            self._reader.read_states(dt)
         self._expected_moves.clear()
 
     def _read_positions(self) -> None:
-        self._reader.read_positions()
+        if self._proxies is not None:
+            self._proxies.read_positions()
+        else:
+            self._reader.read_positions()
         for slots, moved_w in self._expected_moves:
             self.followers.moved_w[slots] = moved_w
         self._expected_moves.clear()

@@ -43,9 +43,12 @@ class Guard:
         if not followers.solid.size:
             return 0
         middles = middles_of(followers.solid, followers.shapes, followers.states)
-        found = possibly_buried(
-            followers.solid, middles, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
-        )
+        if ground.exact:
+            found = followers.table["own"][followers.solid]
+        else:
+            found = possibly_buried(
+                followers.solid, middles, ground.supports, followers.shapes, followers.table, SUSPECT_HEIGHT
+            )
         slots, middles = followers.solid[found], middles[found]
         if not slots.size:
             return 0

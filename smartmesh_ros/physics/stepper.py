@@ -73,7 +73,7 @@ class Stepper:
         """Clamp bodies before impact, run the step from ``time`` [s] on by calling ``simulate``, and restore the
         bodies' velocities."""
         stopwatch, clamped = self._ground.stopwatch, None
-        if physics.landing:
+        if physics.landing and not self._ground.exact:
             with stopwatch.stage("bodies"):
                 clamped = self.landing.clamp(time, physics)
         with stopwatch.stage("step"):

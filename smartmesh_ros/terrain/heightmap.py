@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
 from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
@@ -74,7 +75,8 @@ class HeightMap:
                 yaw=yaw,
             )
         self.geometry = geometry
-        self.motion = motion or MotionConfig()
+        self._motion = motion or MotionConfig()
+        self._core: Any = None
         shape = (geometry.rows, geometry.columns)
         new, speeds = _checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
@@ -96,6 +98,28 @@ class HeightMap:
         view = self._heights.view()
         view.setflags(write=False)
         return view
+
+    @property
+    def motion(self) -> MotionConfig:
+        """Motion of the ground between maps."""
+        return self._motion
+
+    @motion.setter
+    def motion(self, motion: MotionConfig) -> None:
+        self._motion = motion
+        self._tell_core()
+
+    @property
+    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.void], NDArray[np.float32]]:
+        """The arrays that change in place: heights, velocities, clocks and offsets, as in `MovingGrid`."""
+        return self._heights, self._velocities, self._clocks, self._offsets
+
+    @property
+    def core_grid(self) -> Any:
+        """The reader of this map in the C++ core, which must be built."""
+        if self._core is None:
+            self._core = core_grid_of(self)
+        return self._core
 
     @property
     def size(self) -> int:
@@ -136,6 +160,7 @@ class HeightMap:
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self._shown = time if self._shown == math.inf else max(self._shown, time)
+        self._tell_core()
 
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
         """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
@@ -154,10 +179,12 @@ class HeightMap:
         known = self._heights.copy() if self.fused is None else self.fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
+        self._tell_core()
 
     def show_as(self, other: "HeightMap") -> None:
         """Blend corrections in up to the same instant as another map."""
         self._shown = other._shown
+        self._tell_core()
 
     def replace(
         self,
@@ -174,6 +201,7 @@ class HeightMap:
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
+        self._tell_core()
 
     def update_region(
         self,
@@ -203,6 +231,7 @@ class HeightMap:
         certainty = _checked_variance(variance, shape)
         new, speeds = _checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
+        self._tell_core()
 
     def update_rectangles(
         self, rectangles: ArrayLike, heights: ArrayLike, velocities: ArrayLike, *, time: float
@@ -235,6 +264,7 @@ class HeightMap:
             self._heights, self._velocities, self._clocks, places, _read_only(new), _read_only(speeds), float(time),
             self.motion.min_interval, self.motion.max_interval,
         )  # fmt: skip
+        self._tell_core()
 
     def moving(self, time: float) -> bool:
         """Return True if any sample may move at ``time`` [s]."""
@@ -252,11 +282,13 @@ class HeightMap:
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
             self.track = self.track._replace(motion=motion, interval=interval)
+        self._tell_core()
 
     def follow(self, before: "HeightMap", time: float) -> None:
         """Estimate the rigid motion of this map of ``time`` [s] from its pose and the track of the map ``before``."""
         motion = self.motion
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
+        self._tell_core()
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
@@ -265,6 +297,7 @@ class HeightMap:
         self.track = self.track.shifted(by)
         self._shown += by
         self._settled += by
+        self._tell_core()
 
     def moved_to(self, time: float) -> MovingGrid:
         """Return the map for compiled functions, at its pose at ``time`` [s]."""
@@ -337,6 +370,11 @@ class HeightMap:
         heights, velocities = np.empty(len(xy_w)), np.empty(len(xy_w))
         ground_at(self.moved_to(time), np.ascontiguousarray(xy_w[:, :2]), time, heights, velocities)
         return Samples(heights, velocities)
+
+    def _tell_core(self) -> None:
+        """Tell the core what has changed beside the arrays."""
+        if self._core is not None:
+            update_core_grid(self._core, self)
 
     def _take(
         self,

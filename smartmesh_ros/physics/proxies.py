@@ -1,0 +1,124 @@
+"""Ground proxies: PyBullet bodies that stand for the ground near one body each, in DIRECT clients.
+
+The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of the
+two from the map, in each ``stepSimulation``. Nothing here runs in a step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.followers import Follower, Followers
+from smartmesh_ros.terrain.core_grid import CORE
+from smartmesh_ros.terrain.grid import BoolArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
+
+# What the names of the plugin's functions end with.
+POSTFIX = "_smartmesh"
+
+
+def missing_for(client: Any) -> str:
+    """Return why a client cannot have ground proxies, empty if it can."""
+    if CORE is None:
+        return "the core is not built"
+    method = client.getConnectionInfo().get("connectionMethod")
+    return "" if method == pb.DIRECT else "the PyBullet client is not a DIRECT one"
+
+
+class Proxies:
+    """The ground proxies of one client. Bodies are addressed by slot."""
+
+    def __init__(self, client: Any, followers: Followers, *, time: float, dt: float) -> None:
+        assert CORE is not None
+        self._client = client
+        self._followers = followers
+        plugin = client.loadPlugin(CORE.__file__, POSTFIX)
+        if plugin < 0:
+            raise InputError("plugin", f"PyBullet did not load the core {CORE.__file__}; build it for this PyBullet")
+        self._core = CORE.Ground(client.executePluginCommand(plugin, "number", []))
+        self._core.time, self._core.duration = time, dt
+        self._uids: dict[int, int] = {}  # of the proxies, by slot
+        self._shape: int | None = None
+        self._visual: int | None = None
+        self._layout = -1
+        self._wakes = -1
+
+    def attach(self, follower: Follower) -> None:
+        """Give a follower a proxy if it is solid; other followers are only read."""
+        proxy = -1
+        if follower.solid:
+            proxy = self._uids[follower.slot] = self._new_body()
+        self._core.attach(follower.slot, follower.body, follower.link, proxy)
+
+    def detach(self, slot: int) -> None:
+        """Remove the proxy of a follower."""
+        uid = self._uids.pop(slot, None)
+        if uid is not None:
+            self._client.removeBody(uid)
+        self._core.detach(slot)
+
+    def use(self, terrain: Terrain, *, active: bool) -> None:
+        """Collide the awake followers with the tiles of ``terrain`` from now on; ``active=False``: with nothing."""
+        if self._layout != terrain.layout_revision:
+            self._layout = terrain.layout_revision
+            self._core.set_tiles([mesh.core_grid for mesh in terrain.tiles.values() if isinstance(mesh, HeightMap)])
+        if self._wakes != self._followers.wakes or not active:
+            self._wakes = self._followers.wakes if active else -1
+            self._switch(self._followers.flags("awake") & active)
+
+    def set_time(self, time: float, dt: float) -> None:
+        """Set the time [s] at the start of the next step of ``dt`` [s]."""
+        self._core.time, self._core.duration = time, dt
+
+    def carry_velocity(self, *, on: bool) -> None:
+        """Set whether contacts see the ground's velocity."""
+        self._core.carry_velocity = on
+
+    @property
+    def time(self) -> float:
+        """Time at the start of the next step [s]; PyBullet's steps advance it."""
+        return float(self._core.time)
+
+    def read_states(self, dt: float) -> None:
+        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers, as `FollowerReader` does."""
+        followers = self._followers
+        awake = followers.awake
+        self._core.read(awake, followers.states)
+        followers.positions_w[awake] = followers.states[awake, :3]
+        followers.moved_w[awake] = followers.states[awake, 7:10] * dt
+
+    def read_positions(self) -> None:
+        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""
+        followers = self._followers
+        awake, states = followers.awake, np.empty_like(followers.states)
+        self._core.read(awake, states)
+        followers.moved_w[awake] = states[awake, :3] - followers.positions_w[awake]
+        followers.positions_w[awake] = states[awake, :3]
+
+    def close(self) -> None:
+        """Remove all proxies."""
+        for slot in list(self._uids):
+            self.detach(slot)
+        self._core.release()
+
+    def _switch(self, awake: BoolArray) -> None:
+        """Give the followers (S,) that are ``awake`` ground, and take it from the others."""
+        self._core.enable(np.ascontiguousarray(awake))
+        for slot, uid in self._uids.items():
+            self._followers[slot].collider = uid if awake[slot] else None
+
+    def _new_body(self) -> int:
+        """Create the PyBullet body of a proxy, whose shape the core replaces."""
+        client = self._client
+        if self._shape is None:
+            self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
+            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
+        uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
+        # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
+        client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
+        return uid

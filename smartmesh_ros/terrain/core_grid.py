@@ -1,0 +1,29 @@
+"""The C++ core, if it is built, and the height maps that it reads."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+
+try:
+    CORE: Any = importlib.import_module("smartmesh_ros.core._core")
+except ImportError:
+    CORE = None
+
+
+def core_grid_of(heightmap: Any) -> Any:
+    """Return the core's reader of a height map, which shares its arrays."""
+    heights, velocities, clocks, offsets = heightmap.arrays
+    grid = CORE.Grid(heights, velocities, offsets, clocks.view(np.uint8).reshape(*clocks.shape, clocks.dtype.itemsize))
+    update_core_grid(grid, heightmap)
+    return grid
+
+
+def update_core_grid(grid: Any, heightmap: Any) -> None:
+    """Tell the core the pose, the motion and the settings of a height map."""
+    geometry, track, motion = heightmap.geometry, heightmap.track, heightmap.motion
+    grid.place(*geometry.origin, geometry.yaw, geometry.resolution)
+    grid.move(track.time, track.interval, *track.motion)
+    grid.set_motion(motion.code, motion.max_velocity, motion.settle, heightmap.noise, heightmap.shown)
