@@ -91,6 +91,7 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
   roles_of(proxy).push_back({index, true});
   slot.shape = std::make_unique<GroundShape>(&surface, &time);
   slot_of_ground_[slot.shape.get()] = index;
+  slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
   ground->setCollisionFlags((ground->getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
                             btCollisionObject::CF_KINEMATIC_OBJECT);
@@ -98,7 +99,9 @@ bool BulletWorld::attach(int index, int body, int link, int proxy) {
 }
 
 void BulletWorld::detach(int index) {
+  find_objects();
   Slot& slot = slots_[index];
+  if (slot.ground != nullptr) slot.ground->setCollisionShape(slot.shape_before);
   for (int body : {slot.body, slot.proxy}) {
     if (body < 0) continue;
     auto& roles = roles_of(body);
@@ -206,7 +209,10 @@ const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& sh
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
                         btPersistentManifold& manifold, double step) {
   const auto found = slot_of_ground_.find(ground.getCollisionShape());
-  if (found == slot_of_ground_.end()) return;
+  if (found == slot_of_ground_.end()) {
+    manifold.setNumContacts(0);
+    return;
+  }
   Slot& slot = slots_[found->second];
   if (slot.object != body.getCollisionObject() || !slot.enabled) {
     manifold.setNumContacts(0);

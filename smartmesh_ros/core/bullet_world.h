@@ -21,6 +21,7 @@ struct Slot {
   int proxy = -1;                       // -1 = the body is only read
   btCollisionObject* object = nullptr;  // found anew in each step; null = it is gone
   btRigidBody* ground = nullptr;        // of the proxy, likewise
+  btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   std::unordered_map<const btCollisionShape*, std::unique_ptr<Convex>> shapes;

@@ -62,8 +62,8 @@ struct Create final : btCollisionAlgorithmCreateFunc {
 // The dispatcher's table of contacts, which only derived classes may write without Bullet's own library.
 struct Tables : btCollisionDispatcher {
   void set(int kind, Create* one, Create* other) {
-    m_doubleDispatchContactPoints[kind][CUSTOM_CONCAVE_SHAPE_TYPE] = one;
-    m_doubleDispatchContactPoints[CUSTOM_CONCAVE_SHAPE_TYPE][kind] = other;
+    m_doubleDispatchContactPoints[kind][GROUND_SHAPE_TYPE] = one;
+    m_doubleDispatchContactPoints[GROUND_SHAPE_TYPE][kind] = other;
   }
 };
 

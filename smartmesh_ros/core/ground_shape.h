@@ -9,6 +9,10 @@
 
 namespace smartmesh {
 
+// Type of the shape in Bullet's tables: a concave one that Bullet itself does not use. The one for custom shapes is that
+// of signed distance fields, too, and Bullet's own algorithms cast it to one.
+constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
+
 // Reach of everything, for callers that need all triangles in a box.
 struct Everything final : Reach {
   bool touches(const Vec3&, double) const override { return true; }
@@ -19,7 +23,7 @@ struct Everything final : Reach {
 class GroundShape final : public btConcaveShape {
  public:
   GroundShape(Surface* surface, const double* time) : surface_(surface), time_(time) {
-    m_shapeType = CUSTOM_CONCAVE_SHAPE_TYPE;
+    m_shapeType = GROUND_SHAPE_TYPE;
     setMargin(0.0);
   }
 
