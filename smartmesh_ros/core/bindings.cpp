@@ -59,6 +59,7 @@ struct Grid {
     if (mode < 0 || mode > 3) throw std::invalid_argument("the mode must be one of Mode");
     grid.mode = static_cast<Mode>(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
+    ++grid.revision;
   }
 };
 
@@ -88,7 +89,7 @@ struct Ground {
   void set_tiles(nb::list grids) {
     std::vector<const HeightGrid*> found;
     for (nb::handle grid : grids) found.push_back(&nb::cast<Grid&>(grid).grid);
-    world().surface.tiles = found;
+    world().surface.set_tiles(found);
     tiles = grids;
   }
   void attach(int slot, int body, int link, int proxy) {

@@ -12,6 +12,12 @@
 #include "ground_algorithm.h"
 #include "link_motion.h"
 
+// Bullet's own library, which defines this, exports nothing.
+void btMultiBody::wakeUp() {
+  m_sleepTimer = 0;
+  m_awake = true;
+}
+
 namespace smartmesh {
 
 namespace {
@@ -67,7 +73,7 @@ btCollisionObject* BulletWorld::find(int body, int link) const {
 void BulletWorld::release() {
   for (std::size_t k = 0; k < slots_.size(); ++k)
     if (slots_[k].used) detach(static_cast<int>(k));
-  surface.tiles.clear();
+  surface.set_tiles({});
   owned = false;
 }
 
@@ -169,11 +175,15 @@ void BulletWorld::place(Slot& slot) {
   ground.setLinearVelocity(btVector3(0, 0, 0));
   ground.setAngularVelocity(btVector3(0, 0, 0));
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
+  // Bullet wakes whatever lies on a kinematic body that is awake.
+  ground.forceActivationState(ISLAND_SLEEPING);
   if (slot.object == nullptr || !slot.enabled) return;
   const btTransform& pose = slot.object->getWorldTransform();
-  read_velocity(slot);
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
+  if (keeps_asleep(slot, low, high)) return;
+  ground.forceActivationState(ACTIVE_TAG);
+  read_velocity(slot);
   const double half = 0.5 * std::max(high.x() - low.x(), high.y() - low.y());
   const Vec3 at = from_bullet(pose.getOrigin());
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
@@ -194,7 +204,26 @@ void BulletWorld::place(Slot& slot) {
   ground.setInterpolationWorldTransform(foot);
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
-  if (!slot.object->isActive() && (moved > 0.0 || norm2(motion.angular) > 0.0)) slot.object->activate();
+}
+
+// Returns true if PyBullet put a body to sleep and the ground under it is what it fell asleep on; wakes it otherwise.
+bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high) {
+  if (slot.object->isActive()) {
+    slot.slept_on.clear();
+    slot.slept_at = -1;
+    return false;
+  }
+  const bool moves = surface.moves(time);
+  if (!moves && slot.slept_at == surface.revision()) return true;
+  slot.slept_at = surface.revision();
+  std::vector<double> heights;
+  surface.heights_under({from_bullet(low), from_bullet(high)}, time, heights);
+  const bool same = slot.slept_on.empty() || slot.slept_on == heights;
+  if (slot.slept_on.empty()) slot.slept_on = heights;
+  if (same) return true;
+  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) collider->m_multiBody->wakeUp();
+  slot.object->activate();
+  return false;
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {

@@ -24,6 +24,8 @@ struct Slot {
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
+  std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
+  long slept_at = -1;            // revision of the ground when they were read
   std::unordered_map<const btCollisionShape*, std::unique_ptr<Convex>> shapes;
 };
 
@@ -76,6 +78,7 @@ class BulletWorld {
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
   void place(Slot& slot);
+  bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   Approach approach_of(const Slot& slot) const;
   void find_near(const Convex& shape, const Pose& pose, const Approach& approach);
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);

@@ -39,6 +39,7 @@ struct HeightGrid {
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, shown = 0.0;
   GridTrack track;
+  long revision = 0;  // grows with every change
 
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
@@ -49,6 +50,9 @@ struct HeightGrid {
   }
 
   GridPose pose_at(double time) const;
+
+  // Returns true if any sample may move at `time` [s].
+  bool moves(double time) const;
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last

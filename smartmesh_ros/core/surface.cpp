@@ -45,22 +45,22 @@ GroundPoint grid_ground(const HeightGrid& grid, GridPoint place, double time, do
 }
 
 GroundPoint Surface::at(double x, double y, double time, double ahead) const {
-  for (const HeightGrid* grid : tiles) {
+  for (const HeightGrid* grid : tiles_) {
     const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
     if (beyond(*grid, place) > EDGE) continue;
     const GroundPoint ground = grid_ground(*grid, place, time, ahead);
     if (!std::isnan(ground.height)) return ground;
   }
-  return tiles.size() > 1 ? bridged(x, y, time, ahead) : GroundPoint{NONE, 0.0};
+  return tiles_.size() > 1 ? bridged(x, y, time, ahead) : GroundPoint{NONE, 0.0};
 }
 
 GroundPoint Surface::bridged(double x, double y, double time, double ahead) const {
   double widest = 0.0, weights = 0.0;
-  for (const HeightGrid* grid : tiles) widest = std::max(widest, grid->resolution);
+  for (const HeightGrid* grid : tiles_) widest = std::max(widest, grid->resolution);
   widest *= 1.0 + GAP_ROUNDING;
   GroundPoint sum{0.0, 0.0};
   int sides = 0;
-  for (const HeightGrid* grid : tiles) {
+  for (const HeightGrid* grid : tiles_) {
     const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
     const double distance = beyond(*grid, place) * grid->resolution;
     if (!(distance > 0.0 && distance <= widest)) continue;
@@ -75,12 +75,37 @@ GroundPoint Surface::bridged(double x, double y, double time, double ahead) cons
   return {sum.height / weights, sum.velocity / weights};
 }
 
+void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles) {
+  tiles_ = tiles;
+  ++layout_;
+}
+
+long Surface::revision() const {
+  long sum = layout_;
+  for (const HeightGrid* grid : tiles_) sum += grid->revision;
+  return sum;
+}
+
+bool Surface::moves(double time) const {
+  return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); });
+}
+
+void Surface::heights_under(const Bounds& bounds, double time, std::vector<double>& heights) {
+  heights.clear();
+  for (const HeightGrid* grid : tiles_) {
+    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, bounds);
+    if (cells.empty()) continue;
+    read_window(*grid, cells, time, window_);
+    for (double height : window_.heights) heights.push_back(std::isnan(height) ? 1e300 : height);
+  }
+}
+
 void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
   patch.clear();
   const HeightGrid* finest = nullptr;
   int met = 0;
-  for (const HeightGrid* grid : tiles) {
-    const Bounds grown = tiles.size() > 1 ? bounds.grown(grid->resolution) : bounds;
+  for (const HeightGrid* grid : tiles_) {
+    const Bounds grown = tiles_.size() > 1 ? bounds.grown(grid->resolution) : bounds;
     if (cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown).empty()) continue;
     ++met;
     if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;
@@ -137,7 +162,7 @@ GroundMotion Surface::motion_at(double x, double y, double half, double time, do
     return (high.velocity - low.velocity) / (2.0 * half);
   };
   motion.angular = {slope(0.0, half), -slope(half, 0.0), 0.0};
-  for (const HeightGrid* grid : tiles) {
+  for (const HeightGrid* grid : tiles_) {
     const GridPose pose = grid->pose_at(time);
     const GridPoint place = to_grid(pose, grid->resolution, x, y);
     if (beyond(*grid, place) > 1.0) continue;

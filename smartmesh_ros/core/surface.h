@@ -22,7 +22,8 @@ struct GroundMotion {
 
 class Surface {
  public:
-  std::vector<const HeightGrid*> tiles;  // the first that has ground at a point counts there
+  // The first tile that has ground at a point counts there.
+  void set_tiles(const std::vector<const HeightGrid*>& tiles);
 
   // Fills `patch` with the ground inside `bounds` at `time` [s], as far as it is in `reach`.
   void gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch);
@@ -35,11 +36,20 @@ class Surface {
   // [m] to each side.
   GroundMotion motion_at(double x, double y, double half, double time, double ahead) const;
 
+  // Returns a number that grows with every change of the tiles or their samples.
+  long revision() const;
+  // Returns true if any ground may move at `time` [s].
+  bool moves(double time) const;
+  // Writes the heights of the samples inside `bounds` at `time` [s]; NaN = none.
+  void heights_under(const Bounds& bounds, double time, std::vector<double>& heights);
+
  private:
+  std::vector<const HeightGrid*> tiles_;
   void sample_across(const HeightGrid& finest, const Bounds& bounds, double time);
   GroundPoint bridged(double x, double y, double time, double ahead) const;
 
   Window window_;
+  long layout_ = 0;
 };
 
 // Returns the ground of one grid at a point in samples, interpolated in its facet; points beyond the edge count as on it.
