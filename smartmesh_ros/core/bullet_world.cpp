@@ -175,14 +175,12 @@ void BulletWorld::place(Slot& slot) {
   ground.setLinearVelocity(btVector3(0, 0, 0));
   ground.setAngularVelocity(btVector3(0, 0, 0));
   slot.shape->low = slot.shape->high = btVector3(0, 0, 0);
-  // Bullet wakes whatever lies on a kinematic body that is awake.
-  ground.forceActivationState(ISLAND_SLEEPING);
+  ground.forceActivationState(ISLAND_SLEEPING);  // Bullet wakes whatever lies on a kinematic body that is awake
   if (slot.object == nullptr || !slot.enabled) return;
   const btTransform& pose = slot.object->getWorldTransform();
   btVector3 low, high;
   slot.object->getCollisionShape()->getAabb(pose, low, high);
   if (keeps_asleep(slot, low, high)) return;
-  ground.forceActivationState(ACTIVE_TAG);
   read_velocity(slot);
   const double half = 0.5 * std::max(high.x() - low.x(), high.y() - low.y());
   const Vec3 at = from_bullet(pose.getOrigin());
@@ -202,8 +200,11 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
+  // Bullet itself renews the bounds of awake objects only.
+  world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low - by, high + by, world_->getDispatcher());
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
+  if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
 }
 
 // Returns true if PyBullet put a body to sleep and the ground under it is what it fell asleep on; wakes it otherwise.
@@ -221,9 +222,13 @@ bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3
   const bool same = slot.slept_on.empty() || slot.slept_on == heights;
   if (slot.slept_on.empty()) slot.slept_on = heights;
   if (same) return true;
+  wake(slot);
+  return false;
+}
+
+void BulletWorld::wake(const Slot& slot) {
   if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) collider->m_multiBody->wakeUp();
   slot.object->activate();
-  return false;
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
@@ -253,11 +258,12 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const Pose pose = from_bullet(body.getWorldTransform());
   Approach approach = approach_of(slot);
   approach.duration = step, approach.margin = margin;
+  approach.gravity = from_bullet(world_->getGravity());
   contacts_.clear();
   find_near(*shape, pose, approach);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
-  write_contacts(contacts_, before_, body, ground, approach, manifold);
+  write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2}, manifold);
 }
 
 Approach BulletWorld::approach_of(const Slot& slot) const {

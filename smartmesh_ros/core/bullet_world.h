@@ -78,6 +78,7 @@ class BulletWorld {
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
   void place(Slot& slot);
+  static void wake(const Slot& slot);
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   Approach approach_of(const Slot& slot) const;
   void find_near(const Convex& shape, const Pose& pose, const Approach& approach);

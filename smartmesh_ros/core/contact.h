@@ -23,6 +23,7 @@ struct Contact {
 // Motion of a body relative to the ground, and how far contacts are looked for.
 struct Approach {
   Vec3 linear, angular, centre;  // [m/s], [rad/s], and the point that moves at `linear` [m]
+  Vec3 gravity;                  // [m/s^2]
   double duration = 0.0;         // of the step [s]
   double margin = 0.0;           // distance up to which contacts are found beside the motion [m]
 

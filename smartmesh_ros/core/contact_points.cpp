@@ -1,6 +1,7 @@
 #include "contact_points.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
@@ -16,6 +17,8 @@ namespace {
 constexpr double MATCHING = 0.05;
 // Largest distance of contacts from what Bullet keeps in a manifold [m]: none is dropped by its distance.
 constexpr double FARTHEST = 1e9;
+// Largest speed at which a body that is inside the ground is pushed out [m/s].
+constexpr double PUSH_OUT = 1.0;
 
 // Sets what Bullet's solver reads of the two materials, as btManifoldResult does.
 void combine(const btCollisionObject& a, const btCollisionObject& b, btManifoldPoint& point) {
@@ -32,6 +35,43 @@ void combine(const btCollisionObject& a, const btCollisionObject& b, btManifoldP
   if (flags & btCollisionObject::CF_HAS_FRICTION_ANCHOR) point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
 }
 
+// Sets how a contact bounces. The solver turns a body back as soon as it would reach the ground within the step, at a
+// distance d above it. From there it must not rise higher than from the ground: v'^2 / 2g + v' dt / 2 + d, in the
+// solver's steps, equals e^2 (v^2 + 2 g d) / 2g.
+double restitution_of(const Contact& contact, const Approach& approach, double restitution) {
+  const double closing = -dot(contact.normal, approach.velocity_at(contact.point)), d = contact.distance;
+  if (restitution == 0.0 || closing <= 0.0 || closing * approach.duration < d) return 0.0;
+  const double g = std::max(0.0, -dot(approach.gravity, contact.normal)), half = 0.5 * g * approach.duration;
+  const double e2 = restitution * restitution;
+  const double square = half * half + e2 * closing * closing - 2.0 * g * d * (1.0 - e2);
+  return square > 0.0 ? std::max(0.0, (std::sqrt(square) - half) / closing) : 0.0;
+}
+
+btManifoldPoint point_of(const Contact& contact, const Touching& touching, bool ground_is_b) {
+  const btCollisionObject& body = *touching.body.getCollisionObject();
+  const btCollisionObject& ground = *touching.ground.getCollisionObject();
+  const btVector3 on_ground = to_bullet(contact.point), normal = to_bullet(contact.normal);
+  const btVector3 on_body = on_ground + normal * contact.distance;
+  const btVector3 local_body = body.getWorldTransform().invXform(on_body);
+  const btVector3 local_ground = ground.getWorldTransform().invXform(on_ground);
+  btManifoldPoint point = ground_is_b ? btManifoldPoint(local_body, local_ground, normal, contact.distance)
+                                      : btManifoldPoint(local_ground, local_body, -normal, contact.distance);
+  point.m_positionWorldOnA = ground_is_b ? on_body : on_ground;
+  point.m_positionWorldOnB = ground_is_b ? on_ground : on_body;
+  combine(ground_is_b ? body : ground, ground_is_b ? ground : body, point);
+  point.m_combinedRestitution = restitution_of(contact, touching.approach, point.m_combinedRestitution);
+  if (point.m_combinedRestitution > 0.0) point.m_distance1 = std::min(0.0, contact.distance);  // it bounces now
+  const double deepest = PUSH_OUT * touching.approach.duration / touching.erp;
+  if (contact.distance < -deepest) {
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP;
+    point.m_contactERP = touching.erp * deepest / -contact.distance;
+  }
+  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+  point.m_partId0 = ground_is_b ? 0 : 1;
+  point.m_index0 = contact.body_feature, point.m_index1 = contact.ground_feature;
+  return point;
+}
+
 }  // namespace
 
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before) {
@@ -46,33 +86,13 @@ void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>
 }
 
 void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                    const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
-                    const Approach& approach, btPersistentManifold& manifold) {
-  const btCollisionObject &mover = *body.getCollisionObject(), &base = *ground.getCollisionObject();
-  const bool ground_is_b = manifold.getBody0() == &mover;
+                    const Touching& touching, btPersistentManifold& manifold) {
+  const bool ground_is_b = manifold.getBody0() == touching.body.getCollisionObject();
   manifold.setContactBreakingThreshold(FARTHEST);
   const int count = std::min<int>(static_cast<int>(contacts.size()), MANIFOLD_CACHE_SIZE);
   for (int k = 0; k < count; ++k) {
-    const Contact& contact = contacts[k];
-    const double closing = -dot(contact.normal, approach.velocity_at(contact.point));
-    btVector3 on_ground = to_bullet(contact.point), on_body = to_bullet(contact.point + contact.normal * contact.distance);
-    btVector3 normal = to_bullet(contact.normal);
-    const btVector3 local_body = mover.getWorldTransform().invXform(on_body);
-    const btVector3 local_ground = base.getWorldTransform().invXform(on_ground);
-    btManifoldPoint point = ground_is_b ? btManifoldPoint(local_body, local_ground, normal, contact.distance)
-                                        : btManifoldPoint(local_ground, local_body, -normal, contact.distance);
-    point.m_positionWorldOnA = ground_is_b ? on_body : on_ground;
-    point.m_positionWorldOnB = ground_is_b ? on_ground : on_body;
-    combine(ground_is_b ? mover : base, ground_is_b ? base : mover, point);
-    // A body bounces when it is there. Bullet would otherwise turn it back as far as it can come in a step.
-    if (contact.distance > 0.0) {
-      if (closing * approach.duration < contact.distance) point.m_combinedRestitution = 0.0;
-      else if (point.m_combinedRestitution > 0.0) point.m_distance1 = 0.0;
-    }
-    btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-    point.m_partId0 = ground_is_b ? 0 : 1;
-    point.m_index0 = contact.body_feature, point.m_index1 = contact.ground_feature;
-    if (const OldContact* old = matching(contact, before, MATCHING)) {
+    btManifoldPoint point = point_of(contacts[k], touching, ground_is_b);
+    if (const OldContact* old = matching(contacts[k], before, MATCHING)) {
       point.m_appliedImpulse = old->normal_impulse;
       point.m_appliedImpulseLateral1 = old->lateral_impulse[0];
       point.m_appliedImpulseLateral2 = old->lateral_impulse[1];

@@ -13,9 +13,15 @@ namespace smartmesh {
 // Reads the contacts of the last step and their impulses.
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before);
 
-// Puts contacts into a manifold of `body` and `ground` in place of those of the last step, whose impulses go on.
+// A body and its ground. `erp`: share of a penetration that the solver corrects in a step.
+struct Touching {
+  const btCollisionObjectWrapper &body, &ground;
+  const Approach& approach;
+  double erp;
+};
+
+// Puts contacts into a manifold in place of those of the last step, whose impulses go on.
 void write_contacts(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                    const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
-                    const Approach& approach, btPersistentManifold& manifold);
+                    const Touching& touching, btPersistentManifold& manifold);
 
 }  // namespace smartmesh

@@ -40,23 +40,24 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
     });
     found.push_back({contact, contact.distance + closing * approach.duration - (was_there ? PREFERENCE : 0.0), was_there});
   }
-  // Contacts that touch suffice if there are enough of them.
-  const auto touches = [](const Candidate& c) { return c.closes < PREFERENCE; };
-  if (std::count_if(found.begin(), found.end(), touches) >= 3)
-    found.erase(std::remove_if(found.begin(), found.end(), [&](const Candidate& c) { return !touches(c); }), found.end());
   return found;
 }
 
-// Returns the index of the candidate with the largest value, `otherwise` if none is above zero.
+// Returns the index of the candidate with the largest value, of those that close first if any has one above zero, else of
+// all; `otherwise` if none has.
 template <class Value>
-int largest(const std::vector<Candidate>& found, int otherwise, Value value) {
-  int best = otherwise;
-  double most = 0.0;
-  for (std::size_t k = 0; k < found.size(); ++k) {
-    const double size = value(found[k]) * (found[k].was_there ? AREA_PREFERENCE : 1.0);
-    if (size > most) most = size, best = static_cast<int>(k);
+int largest(const std::vector<Candidate>& found, double first_close, int otherwise, Value value) {
+  for (const double limit : {first_close + PREFERENCE, 1e300}) {
+    int best = otherwise;
+    double most = 0.0;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      if (found[k].closes > limit) continue;
+      const double size = value(found[k]) * (found[k].was_there ? AREA_PREFERENCE : 1.0);
+      if (size > most) most = size, best = static_cast<int>(k);
+    }
+    if (best != otherwise) return best;
   }
-  return best;
+  return otherwise;
 }
 
 }  // namespace
@@ -70,19 +71,16 @@ void choose_contacts(const Approach& approach, const std::vector<OldContact>& be
   }
   const std::vector<Candidate> found = candidates_of(approach, before, contacts);
   contacts.clear();
-  if (found.size() <= MOST_CONTACTS) {
-    for (const Candidate& c : found) add_distinct(c.contact, contacts);
-    return;
-  }
   const auto deeper = [](const Candidate& a, const Candidate& b) { return a.closes < b.closes; };
   const int first = static_cast<int>(std::min_element(found.begin(), found.end(), deeper) - found.begin());
   const Vec3 origin = found[first].contact.point, normal = found[first].contact.normal;
+  const double least = found[first].closes;
   const int second =
-      largest(found, first, [&](const Candidate& c) { return norm2(c.contact.point - origin); });
+      largest(found, least, first, [&](const Candidate& c) { return norm2(c.contact.point - origin); });
   const Vec3 along = found[second].contact.point - origin;
   const auto side = [&](const Candidate& c) { return dot(cross(along, c.contact.point - origin), normal); };
-  const int third = largest(found, first, side);
-  const int fourth = largest(found, first, [&](const Candidate& c) { return -side(c); });
+  const int third = largest(found, least, first, side);
+  const int fourth = largest(found, least, first, [&](const Candidate& c) { return -side(c); });
   for (int k : {first, second, third, fourth}) add_distinct(found[k].contact, contacts);
 }
 

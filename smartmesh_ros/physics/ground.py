@@ -321,6 +321,9 @@ class Ground:
         """Wake sleeping bodies that something may touch in the step from ``time`` [s] on; returns True if there were
         any."""
         assert self._proxies is not None
+        if any(isinstance(mesh, HeightMap) and mesh.correcting for mesh in self.terrain.tiles.values()):
+            self.update(time, dt, self._steps)  # bodies move with the ground in every step of a correction
+            return True
         self._proxies.set_time(time, dt)
         if self._sleeping is None or not self.followers.asleep.size:
             return False
