@@ -172,6 +172,11 @@ class Followers:
         """Slots of the followers that are solid and may be clamped before impact."""
         return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["free"])
 
+    @property
+    def has_remote(self) -> bool:
+        """True if another node simulates any of the followers."""
+        return bool(self.table["remote"].any())
+
     @cached_property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""

@@ -325,11 +325,12 @@ class Ground:
             self.update(time, dt, self._steps)  # bodies move with the ground in every step of a correction
             return True
         self._proxies.set_time(time, dt)
-        if self._sleeping is None or not self.followers.asleep.size:
+        sleepers = self._sleeping if self.followers.asleep.size else None
+        if sleepers is None and not self.followers.has_remote:
             return False
         with self.stopwatch.stage("bodies"):
             self._read_positions()
-            woken = self._sleeping.wake_reached(time, time - self.time)
+            woken = sleepers is not None and sleepers.wake_reached(time, time - self.time)
         if woken:
             self.update(time, dt, self._steps)
         return woken
