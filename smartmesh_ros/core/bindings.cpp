@@ -8,6 +8,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include "plugin.h"
+#include "test_entries.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -81,6 +82,7 @@ struct Ground {
 
 NB_MODULE(_core, m) {
   using namespace smartmesh;
+  add_test_entries(m);
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<Floats2, Floats3, Floats2, Bytes3>(), "heights"_a.noconvert(), "velocities"_a.noconvert(),
            "offsets"_a.noconvert(), "clocks"_a.noconvert())

@@ -13,9 +13,15 @@ namespace {
 
 Vec3 axis_of(int index) { return {index == 0 ? 1.0 : 0.0, index == 1 ? 1.0 : 0.0, index == 2 ? 1.0 : 0.0}; }
 
-Convex hull_of(const btConvexHullShape& shape) {
+Convex hull_of_shape(const btConvexHullShape& shape) {
   std::vector<btVector3> points;
   for (int k = 0; k < shape.getNumPoints(); ++k) points.push_back(shape.getScaledPoint(k));
+  return hull_of(points, shape.getMargin());
+}
+
+}  // namespace
+
+Convex hull_of(const std::vector<btVector3>& points, double margin) {
   btConvexHullComputer computer;
   computer.compute(&points[0].x(), sizeof(btVector3), static_cast<int>(points.size()), 0.0, 0.0);
   std::vector<Vec3> corners;
@@ -32,10 +38,8 @@ Convex hull_of(const btConvexHullShape& shape) {
     } while (edge != first);
     loops.push_back(loop);
   }
-  return hull(corners, loops, shape.getMargin());
+  return hull(corners, loops, margin);
 }
-
-}  // namespace
 
 bool convex_of(const btConvexShape& shape, Convex& convex) {
   switch (shape.getShapeType()) {
@@ -59,7 +63,7 @@ bool convex_of(const btConvexShape& shape, Convex& convex) {
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btConvexHullShape&>(shape);
       if (it.getNumPoints() == 0) return false;
-      convex = hull_of(it);
+      convex = hull_of_shape(it);
       return true;
     }
     default:

@@ -16,30 +16,6 @@ namespace smartmesh {
 
 namespace {
 
-// Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
-class ShapeReach final : public Reach {
- public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown) : shape_(shape), pose_(pose), grown_(grown) {
-    is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
-  }
-
-  bool touches(const Vec3& centre, double radius) const override {
-    const double most = grown_ + radius;
-    if (is_ball_) {
-      const double limit = shape_.radius + most;
-      return norm2(centre - pose_.at) <= limit * limit;
-    }
-    const Vec3 q = pose_.to_local(centre);
-    return shape_.bounds.grown(most).meets({q, q});
-  }
-
- private:
-  const Convex& shape_;
-  const Pose& pose_;
-  double grown_;
-  bool is_ball_;
-};
-
 bool is_of(const btCollisionObject& object, int body, int link) {
   if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
     return collider->m_multiBody->getUserIndex2() == body && collider->m_link == link;
@@ -194,22 +170,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   approach.linear = slot.linear - from_bullet(proxy.getVelocityInLocalPoint(to_bullet(approach.centre) -
                                                                             proxy.getWorldTransform().getOrigin()));
   approach.duration = step, approach.margin = margin;
-  const double arm = norm(pose.at - approach.centre) + shape->reach;
-  const double grown = margin + (norm(approach.linear) + norm(approach.angular) * arm) * step;
-  Bounds bounds;
-  const Vec3 extent{grown, grown, grown};
-  for (int k = 0; k < 8; ++k)
-    bounds.add(pose.to_world({k & 1 ? shape->bounds.high.x : shape->bounds.low.x,
-                              k & 2 ? shape->bounds.high.y : shape->bounds.low.y,
-                              k & 4 ? shape->bounds.high.z : shape->bounds.low.z}));
-  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high) + grown)) {
-    manifold.setNumContacts(0);
-    return;
-  }
-  bounds = {bounds.low - extent, bounds.high + extent};
-  surface.gather(bounds, time, ShapeReach(*shape, pose, grown), patch_);
-  contacts_.clear();
-  find_contacts(*shape, pose, patch_, approach, contacts_);
+  search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
   write_contacts(contacts_, before_, body, ground, approach, manifold);

@@ -7,6 +7,7 @@
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
+#include "contact_search.h"
 #include "ground_shape.h"
 #include "manifold.h"
 
@@ -65,7 +66,7 @@ class BulletWorld {
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
-  Patch patch_;
+  ContactSearch search_;
 };
 
 }  // namespace smartmesh

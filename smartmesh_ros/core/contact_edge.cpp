@@ -1,4 +1,5 @@
 // An edge of a polytope against the convex edges of the ground.
+#include <algorithm>
 #include <cmath>
 
 #include "cones.h"
@@ -6,6 +7,27 @@
 #include "triangle.h"
 
 namespace smartmesh {
+
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, double distance) {
+  const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
+  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)};
+  int count = 2;
+  for (int k : edge.opposite) {
+    if (k < 0) continue;
+    Vec3 normal = unit(cross(b - a, patch.points[k] - a));
+    if (dot(normal, edge.outward) < 0.0) normal = -normal;
+    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > distance) return false;
+    corners[count++] = pose.to_local(patch.points[k]);
+  }
+  const auto leaves = [&](const Vec3& normal, double offset) {
+    double least = 1e300;
+    for (int k = 0; k < count; ++k) least = std::fmin(least, dot(normal, corners[k]) - offset);
+    return least > distance;
+  };
+  if (shape.cylinder) return !leaves(shape.axis, shape.half) && !leaves(-shape.axis, shape.half);
+  return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
+                      [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.radius); });
+}
 
 void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& patch, const Approach& approach,
                 std::vector<Contact>& contacts) {
@@ -27,9 +49,10 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) continue;
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, other.outward) < 0.0) n = -n;
-    const Vec3 on_ground = p + (q - p) * t;
-    const double distance = dot(n, a + (b - a) * s - on_ground) - shape.radius;
+    const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
+    const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
     if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) continue;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, distance)) continue;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
   }

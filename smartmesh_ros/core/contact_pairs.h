@@ -23,6 +23,14 @@ int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
 // only contact.
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
 
+// Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
+// `distance` [m]: from that facet's plane, negative.
+int way_out(const Vec3& point, const Patch& patch, double& distance);
+
+// Returns true if a shape that overlaps the ground at an edge by -`distance` [m] can leave the edge's facets by no shorter
+// way: along one of their normals or out of one of its own faces.
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, double distance);
+
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,
                   std::vector<Contact>& contacts);
 void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const Patch& patch, const Approach& approach,

@@ -39,23 +39,23 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     const PolyFace& face = core.faces[f];
     const double from_plane = dot(face.normal, q) - face.offset;
     if (inside != (from_plane <= 0.0) || from_plane - shape.radius > reach) continue;
-    const Vec3 n = pose.turn * -face.normal;
-    if (!in_cone(patch, peak, n)) continue;
-    if (inside) {  // out by the nearest face that the ground can touch
+    if (inside) {
       if (nearest < 0 || from_plane > dot(core.faces[nearest].normal, q) - core.faces[nearest].offset)
         nearest = static_cast<int>(f);
       continue;
     }
+    const Vec3 n = pose.turn * -face.normal;
+    if (!in_cone(patch, peak, n)) continue;
     const double closing = -dot(face.normal, moved), gap = std::fmax(from_plane - shape.radius, 0.0);
     const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
                                                                     (moved + face.normal * closing) * (gap / closing));
     if (comes || inside_face(core, face, q - face.normal * from_plane))
       add(n, from_plane - shape.radius, name_of(BodyFeature::Face, static_cast<int>(f)));
   }
-  if (inside) {
+  if (inside) {  // out by the nearest face, unless the ground beside the peak is in the way: other features hold then
     if (nearest >= 0) {
       const PolyFace& face = core.faces[nearest];
-      add(pose.turn * -face.normal, dot(face.normal, q) - face.offset - shape.radius,
+      if (in_cone(patch, peak, pose.turn * -face.normal)) add(pose.turn * -face.normal, dot(face.normal, q) - face.offset - shape.radius,
           name_of(BodyFeature::Face, nearest));
     }
     return;

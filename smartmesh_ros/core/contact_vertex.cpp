@@ -19,17 +19,6 @@ bool is_over(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   return left(a, b) && left(b, c) && left(c, a);
 }
 
-// Deepest facet below which a point lies, and whether the point lies below the ground.
-struct Below {
-  bool is_below = false;
-  int facet = -1;
-  double distance = -1e300;
-
-  void add(int candidate, double from_plane) {
-    if (from_plane > distance) distance = from_plane, facet = candidate;
-  }
-};
-
 void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, int ground,
                  std::vector<Contact>& contacts) {
   const double distance = from_core - point.radius;
@@ -44,27 +33,42 @@ int ground_name(const Patch& patch, int a, int b, int c) {
   return static_cast<int>(name >> 33);
 }
 
+int way_out(const Vec3& point, const Patch& patch, double& distance) {
+  const auto& p = patch.points;
+  int facet = -1;
+  bool is_below = false;
+  distance = -1e300;
+  for (std::size_t f = 0; f < patch.facets.size(); ++f) {
+    const Facet& it = patch.facets[f];
+    const Vec3 &a = p[it.corner[0]], &b = p[it.corner[1]], &c = p[it.corner[2]];
+    const double from_plane = dot(it.normal, point - a);
+    if (!(from_plane < 0.0)) continue;
+    const bool over = is_over(point, a, b, c);
+    is_below |= over;
+    if (from_plane <= distance || !(over || inside_triangle(point - it.normal * from_plane, a, b, c, it.normal, 0.0)))
+      continue;
+    distance = from_plane;
+    facet = static_cast<int>(f);
+  }
+  return is_below ? facet : -1;
+}
+
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
   const auto& p = patch.points;
   const std::size_t first = contacts.size();
-  Below below;
+  bool is_below = false;
   for (std::size_t f = 0; f < patch.facets.size(); ++f) {
     const Facet& facet = patch.facets[f];
     const Vec3 &a = p[facet.corner[0]], &b = p[facet.corner[1]], &c = p[facet.corner[2]];
     const double from_plane = dot(facet.normal, point.at - a);
     if (from_plane > point.radius + point.reach) continue;
-    if (from_plane < 0.0 && is_over(point.at, a, b, c)) {
-      below.is_below = true;
-      below.add(static_cast<int>(f), from_plane);
+    if (from_plane < 0.0) {
+      is_below |= is_over(point.at, a, b, c);
+      continue;
     }
     const Vec3 foot = point.at - facet.normal * from_plane;
-    if (inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-      if (from_plane < 0.0) {
-        below.add(static_cast<int>(f), from_plane);
-        continue;
-      }
-    } else {  // it may still come to the facet within the step
+    if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {  // it may still come to the facet within the step
       const double closing = -dot(facet.normal, point.velocity), gap = from_plane - point.radius;
       if (!(gap >= 0.0 && closing * duration > gap)) continue;
       if (!inside_triangle(foot + (point.velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal,
@@ -74,10 +78,11 @@ bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double
     add_contact(point, name, facet.normal, from_plane,
                 ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]), contacts);
   }
-  if (!below.is_below) return true;
+  if (!is_below) return true;
   contacts.resize(first);
-  const Facet& facet = patch.facets[below.facet];
-  add_contact(point, name, facet.normal, below.distance,
+  double distance;
+  const Facet& facet = patch.facets[way_out(point.at, patch, distance)];
+  add_contact(point, name, facet.normal, distance,
               ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]), contacts);
   return false;
 }

@@ -65,6 +65,16 @@ void add_edges(Polytope& core) {
 
 }  // namespace
 
+double lowest(const Convex& shape, const Vec3& n) {
+  if (shape.cylinder) {
+    const double along = dot(n, shape.axis);
+    return -std::abs(along) * shape.half - shape.radius * std::sqrt(std::max(0.0, 1.0 - along * along));
+  }
+  double least = 1e300;
+  for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
+  return least - shape.radius;
+}
+
 Convex ball(double radius) {
   Convex shape;
   shape.core.vertices = {{}};
