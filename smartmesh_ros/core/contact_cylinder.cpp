@@ -85,18 +85,30 @@ class CylinderTouch {
       const double distance = dot(facet.normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
+      if (distance < 0.0) {
+        touch_below(low, name_of(BodyFeature::Rim, k));
+        continue;
+      }
       const Vec3 foot = low - facet.normal * distance;
-      double least;
-      if (distance < 0.0 && way_out(low, patch_, least) != static_cast<int>(&facet - patch_.facets.data())) continue;
       if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-        const double closing = -dot(facet.normal, velocity), gap = std::max(distance, 0.0);
-        if (!(closing * approach_.duration > gap)) continue;
-        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
+        const double closing = -dot(facet.normal, velocity);
+        if (!(closing * approach_.duration > distance)) continue;
+        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
           continue;
       }
       add(foot, facet.normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
+  }
+
+  // A point of the shape that may lie below the ground.
+  void touch_below(const Vec3& low, int name) {
+    double distance;
+    const int way = way_out(low, patch_, distance);
+    if (way < 0) return;
+    const Facet& facet = patch_.facets[way];
+    add(low - facet.normal * distance, facet.normal, distance, name,
+        ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.
@@ -146,7 +158,7 @@ class CylinderTouch {
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
     if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, distance)) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_ground + n * distance, axis_, distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 
@@ -186,7 +198,7 @@ class CylinderTouch {
     if (!(t > 0.0 && t < 1.0) || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, distance)) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 

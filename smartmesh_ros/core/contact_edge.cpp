@@ -8,21 +8,30 @@
 
 namespace smartmesh {
 
-bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, double distance) {
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
+  const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
-  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)};
+  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {
     if (k < 0) continue;
-    Vec3 normal = unit(cross(b - a, patch.points[k] - a));
+    Vec3& normal = normals[count - 2];
+    normal = unit(cross(b - a, patch.points[k] - a));
     if (dot(normal, edge.outward) < 0.0) normal = -normal;
-    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > distance) return false;
+    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
+  Vec3 deepest = crossing.at;  // of the line: as far below one facet as below the other
+  const Vec3 between = normals[0] - normals[1];
+  const double closing = dot(between, crossing.along);
+  if (count == 4 && std::abs(closing) > 1e-9)
+    deepest = deepest - crossing.along * (dot(between, crossing.at - a) / closing);
+  double below;
+  if (way_out(deepest, patch, below) < 0) return false;
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
     for (int k = 0; k < count; ++k) least = std::fmin(least, dot(normal, corners[k]) - offset);
-    return least > distance;
+    return least > limit;
   };
   if (shape.cylinder) return !leaves(shape.axis, shape.half) && !leaves(-shape.axis, shape.half);
   return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
@@ -52,7 +61,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
     if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) continue;
-    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, distance)) continue;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) continue;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
   }
