@@ -144,7 +144,9 @@ def build(own: list[str], target: Path, extra: tuple[str, ...] = ()) -> None:
         for made in objects:
             Path(made).unlink()
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(library, target)
+    part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over
+    shutil.copy2(library, part)
+    part.replace(target)
 
 
 class BuildCore(build_ext):

