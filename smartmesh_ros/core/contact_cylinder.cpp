@@ -166,6 +166,8 @@ class CylinderTouch {
   // Seen along an edge, a rim is an ellipse and the edge a point; only the half of the ellipse beyond the cap counts.
   void touch_rim(int k, const Edge& edge) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
+    const double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0), reach = reach_at(cap_[k]) + spin_;
+    if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach) return;
     const Vec3 along = unit(q - p), outward = k ? axis_ : -axis_, to_edge = p - cap_[k];
     Vec3 wide = cross(outward, along);
     const double narrow = std::abs(dot(axis_, along)), r = shape_.radius;  // half axes of the ellipse: r, r * narrow
@@ -179,7 +181,7 @@ class CylinderTouch {
     Vec3 up = cross(outward, wide), high = cross(along, wide);  // in the plane of the rim, and across the edge
     if (dot(high, outward) < 0.0) high = -high;
     if (dot(up, high) < 0.0) up = -up;
-    const double x = dot(to_edge, wide), y = dot(to_edge, high), reach = reach_at(cap_[k]) + spin_;
+    const double x = dot(to_edge, wide), y = dot(to_edge, high);
     double angle;
     if (x > r + reach || y > r * narrow + reach || !nearest_on_ellipse(r, narrow, x, y, angle)) return;
     const double c = std::cos(angle), s = std::sin(angle);

@@ -46,6 +46,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
   const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.radius + reach;
+  if (std::fmin(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   bounds = bounds.grown(most);

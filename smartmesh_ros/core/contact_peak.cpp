@@ -33,13 +33,17 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (distance <= reach) contacts.push_back({at, n_world, distance, name, ground});
   };
   bool inside = !core.faces.empty();
-  for (const PolyFace& face : core.faces) inside &= dot(face.normal, q) <= face.offset;
+  for (const PolyFace& face : core.faces) {
+    const double from_plane = dot(face.normal, q) - face.offset;
+    if (from_plane - shape.radius > reach) return;  // a plane holds both apart
+    inside &= from_plane <= 0.0;
+  }
   int way = -1;  // out of the shape: the nearest face that the ground can touch
   double depth = -1e300, least = -1e300;
   for (std::size_t f = 0; f < core.faces.size(); ++f) {
     const PolyFace& face = core.faces[f];
     const double from_plane = dot(face.normal, q) - face.offset;
-    if (inside != (from_plane <= 0.0) || from_plane - shape.radius > reach) continue;
+    if (inside != (from_plane <= 0.0)) continue;
     if (inside) least = std::fmax(least, from_plane);
     const Vec3 n = pose.turn * -face.normal;
     if ((inside && from_plane <= depth) || !in_cone(patch, peak, n)) continue;

@@ -50,7 +50,7 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   surface.gather(bounds, time, ShapeReach(shape, pose, grown), patch_);
-  if (patch_.cells.rows == 0) patch_.undivided();
+  patch_.finish();
   find_contacts(shape, pose, patch_, approach, contacts);
 }
 

@@ -99,6 +99,7 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
   const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration};
+  if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
   if (!touch_facets(point, name, patch, approach.duration, contacts)) return;
   const double most = point.radius + point.reach;

@@ -17,10 +17,10 @@ constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}
 class CellAdder {
  public:
   CellAdder(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch)
-      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch) {
+      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch), index_(patch.index), active_(patch.active) {
     const std::size_t count = window.heights.size();
-    index_.assign(count, -1);
-    active_.assign(count, 0);
+    patch.index.assign(count, -1);
+    patch.active.assign(count, 0);
   }
 
   void run() {
@@ -141,8 +141,8 @@ class CellAdder {
   const long first_row_, first_column_;
   const Reach& reach_;
   Patch& patch_;
-  std::vector<int> index_;
-  std::vector<char> active_;
+  std::vector<int>& index_;
+  std::vector<char>& active_;
 };
 
 }  // namespace
@@ -159,13 +159,10 @@ CellRange PatchCells::near(double x, double y, double half_x, double half_y) con
           std::min(cell(p.column + wide, columns) + 1, columns)};
 }
 
-double Patch::highest() const {
-  double found = -1e300;
-  for (const Vec3& p : points) found = std::max(found, p.z);
-  return found;
-}
-
-void Patch::undivided() {
+void Patch::finish() {
+  highest = -1e300;
+  for (const Vec3& p : points) highest = std::max(highest, p.z);
+  if (cells.rows != 0) return;
   cells.rows = cells.columns = 1;
   cells.facets = {0, static_cast<int>(facets.size())};
   cells.edges = {0, static_cast<int>(edges.size())};

@@ -50,10 +50,12 @@ struct Patch {
   std::vector<int> neighbours;
   std::vector<long> names;  // of points, equal from step to step; edges and facets are named by their points
 
-  double highest() const;  // of the points [m]
+  double highest = 0.0;    // of the points [m]
+  std::vector<int> index;  // of the samples of a window in `points`, while cells are added
+  std::vector<char> active;
 
-  // Makes all features one cell.
-  void undivided();
+  // Makes all features one cell, if they are not divided, and finds the highest point.
+  void finish();
   void clear() {
     cells.rows = cells.columns = 0;
     points.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
