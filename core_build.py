@@ -61,7 +61,10 @@ def bullet_sources() -> Path:
     if folder.is_dir():
         return folder
     folder.parent.mkdir(parents=True, exist_ok=True)
-    print(f"smartmesh_ros: downloading the source package of PyBullet {PYBULLET} for its headers (80 MB, once)", flush=True)
+    print(
+        f"smartmesh_ros: downloading the source package of PyBullet {PYBULLET} for its headers (80 MB, once)",
+        flush=True,
+    )
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:",
                    "--no-build-isolation", f"pybullet=={PYBULLET}", "--dest", made]  # fmt: skip
@@ -157,6 +160,10 @@ class BuildCore(build_ext):
         build(ext.sources, Path(self.get_ext_fullpath(ext.name)))
 
 
+def library_name() -> str:
+    """Return the file name of the library for this Python."""
+    return "_core" + (".abi3.so" if STABLE_ABI else sysconfig.get_config_var("EXT_SUFFIX"))
+
+
 if __name__ == "__main__":  # in place, for running from a checkout
-    suffix = ".abi3.so" if STABLE_ABI else sysconfig.get_config_var("EXT_SUFFIX")
-    build(extension().sources, ROOT / CORE / f"_core{suffix}")
+    build(extension().sources, ROOT / CORE / library_name())

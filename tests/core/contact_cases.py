@@ -185,7 +185,14 @@ class Case:
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
         return np.asarray(
             _core.find_contacts(
-                self.body.core, pose, self.ground.heights, self.ground.resolution, self.ground.yaw, AT_REST, 0.0, self.margin
+                self.body.core,
+                pose,
+                self.ground.heights,
+                self.ground.resolution,
+                self.ground.yaw,
+                AT_REST,
+                0.0,
+                self.margin,
             )
         )
 

@@ -15,7 +15,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.core.contact_cases import IDENTITY, SHAPES, Ground, convex_ground, distance, random_case, random_ground, solid
+from tests.core.contact_cases import (
+    IDENTITY,
+    SHAPES,
+    Ground,
+    convex_ground,
+    distance,
+    random_case,
+    random_ground,
+    solid,
+)
 from tests.examples import examples
 
 # Poses of each shape; `make contacts` tries 100,000.
