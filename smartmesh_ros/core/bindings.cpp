@@ -1,5 +1,6 @@
 // What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
-#include <cstring>
+#include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 
@@ -7,6 +8,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
+#include "alignment.h"
 #include "plugin.h"
 #include "test_entries.h"
 
@@ -39,6 +41,8 @@ struct Grid {
       throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
     if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
       throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
+    check_alignment(heights.data(), sizeof(float)), check_alignment(offsets.data(), sizeof(float));
+    check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
     grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
     grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
     grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
@@ -46,10 +50,15 @@ struct Grid {
   }
 
   void place(double x, double y, double z, double yaw, double resolution) {
-    if (!(resolution > 0.0)) throw std::invalid_argument("the resolution must be above zero");
+    if (!(resolution > 0.0 && std::isfinite(resolution)))
+      throw std::invalid_argument("the resolution must be above zero and finite");
+    if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
     grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
   }
-  void move(double time, double interval, double x, double y, double spin) { grid.track = {time, interval, x, y, spin}; }
+  void move(double time, double interval, double x, double y, double spin) {
+    if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
+    grid.track = {time, interval, x, y, spin};
+  }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     if (mode < 0 || mode > 3) throw std::invalid_argument("the mode must be one of Mode");
     grid.mode = static_cast<Mode>(mode);
@@ -68,6 +77,11 @@ struct Ground {
     BulletWorld* found = world_of(number);
     if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
     return *found;
+  }
+  // Refuses slots that no body has.
+  BulletWorld& world_with(int slot) const {
+    if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
+    return world();
   }
   void set_tiles(nb::list grids) {
     std::vector<const HeightGrid*> found;
@@ -97,8 +111,8 @@ NB_MODULE(_core, m) {
       .def(nb::init<int>(), "number"_a)
       .def("set_tiles", &Ground::set_tiles, "grids"_a)
       .def("attach", [](Ground& g, int body, int link, int proxy) { return g.world().attach(body, link, proxy); })
-      .def("detach", [](Ground& g, int slot) { g.world().detach(slot); })
-      .def("enable", [](Ground& g, int slot, bool enabled) { g.world().enable(slot, enabled); })
+      .def("detach", [](Ground& g, int slot) { g.world_with(slot).detach(slot); })
+      .def("enable", [](Ground& g, int slot, bool enabled) { g.world_with(slot).enable(slot, enabled); })
       .def_prop_rw(
           "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })
       .def_prop_rw(

@@ -42,6 +42,7 @@ class BulletWorld {
   // Gives a body's link its `proxy`; returns its slot, -1 if PyBullet has no such objects.
   int attach(int body, int link, int proxy);
   void detach(int slot);
+  bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
   void enable(int slot, bool enabled);
 
   // Places the proxies under their bodies, before a step of the world.

@@ -9,6 +9,7 @@
 
 #include <nanobind/ndarray.h>
 
+#include "alignment.h"
 #include "bullet_convert.h"
 #include "contact_search.h"
 
@@ -40,6 +41,7 @@ Vec3 row_of(const Points& points, std::size_t k) {
 
 Convex hull_of_rows(const Points& points, double margin) {
   const std::size_t count = points.shape(0);
+  check_alignment(points.data(), sizeof(double));
   if (count == 0 || count > MOST_POINTS) throw std::invalid_argument("a hull has 1 to 65536 points");
   std::vector<btVector3> found;
   for (std::size_t k = 0; k < count; ++k) found.push_back(to_bullet(row_of(points, k)));
@@ -52,6 +54,7 @@ Table contacts_of(const Convex& shape, const Points& pose, const Heights& height
   const std::size_t rows = heights.shape(0), columns = heights.shape(1);
   if (rows < 2 || columns < 2 || rows > MOST_SAMPLES || columns > MOST_SAMPLES)
     throw std::invalid_argument("a test's height map has 2 to 4096 rows and columns");
+  check_alignment(pose.data(), sizeof(double)), check_alignment(motion.data(), sizeof(double)), check_alignment(heights.data(), sizeof(float));
   if (pose.shape(0) != 4) throw std::invalid_argument("a pose has the shape (4, 3): rotation and position");
   if (motion.shape(0) != 2) throw std::invalid_argument("a motion has the shape (2, 3): linear and angular velocity");
   if (!(resolution > 1e-9)) throw std::invalid_argument("the resolution must be above zero");
