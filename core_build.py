@@ -43,7 +43,6 @@ OF_BULLET = (
     "BulletDynamics/ConstraintSolver/btTypedConstraint.cpp",
     "BulletDynamics/Dynamics/btRigidBody.cpp",
     "LinearMath/btAlignedAllocator.cpp",
-    "LinearMath/btConvexHullComputer.cpp",
     "LinearMath/btSerializer.cpp",
     "LinearMath/btSerializer64.cpp",
     "LinearMath/btVector3.cpp",

