@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz clean soil rover
+.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -73,6 +73,12 @@ tuning:  ## the table of docs/tuning.md: eight scenes and a bag of the demo, abo
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2
+
+contacts:  ## the core's contacts against the library coal: 100,000 random poses of each shape (about an hour)
+	@$(RUN) dev studies -- env CONTACT_POSES=100000 python -m pytest -q -n auto tests/core/test_contacts_coal.py
+
+sanitize:  ## the core's tests and 30 s of mixed scenes under AddressSanitizer and UBSan (two minutes; SECONDS=5 for fewer)
+	@$(RUN) dev studies -- python scripts/sanitize.py $(SECONDS)
 
 clean:  ## remove what the commands made
 	rm -rf .venv build install log

@@ -43,7 +43,6 @@ OF_BULLET = (
     "BulletDynamics/ConstraintSolver/btTypedConstraint.cpp",
     "BulletDynamics/Dynamics/btRigidBody.cpp",
     "LinearMath/btAlignedAllocator.cpp",
-    "LinearMath/btConvexHullComputer.cpp",
     "LinearMath/btSerializer.cpp",
     "LinearMath/btSerializer64.cpp",
     "LinearMath/btVector3.cpp",
@@ -61,7 +60,10 @@ def bullet_sources() -> Path:
     if folder.is_dir():
         return folder
     folder.parent.mkdir(parents=True, exist_ok=True)
-    print(f"smartmesh_ros: downloading the source package of PyBullet {PYBULLET} for its headers (80 MB, once)", flush=True)
+    print(
+        f"smartmesh_ros: downloading the source package of PyBullet {PYBULLET} for its headers (80 MB, once)",
+        flush=True,
+    )
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:",
                    "--no-build-isolation", f"pybullet=={PYBULLET}", "--dest", made]  # fmt: skip
@@ -144,7 +146,9 @@ def build(own: list[str], target: Path, extra: tuple[str, ...] = ()) -> None:
         for made in objects:
             Path(made).unlink()
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(library, target)
+    part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over
+    shutil.copy2(library, part)
+    part.replace(target)
 
 
 class BuildCore(build_ext):
@@ -155,6 +159,10 @@ class BuildCore(build_ext):
         build(ext.sources, Path(self.get_ext_fullpath(ext.name)))
 
 
+def library_name() -> str:
+    """Return the file name of the library for this Python."""
+    return "_core" + (".abi3.so" if STABLE_ABI else sysconfig.get_config_var("EXT_SUFFIX"))
+
+
 if __name__ == "__main__":  # in place, for running from a checkout
-    suffix = ".abi3.so" if STABLE_ABI else sysconfig.get_config_var("EXT_SUFFIX")
-    build(extension().sources, ROOT / CORE / f"_core{suffix}")
+    build(extension().sources, ROOT / CORE / library_name())

@@ -1,5 +1,6 @@
 // What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
@@ -9,7 +10,9 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
+#include "alignment.h"
 #include "plugin.h"
+#include "test_entries.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -44,6 +47,8 @@ struct Grid {
       throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
     if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
       throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
+    check_alignment(heights.data(), sizeof(float)), check_alignment(offsets.data(), sizeof(float));
+    check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
     grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
     grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
     grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
@@ -51,10 +56,15 @@ struct Grid {
   }
 
   void place(double x, double y, double z, double yaw, double resolution) {
-    if (!(resolution > 0.0)) throw std::invalid_argument("the resolution must be above zero");
+    if (!(resolution > 0.0 && std::isfinite(resolution)))
+      throw std::invalid_argument("the resolution must be above zero and finite");
+    if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
     grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
   }
-  void move(double time, double interval, double x, double y, double spin) { grid.track = {time, interval, x, y, spin}; }
+  void move(double time, double interval, double x, double y, double spin) {
+    if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
+    grid.track = {time, interval, x, y, spin};
+  }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     if (mode < 0 || mode > 3) throw std::invalid_argument("the mode must be one of Mode");
     grid.mode = static_cast<Mode>(mode);
@@ -99,7 +109,8 @@ struct Ground {
       throw std::invalid_argument("PyBullet has no such body, link or proxy");
   }
   void detach(int slot) {
-    if (world().has(slot)) world().detach(slot);
+    if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
+    world().detach(slot);
   }
   // Switches the ground of the slots (S,) on or off.
   void enable(Flags flags) {
@@ -127,6 +138,7 @@ struct Ground {
 
 NB_MODULE(_core, m) {
   using namespace smartmesh;
+  add_test_entries(m);
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<Floats2, Floats3, Floats2, Bytes3>(), "heights"_a.noconvert(), "velocities"_a.noconvert(),
            "offsets"_a.noconvert(), "clocks"_a.noconvert())

@@ -22,30 +22,6 @@ namespace smartmesh {
 
 namespace {
 
-// Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
-class ShapeReach final : public Reach {
- public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown) : shape_(shape), pose_(pose), grown_(grown) {
-    is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
-  }
-
-  bool touches(const Vec3& centre, double radius) const override {
-    const double most = grown_ + radius;
-    if (is_ball_) {
-      const double limit = shape_.radius + most;
-      return norm2(centre - pose_.at) <= limit * limit;
-    }
-    const Vec3 q = pose_.to_local(centre);
-    return shape_.bounds.grown(most).meets({q, q});
-  }
-
- private:
-  const Convex& shape_;
-  const Pose& pose_;
-  double grown_;
-  bool is_ball_;
-};
-
 bool is_of(const btCollisionObject& object, int body, int link) {
   if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
     return collider->m_multiBody->getUserIndex2() == body && collider->m_link == link;
@@ -84,7 +60,8 @@ std::vector<BulletWorld::Role>& BulletWorld::roles_of(int body) {
 
 bool BulletWorld::attach(int index, int body, int link, int proxy) {
   btCollisionObject* object = find(body, link);
-  auto* ground = proxy < 0 ? nullptr : btRigidBody::upcast(find(proxy, -1));
+  btCollisionObject* found = proxy < 0 ? nullptr : find(proxy, -1);
+  btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
   if (index >= static_cast<int>(slots_.size())) slots_.resize(index + 1);
   Slot& slot = slots_[index];
@@ -259,8 +236,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   Approach approach = approach_of(slot);
   approach.duration = step, approach.margin = margin;
   approach.gravity = from_bullet(world_->getGravity());
-  contacts_.clear();
-  find_near(*shape, pose, approach);
+  search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
   write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2}, manifold);
@@ -275,19 +251,6 @@ Approach BulletWorld::approach_of(const Slot& slot) const {
   approach.linear =
       slot.linear - from_bullet(proxy.getVelocityInLocalPoint(centre - proxy.getWorldTransform().getOrigin()));
   return approach;
-}
-
-void BulletWorld::find_near(const Convex& shape, const Pose& pose, const Approach& approach) {
-  const double arm = norm(pose.at - approach.centre) + shape.reach;
-  const double grown = margin + (norm(approach.linear) + norm(approach.angular) * arm) * approach.duration;
-  Bounds bounds;
-  for (int k = 0; k < 8; ++k)
-    bounds.add(pose.to_world({k & 1 ? shape.bounds.high.x : shape.bounds.low.x,
-                              k & 2 ? shape.bounds.high.y : shape.bounds.low.y,
-                              k & 4 ? shape.bounds.high.z : shape.bounds.low.z}));
-  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high) + grown)) return;
-  surface.gather(bounds.grown(grown), time, ShapeReach(shape, pose, grown), patch_);
-  find_contacts(shape, pose, patch_, approach, contacts_);
 }
 
 }  // namespace smartmesh

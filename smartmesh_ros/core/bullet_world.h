@@ -7,6 +7,7 @@
 
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
+#include "contact_search.h"
 #include "ground_shape.h"
 #include "manifold.h"
 
@@ -81,7 +82,6 @@ class BulletWorld {
   static void wake(const Slot& slot);
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   Approach approach_of(const Slot& slot) const;
-  void find_near(const Convex& shape, const Pose& pose, const Approach& approach);
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
 
   btDiscreteDynamicsWorld* world_ = nullptr;
@@ -90,7 +90,7 @@ class BulletWorld {
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
-  Patch patch_;
+  ContactSearch search_;
 };
 
 }  // namespace smartmesh

@@ -13,8 +13,33 @@ namespace {
 // Sine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
 // lowest. Raising it finds the same points of a standing cylinder at a larger tilt.
 constexpr double FLAT = 0.3;
-// Steps of the search for the nearest points of a rim and an edge.
-constexpr int RIM_STEPS = 6;
+// Steps of the search for the nearest point of an ellipse.
+constexpr int ELLIPSE_STEPS = 40;
+
+// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which its distance
+// from the point (x, y), x >= 0, is least. False if there is none between other quarters.
+bool nearest_on_ellipse(double r, double narrow, double x, double y, double& angle) {
+  const double bend = r * (1.0 - narrow * narrow);
+  double low = 0.0, high = 0.5 * M_PI;
+  if (y < 0.0) {  // between two extremes, or none beyond the evolute
+    const double ratio = std::cbrt(-y * narrow / std::max(x, 1e-300));
+    low = std::atan(ratio);
+    if (x * std::sin(low) - y * narrow * std::cos(low) >= bend * std::sin(low) * std::cos(low)) return false;
+  }
+  angle = 0.5 * (low + high);
+  for (int step = 0; step < ELLIPSE_STEPS; ++step) {  // Newton's method, halving where it would leave the bracket
+    const double s = std::sin(angle), c = std::cos(angle);
+    const double slope = x * s - y * narrow * c - bend * s * c;
+    (slope < 0.0 ? low : high) = angle;
+    const double curve = x * c + y * narrow * s - bend * (c * c - s * s);
+    double next = angle - slope / curve;
+    if (!(curve > 0.0 && next > low && next < high)) next = 0.5 * (low + high);
+    const bool done = std::abs(next - angle) < 1e-14;
+    angle = next;
+    if (done) break;
+  }
+  return true;
+}
 
 class CylinderTouch {
  public:
@@ -26,6 +51,7 @@ class CylinderTouch {
     side_[0] = pose.turn * unit(cross(shape.axis, other));
     side_[1] = cross(axis_, side_[0]);
     pose_ = pose;
+    spin_ = norm(approach.angular) * shape.radius * approach.duration;
   }
 
   void run() {
@@ -60,15 +86,30 @@ class CylinderTouch {
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
       const Vec3 foot = low - facet.normal * distance;
+      if (distance < 0.0) {
+        if (is_over(low, a, b, c) || inside_triangle(foot, a, b, c, facet.normal, 0.0))
+          touch_below(low, name_of(BodyFeature::Rim, k));
+        continue;
+      }
       if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-        const double closing = -dot(facet.normal, velocity), gap = std::max(distance, 0.0);
-        if (!(closing * approach_.duration > gap)) continue;
-        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
+        const double closing = -dot(facet.normal, velocity);
+        if (!(closing * approach_.duration > distance)) continue;
+        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
           continue;
       }
       add(foot, facet.normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
+  }
+
+  // A point of the shape that may lie below the ground.
+  void touch_below(const Vec3& low, int name) {
+    double distance;
+    const int way = way_out(low, patch_, distance);
+    if (way < 0) return;
+    const Facet& facet = patch_.facets[way];
+    add(low - facet.normal * distance, facet.normal, distance, name,
+        ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.
@@ -117,42 +158,50 @@ class CylinderTouch {
     if (dot(n, edge.outward) < 0.0) n = -n;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
-    if (distance > reach_at(on_ground) || distance < -shape_.radius || !in_cone(patch_, edge, n)) return;
+    if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_ground + n * distance, axis_, distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 
-  // A rim and an edge that cross: the tangent of the rim and the edge span a plane that holds both apart.
+  // Seen along an edge, a rim is an ellipse and the edge a point; only the half of the ellipse beyond the cap counts.
   void touch_rim(int k, const Edge& edge) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
-    const Vec3 outward = k ? axis_ : -axis_;
-    double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0);
-    if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach_at(cap_[k]) + norm(approach_.angular) * shape_.radius *
-                                                                                  approach_.duration)
+    const double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0), reach = reach_at(cap_[k]) + spin_;
+    if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach) return;
+    const Vec3 along = unit(q - p), outward = k ? axis_ : -axis_, to_edge = p - cap_[k];
+    Vec3 wide = cross(outward, along);
+    const double narrow = std::abs(dot(axis_, along)), r = shape_.radius;  // half axes of the ellipse: r, r * narrow
+    if (norm(wide) < CONE_TOLERANCE) {  // the edge lies along the side
+      const Vec3 across = to_edge - axis_ * dot(to_edge, axis_);
+      if (norm(across) > 1e-9) add_rim(k, edge, unit(across), -unit(across));
       return;
-    for (int start = 0; start < 2; ++start) touch_rim_from(k, edge, p, q, outward, start ? 0.0 : 1.0);
+    }
+    wide = unit(wide);
+    if (dot(wide, to_edge) < 0.0) wide = -wide;
+    Vec3 up = cross(outward, wide), high = cross(along, wide);  // in the plane of the rim, and across the edge
+    if (dot(high, outward) < 0.0) high = -high;
+    if (dot(up, high) < 0.0) up = -up;
+    const double x = dot(to_edge, wide), y = dot(to_edge, high);
+    double angle;
+    if (x > r + reach || y > r * narrow + reach || !nearest_on_ellipse(r, narrow, x, y, angle)) return;
+    const double c = std::cos(angle), s = std::sin(angle);
+    const double dx = x - r * c, dy = y - r * narrow * s;
+    Vec3 n = -unit(wide * (narrow * c) + high * s);
+    const bool outside = narrow * c * dx + s * dy > 0.0, is_clear = std::hypot(dx, dy) > 1e-9;
+    if (is_clear && (outside || narrow * c + s < 1e-9)) n = -unit(wide * dx + high * dy);
+    add_rim(k, edge, wide * c + up * s, n);
+    if (narrow < CONE_TOLERANCE) add_rim(k, edge, wide * c - up * s, n);  // an edge across the cap crosses its rim twice
   }
 
-  void touch_rim_from(int k, const Edge& edge, const Vec3& p, const Vec3& q, const Vec3& outward, double t) {
-    double s = 0.0;
-    Vec3 on_rim, tangent;
-    for (int step = 0; step < RIM_STEPS; ++step) {
-      const Vec3 e = p + (q - p) * std::clamp(t, 0.0, 1.0) - cap_[k];
-      const Vec3 across = e - axis_ * dot(e, axis_);
-      const double off = norm(across);
-      if (off < 1e-9) return;
-      on_rim = cap_[k] + across * (shape_.radius / off);
-      tangent = cross(axis_, across * (1.0 / off));
-      if (!nearest_on_lines(on_rim, on_rim + tangent, p, q, s, t)) return;
-    }
-    if (!(t > 0.0 && t < 1.0) || std::abs(s) > 1e-3 * shape_.radius) return;
-    Vec3 n = unit(cross(tangent, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
-    // The rim is touched from directions between those of its cap and of its side.
-    const Vec3 radial = cross(tangent, axis_);
-    if (dot(n, outward) > 0.0 || dot(n, radial) > 0.0 || !in_cone(patch_, edge, n)) return;
+  // `radial`: direction of the point of the rim from its centre.
+  void add_rim(int k, const Edge& edge, const Vec3& radial, const Vec3& n) {
+    const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
+    const Vec3 on_rim = cap_[k] + radial * shape_.radius;
+    const double t = along_segment(on_rim, p, q);
+    if (!(t > 0.0 && t < 1.0) || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    if (distance < -shape_.radius) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 
@@ -161,6 +210,7 @@ class CylinderTouch {
   const Approach& approach_;
   std::vector<Contact>& contacts_;
   Vec3 axis_, cap_[2], side_[2];
+  double spin_;  // way that turning may move a point of a rim relative to its centre [m]
   Pose pose_;
 };
 

@@ -1,4 +1,5 @@
 // An edge of a polytope against the convex edges of the ground.
+#include <algorithm>
 #include <cmath>
 
 #include "cones.h"
@@ -6,6 +7,36 @@
 #include "triangle.h"
 
 namespace smartmesh {
+
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
+  const double limit = MUCH_SHORTER * crossing.distance;
+  const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
+  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
+  int count = 2;
+  for (int k : edge.opposite) {
+    if (k < 0) continue;
+    Vec3& normal = normals[count - 2];
+    normal = unit(cross(b - a, patch.points[k] - a));
+    if (dot(normal, edge.outward) < 0.0) normal = -normal;
+    if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
+    corners[count++] = pose.to_local(patch.points[k]);
+  }
+  Vec3 deepest = crossing.at;  // of the line: as far below one facet as below the other
+  const Vec3 between = normals[0] - normals[1];
+  const double closing = dot(between, crossing.along);
+  if (count == 4 && std::abs(closing) > 1e-9)
+    deepest = deepest - crossing.along * (dot(between, crossing.at - a) / closing);
+  double below;
+  if (way_out(deepest, patch, below) < 0) return false;
+  const auto leaves = [&](const Vec3& normal, double offset) {
+    double least = 1e300;
+    for (int k = 0; k < count; ++k) least = std::fmin(least, dot(normal, corners[k]) - offset);
+    return least > limit;
+  };
+  if (shape.cylinder) return !leaves(shape.axis, shape.half) && !leaves(-shape.axis, shape.half);
+  return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
+                      [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.radius); });
+}
 
 void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& patch, const Approach& approach,
                 std::vector<Contact>& contacts) {
@@ -15,23 +46,31 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
   const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.radius + reach;
+  if (std::fmin(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   bounds = bounds.grown(most);
-  for (const Edge& other : patch.edges) {
+  const PatchCells& cells = patch.cells;
+  const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
+  const auto touch = [&](const Edge& other) {
     const Vec3 &p = patch.points[other.end[0]], &q = patch.points[other.end[1]];
     if (!bounds.meets({{std::fmin(p.x, q.x), std::fmin(p.y, q.y), -1e300},
                        {std::fmax(p.x, q.x), std::fmax(p.y, q.y), std::fmax(p.z, q.z)}}))
-      continue;
+      return;
     double s, t;
-    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) continue;
+    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, other.outward) < 0.0) n = -n;
-    const Vec3 on_ground = p + (q - p) * t;
-    const double distance = dot(n, a + (b - a) * s - on_ground) - shape.radius;
-    if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) continue;
+    const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
+    const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
+    if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) return;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
+  };
+  for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {
+    const int end = cells.edges[cells.at(r, std::min(near.right, cells.columns - 1)) + 1];
+    for (int e = cells.edges[cells.at(r, near.left)]; e < end; ++e) touch(patch.edges[e]);
   }
 }
 

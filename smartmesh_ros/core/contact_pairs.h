@@ -23,6 +23,25 @@ int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
 // only contact.
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
 
+// Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
+// `distance` [m]: from that facet's plane, negative.
+int way_out(const Vec3& point, const Patch& patch, double& distance);
+
+// Share of a depth below which another way out makes a contact false: the shape is then beyond a thin ridge, or over a
+// cliff. Raising it loses contacts of shapes that could leave by a way that nothing else finds.
+constexpr double MUCH_SHORTER = 0.5;
+
+// A line on a shape that passes an edge of the ground on its inner side: the point nearest to the edge, the direction, and
+// the distance from the edge [m], negative.
+struct Crossing {
+  Vec3 at, along;
+  double distance;
+};
+
+// Returns true if the line is inside the ground beside the edge, and the shape can leave the edge's facets by no way that
+// is much shorter: along one of their normals or out of one of its own faces.
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing);
+
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,
                   std::vector<Contact>& contacts);
 void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const Patch& patch, const Approach& approach,

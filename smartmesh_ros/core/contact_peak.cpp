@@ -33,17 +33,22 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (distance <= reach) contacts.push_back({at, n_world, distance, name, ground});
   };
   bool inside = !core.faces.empty();
-  for (const PolyFace& face : core.faces) inside &= dot(face.normal, q) <= face.offset;
-  int nearest = -1;
+  for (const PolyFace& face : core.faces) {
+    const double from_plane = dot(face.normal, q) - face.offset;
+    if (from_plane - shape.radius > reach) return;  // a plane holds both apart
+    inside &= from_plane <= 0.0;
+  }
+  int way = -1;  // out of the shape: the nearest face that the ground can touch
+  double depth = -1e300, least = -1e300;
   for (std::size_t f = 0; f < core.faces.size(); ++f) {
     const PolyFace& face = core.faces[f];
     const double from_plane = dot(face.normal, q) - face.offset;
-    if (inside != (from_plane <= 0.0) || from_plane - shape.radius > reach) continue;
+    if (inside != (from_plane <= 0.0)) continue;
+    if (inside) least = std::fmax(least, from_plane);
     const Vec3 n = pose.turn * -face.normal;
-    if (!in_cone(patch, peak, n)) continue;
-    if (inside) {  // out by the nearest face that the ground can touch
-      if (nearest < 0 || from_plane > dot(core.faces[nearest].normal, q) - core.faces[nearest].offset)
-        nearest = static_cast<int>(f);
+    if ((inside && from_plane <= depth) || !in_cone(patch, peak, n)) continue;
+    if (inside) {
+      way = static_cast<int>(f), depth = from_plane;
       continue;
     }
     const double closing = -dot(face.normal, moved), gap = std::fmax(from_plane - shape.radius, 0.0);
@@ -53,11 +58,8 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
       add(n, from_plane - shape.radius, name_of(BodyFeature::Face, static_cast<int>(f)));
   }
   if (inside) {
-    if (nearest >= 0) {
-      const PolyFace& face = core.faces[nearest];
-      add(pose.turn * -face.normal, dot(face.normal, q) - face.offset - shape.radius,
-          name_of(BodyFeature::Face, nearest));
-    }
+    if (way >= 0 && least - shape.radius <= MUCH_SHORTER * (depth - shape.radius))
+      add(pose.turn * -core.faces[way].normal, depth - shape.radius, name_of(BodyFeature::Face, way));
     return;
   }
   for (std::size_t k = 0; k < core.edges.size(); ++k) {

@@ -31,6 +31,29 @@ Vec3 area_of(const std::vector<Vec3>& corners, const std::vector<int>& loop) {
   return area;
 }
 
+// Takes the corners of all loops, and numbers them anew. Points without a face are the ends of a segment, or one point.
+void add_corners(Polytope& core, const std::vector<Vec3>& corners, std::vector<std::vector<int>>& loops) {
+  if (loops.empty()) {
+    const auto lower = [&](const Vec3& a, const Vec3& b) { return norm2(a - corners[0]) < norm2(b - corners[0]); };
+    const Vec3 one = *std::max_element(corners.begin(), corners.end(), lower);
+    Vec3 other = one;
+    for (const Vec3& corner : corners)
+      if (norm2(corner - one) > norm2(other - one)) other = corner;
+    core.vertices = {one};
+    if (norm2(other - one) == 0.0) return;
+    core.vertices.push_back(other);
+    core.edges = {{{0, 1}, {-1, -1}, {}}};
+    return;
+  }
+  std::vector<int> place(corners.size(), -1);
+  for (auto& loop : loops) {
+    for (int& k : loop) {
+      if (place[k] < 0) place[k] = static_cast<int>(core.vertices.size()), core.vertices.push_back(corners[k]);
+      k = place[k];
+    }
+  }
+}
+
 void add_faces(Polytope& core, const std::vector<std::vector<int>>& loops) {
   for (const auto& loop : loops) {
     const Vec3 area = area_of(core.vertices, loop);
@@ -64,6 +87,16 @@ void add_edges(Polytope& core) {
 }
 
 }  // namespace
+
+double lowest(const Convex& shape, const Vec3& n) {
+  if (shape.cylinder) {
+    const double along = dot(n, shape.axis);
+    return -std::abs(along) * shape.half - shape.radius * std::sqrt(std::max(0.0, 1.0 - along * along));
+  }
+  double least = 1e300;
+  for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
+  return least - shape.radius;
+}
 
 Convex ball(double radius) {
   Convex shape;
@@ -105,10 +138,11 @@ Convex box(const Vec3& half) {
 
 Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius) {
   Convex shape;
-  shape.core.vertices = corners;
   shape.radius = radius;
-  add_faces(shape.core, loops);
-  add_edges(shape.core);
+  std::vector<std::vector<int>> numbered = loops;
+  add_corners(shape.core, corners, numbered);
+  add_faces(shape.core, numbered);
+  if (!numbered.empty()) add_edges(shape.core);
   set_bounds(shape);
   return shape;
 }

@@ -45,6 +45,9 @@ struct Convex {
   double reach = 0.0; // largest distance of a point of the shape from its origin
 };
 
+// Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
+double lowest(const Convex& shape, const Vec3& n);
+
 Convex ball(double radius);
 Convex capsule(double radius, double half, const Vec3& axis);
 Convex cylinder(double radius, double half, const Vec3& axis);

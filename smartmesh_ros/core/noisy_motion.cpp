@@ -67,6 +67,7 @@ double kept(const HeightGrid& grid, int row, int column, std::int64_t slot) {
 }
 
 Velocities velocities_at(const HeightGrid& grid, int row, int column, std::int64_t newest) {
+  if (newest < 0 || newest >= KEPT) return {0.0, 0.0, 0.0};  // no clock of a map says so
   const double v0 = kept(grid, row, column, newest);
   const double v1 = kept(grid, row, column, (newest + KEPT - 1) % KEPT);
   const double v2 = kept(grid, row, column, (newest + KEPT - 2) % KEPT);

@@ -17,21 +17,32 @@ constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}
 class CellAdder {
  public:
   CellAdder(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch)
-      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch) {
+      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch), index_(patch.index), active_(patch.active) {
     const std::size_t count = window.heights.size();
-    index_.assign(count, -1);
-    active_.assign(count, 0);
+    patch.index.assign(count, -1);
+    patch.active.assign(count, 0);
   }
 
   void run() {
     for (int r = 1; r < window_.rows - 2; ++r)
       for (int c = 1; c < window_.columns - 2; ++c) active_[at(r, c)] = in_reach(r, c);
-    for (int r = 1; r < window_.rows - 2; ++r)
-      for (int c = 1; c < window_.columns - 2; ++c)
+    PatchCells& cells = patch_.cells;
+    cells.pose = window_.pose, cells.resolution = window_.resolution;
+    cells.rows = window_.rows, cells.columns = window_.columns;
+    for (auto* starts : {&cells.facets, &cells.edges, &cells.peaks}) starts->clear();
+    for (int r = 0; r < window_.rows; ++r) {
+      for (int c = 0; c < window_.columns; ++c) {
+        cells.facets.push_back(static_cast<int>(patch_.facets.size()));
         if (active_[at(r, c)]) add_facets(r, c);
+      }
+    }
+    cells.facets.push_back(static_cast<int>(patch_.facets.size()));
     // Edges and peaks belong to the cells at all their sides.
-    for (int r = 1; r < window_.rows - 1; ++r) {
-      for (int c = 1; c < window_.columns - 1; ++c) {
+    for (int r = 0; r < window_.rows; ++r) {
+      for (int c = 0; c < window_.columns; ++c) {
+        cells.edges.push_back(static_cast<int>(patch_.edges.size()));
+        cells.peaks.push_back(static_cast<int>(patch_.peaks.size()));
+        if (r < 1 || c < 1 || r >= window_.rows - 1 || c >= window_.columns - 1) continue;
         const bool here = active_[at(r, c)], below = active_[at(r - 1, c)], left = active_[at(r, c - 1)];
         if (here || below) add_edge(r, c, r, c + 1, r + 1, c + 1, r - 1, c);
         if (here || left) add_edge(r, c, r + 1, c, r, c - 1, r + 1, c + 1);
@@ -39,6 +50,8 @@ class CellAdder {
         if (here || below || left || active_[at(r - 1, c - 1)]) add_peak(r, c);
       }
     }
+    cells.edges.push_back(static_cast<int>(patch_.edges.size()));
+    cells.peaks.push_back(static_cast<int>(patch_.peaks.size()));
   }
 
  private:
@@ -128,11 +141,33 @@ class CellAdder {
   const long first_row_, first_column_;
   const Reach& reach_;
   Patch& patch_;
-  std::vector<int> index_;
-  std::vector<char> active_;
+  std::vector<int>& index_;
+  std::vector<char>& active_;
 };
 
 }  // namespace
+
+CellRange PatchCells::near(double x, double y, double half_x, double half_y) const {
+  if (rows == 1 && columns == 1) return {0, 0, 1, 1};
+  const GridPoint p = to_grid(pose, resolution, x, y);
+  const double c = std::abs(pose.cos), s = std::abs(pose.sin), size = 1.0 / resolution;
+  const double high = (half_y * c + half_x * s) * size, wide = (half_x * c + half_y * s) * size;
+  const auto cell = [](double value, int count) {
+    return static_cast<int>(std::floor(std::clamp(value, 0.0, static_cast<double>(count))));
+  };
+  return {cell(p.row - high, rows), cell(p.column - wide, columns), std::min(cell(p.row + high, rows) + 1, rows),
+          std::min(cell(p.column + wide, columns) + 1, columns)};
+}
+
+void Patch::finish() {
+  highest = -1e300;
+  for (const Vec3& p : points) highest = std::max(highest, p.z);
+  if (cells.rows != 0) return;
+  cells.rows = cells.columns = 1;
+  cells.facets = {0, static_cast<int>(facets.size())};
+  cells.edges = {0, static_cast<int>(edges.size())};
+  cells.peaks = {0, static_cast<int>(peaks.size())};
+}
 
 void add_cells(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch) {
   CellAdder(window, first_row, first_column, reach, patch).run();

@@ -27,7 +27,22 @@ struct Peak {
   int first, count;  // of its neighbours in `Patch::neighbours`
 };
 
+// Cells that hold the features of a patch, row by row from the corner `pose`. The features of cell k are those from
+// `facets[k]` to `facets[k + 1] - 1`, and likewise for edges and peaks, which belong to the cell that they start in. An
+// edge may end in the next row or column. No cells: the patch is not divided.
+struct PatchCells {
+  GridPose pose;
+  double resolution = 1.0;
+  int rows = 0, columns = 0;
+  std::vector<int> facets, edges, peaks;
+
+  // Returns the cells that a rectangle of +-`half_x`, +-`half_y` [m] around (x, y) meets.
+  CellRange near(double x, double y, double half_x, double half_y) const;
+  std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * columns + column; }
+};
+
 struct Patch {
+  PatchCells cells;
   std::vector<Vec3> points;
   std::vector<Facet> facets;
   std::vector<Edge> edges;
@@ -35,7 +50,14 @@ struct Patch {
   std::vector<int> neighbours;
   std::vector<long> names;  // of points, equal from step to step; edges and facets are named by their points
 
+  double highest = 0.0;    // of the points [m]
+  std::vector<int> index;  // of the samples of a window in `points`, while cells are added
+  std::vector<char> active;
+
+  // Makes all features one cell, if they are not divided, and finds the highest point.
+  void finish();
   void clear() {
+    cells.rows = cells.columns = 0;
     points.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
   }
 };

@@ -21,6 +21,14 @@ inline bool inside_triangle(const Vec3& q, const Vec3& a, const Vec3& b, const V
   return left(a, b) && left(b, c) && left(c, a);
 }
 
+// Returns true if the vertical through `p` meets the triangle (a, b, c).
+inline bool is_over(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
+  const auto left = [&](const Vec3& q, const Vec3& r) {
+    return (r.x - q.x) * (p.y - q.y) - (r.y - q.y) * (p.x - q.x) >= 0.0;
+  };
+  return left(a, b) && left(b, c) && left(c, a);
+}
+
 // Returns the share of the way from `a` to `b` at which their line is nearest to `p`.
 inline double along_segment(const Vec3& p, const Vec3& a, const Vec3& b) {
   const Vec3 u = b - a;

@@ -1,0 +1,57 @@
+#include "contact_search.h"
+
+#include <cmath>
+
+namespace smartmesh {
+
+namespace {
+
+// Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
+class ShapeReach final : public Reach {
+ public:
+  ShapeReach(const Convex& shape, const Pose& pose, double grown) : shape_(shape), pose_(pose), grown_(grown) {
+    is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
+  }
+
+  bool touches(const Vec3& centre, double radius) const override {
+    const double most = grown_ + radius;
+    if (is_ball_) {
+      const double limit = shape_.radius + most;
+      return norm2(centre - pose_.at) <= limit * limit;
+    }
+    const Vec3 q = pose_.to_local(centre);
+    return shape_.bounds.grown(most).meets({q, q});
+  }
+
+ private:
+  const Convex& shape_;
+  const Pose& pose_;
+  double grown_;
+  bool is_ball_;
+};
+
+Bounds bounds_of(const Convex& shape, const Pose& pose) {
+  Bounds bounds;
+  for (int k = 0; k < 8; ++k)
+    bounds.add(pose.to_world({k & 1 ? shape.bounds.high.x : shape.bounds.low.x,
+                              k & 2 ? shape.bounds.high.y : shape.bounds.low.y,
+                              k & 4 ? shape.bounds.high.z : shape.bounds.low.z}));
+  return bounds;
+}
+
+}  // namespace
+
+void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+                        std::vector<Contact>& contacts) {
+  contacts.clear();
+  const double arm = norm(pose.at - approach.centre) + shape.reach;
+  const double grown =
+      approach.margin + (norm(approach.linear) + norm(approach.angular) * arm) * approach.duration;
+  const Bounds bounds = bounds_of(shape, pose).grown(grown);
+  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
+  surface.gather(bounds, time, ShapeReach(shape, pose, grown), patch_);
+  patch_.finish();
+  find_contacts(shape, pose, patch_, approach, contacts);
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,22 @@
+// Search for the contacts of a shape with the ground near it.
+#pragma once
+
+#include <vector>
+
+#include "contact.h"
+#include "surface.h"
+
+namespace smartmesh {
+
+// Its memory serves one search after the other.
+class ContactSearch {
+ public:
+  // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
+  void run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+           std::vector<Contact>& contacts);
+
+ private:
+  Patch patch_;
+};
+
+}  // namespace smartmesh

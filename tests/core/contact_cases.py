@@ -1,0 +1,242 @@
+"""Random shapes over random ground, their contacts by the core, and their distances by the library coal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import coal
+import numpy as np
+
+from smartmesh_ros.core import _core
+
+IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
+AT_REST = np.zeros((2, 3))
+# Sides of the polygon that stands for a circle where coal's cylinders have no depth [-]. Its error is 0.1 mm at a radius of
+# a metre.
+SIDES = 200
+# Samples of level ground around the random ones, so that no shape reaches beyond the map's edge.
+RIM = 6
+SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel")
+
+
+def request() -> Any:
+    """Returns coal's settings, exact to rounding."""
+    made = coal.DistanceRequest()
+    made.gjk_tolerance, made.gjk_max_iterations = 1e-10, 1000
+    made.epa_tolerance, made.epa_max_iterations = 1e-9, 500
+    return made
+
+
+REQUEST = request()
+
+
+def distance(one: Any, one_pose: Any, other: Any, other_pose: Any) -> float:
+    return float(coal.distance(one, one_pose, other, other_pose, REQUEST, coal.DistanceResult()))
+
+
+def vectors(points: np.ndarray) -> Any:
+    made = coal.StdVec_Vec3s()
+    for point in points:
+        made.append(np.array(point))
+    return made
+
+
+def coal_hull(points: np.ndarray) -> Any:
+    return coal.ConvexBase.convexHull(vectors(points), True, "Qt")
+
+
+def coal_triangle(corners: np.ndarray) -> Any:
+    triangles = coal.StdVec_Triangle()
+    triangles.append(coal.Triangle(0, 1, 2))
+    return coal.Convex(vectors(corners), triangles)
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    found, upper = np.linalg.qr(rng.standard_normal((3, 3)))
+    found = found * np.sign(np.diag(upper))
+    return np.ascontiguousarray(found * np.linalg.det(found))
+
+
+def wheel(radius: float, width: float, sides: int = 32) -> np.ndarray:
+    angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return np.concatenate([np.column_stack([rim, np.full(sides, z)]) for z in (-0.5 * width, 0.5 * width)])
+
+
+@dataclass(frozen=True)
+class Body:
+    """A shape of the core and the same of coal's; ``deep``: coal's for depths. ``reach`` [m]: from its origin."""
+
+    core: Any
+    coal: Any
+    deep: Any
+    reach: float
+    half: np.ndarray  # of its box
+
+
+def body_of_points(points: np.ndarray) -> Body:
+    made = coal_hull(points)
+    reach = float(np.linalg.norm(points, axis=1).max())
+    return Body(_core.Shape.hull(points, 0.0), made, made, reach, np.abs(points).max(axis=0))
+
+
+def body(name: str, size: float, rng: np.random.Generator) -> Body:
+    """Returns a shape whose extents are about ``size`` [m]."""
+    a, b, c = (size * np.exp(rng.uniform(-1.2, 0.3, 3))).tolist()
+    if name == "ball":
+        made = coal.Sphere(a)
+        return Body(_core.Shape.ball(a), made, made, a, np.full(3, a))
+    if name == "capsule":
+        made = coal.Capsule(a, 2.0 * b)
+        return Body(_core.Shape.capsule(a, b), made, made, a + b, np.array([a, a, a + b]))
+    if name == "box":
+        made = coal.Box(2.0 * a, 2.0 * b, 2.0 * c)
+        return Body(_core.Shape.box(a, b, c), made, made, float(np.hypot(np.hypot(a, b), c)), np.array([a, b, c]))
+    if name == "cylinder":
+        deep = coal_hull(wheel(a, 2.0 * b, SIDES))
+        core = _core.Shape.cylinder(a, b)
+        return Body(core, coal.Cylinder(a, 2.0 * b), deep, float(np.hypot(a, b)), np.array([a, a, b]))
+    if name == "hull":
+        return body_of_points(rng.normal(size=(int(rng.integers(4, 30)), 3)) * (a, b, c) * 0.5)
+    turn = random_rotation(rng) if name == "turned wheel" else np.eye(3)
+    return body_of_points((wheel(a, 0.5 * b) @ turn.T).astype(np.float32).astype(np.float64))
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A height map with its origin at zero. ``heights`` (rows, columns) float32 [m]."""
+
+    heights: np.ndarray
+    resolution: float
+    yaw: float
+    facets: dict[int, Any] = field(default_factory=dict)  # coal's, made when they are asked for
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Samples (rows * columns, 3) [m]."""
+        v, u = np.mgrid[: self.heights.shape[0], : self.heights.shape[1]] * self.resolution
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.stack([u * c - v * s, u * s + v * c, self.heights.astype(np.float64)], axis=-1).reshape(-1, 3)
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Corners of the facets (F, 3, 3) [m]."""
+        rows, columns = self.heights.shape
+        first = np.arange(rows * columns).reshape(rows, columns)[:-1, :-1].ravel()
+        lower = np.stack([first, first + 1, first + columns + 1], axis=1)
+        upper = np.stack([first, first + columns + 1, first + columns], axis=1)
+        return self.points[np.concatenate([lower, upper])]
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.corners.min(axis=1), self.corners.max(axis=1)
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals of the facets (F, 3)."""
+        found = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+
+    def touching(self, point: np.ndarray) -> np.ndarray:
+        """Returns the indices of the facets that a point [m] lies on."""
+        found = np.abs(np.einsum("ij,ij->i", self.normals, point - self.corners[:, 0])) < 1e-7
+        for k in range(3):
+            one, other = self.corners[:, k], self.corners[:, (k + 1) % 3]
+            inwards = np.cross(self.normals, other - one)
+            found &= np.einsum("ij,ij->i", inwards, point - one) >= -1e-7 * np.linalg.norm(inwards, axis=1)
+        return np.flatnonzero(found)
+
+    def near(self, low: np.ndarray, high: np.ndarray) -> Any:
+        """Yields coal's triangles that meet a box."""
+        least, most = self.bounds
+        for k in np.flatnonzero(np.all((least <= high) & (most >= low), axis=1)).tolist():
+            if k not in self.facets:
+                self.facets[k] = coal_triangle(self.corners[k])
+            yield self.facets[k]
+
+
+def random_ground(rng: np.random.Generator) -> Ground:
+    resolution = float(rng.choice([0.02, 0.05, 0.1, 0.3]))
+    rows, columns = rng.integers(3, 9, 2)
+    heights = rng.standard_normal((rows, columns)) * rng.choice([0.0, 0.003, 0.03, 0.2, 0.6, 1.5]) * resolution
+    if rng.random() < 0.3:
+        v, u = np.mgrid[:rows, :columns] * resolution
+        heights = heights + rng.normal() * u + rng.normal() * v
+    padded = np.pad(heights, RIM, mode="edge").astype(np.float32)
+    return Ground(padded, resolution, float(rng.uniform(-3.0, 3.0)) if rng.random() < 0.5 else 0.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A body at a pose over some ground. ``margin`` [m]: distance up to which contacts are looked for."""
+
+    ground: Ground
+    body: Body
+    turn: np.ndarray
+    position: np.ndarray
+    margin: float
+
+    def moved(self, by: np.ndarray) -> Case:
+        return Case(self.ground, self.body, self.turn, self.position + by, self.margin)
+
+    def contacts(self) -> np.ndarray:
+        pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
+        return np.asarray(
+            _core.find_contacts(
+                self.body.core,
+                pose,
+                self.ground.heights,
+                self.ground.resolution,
+                self.ground.yaw,
+                AT_REST,
+                0.0,
+                self.margin,
+            )
+        )
+
+    def distance(self, within: float, deep: bool = False) -> float:
+        """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""
+        extent = np.abs(self.turn) @ self.body.half + within
+        pose, made = coal.Transform3s(self.turn, self.position), self.body.deep if deep else self.body.coal
+        near = self.ground.near(self.position - extent, self.position + extent)
+        return min((distance(facet, IDENTITY, made, pose) for facet in near), default=np.inf)
+
+
+def placed(case: Case, rng: np.random.Generator) -> Case:
+    """Returns the case with its body lowered to the ground or a little into it."""
+    for _ in range(int(rng.integers(3, 9))):
+        step = case.ground.resolution
+        case = case.moved(np.array([0.0, 0.0, -min(max(case.distance(step), 0.0), step)]))
+    return case.moved(np.array([0.0, 0.0, rng.uniform(-0.2, 0.1 if rng.random() < 0.5 else 1.0) * case.margin]))
+
+
+def random_case(name: str, ground: Ground, rng: np.random.Generator) -> Case:
+    resolution = ground.resolution
+    shape = body(name, resolution * float(rng.choice([0.3, 1.0, 2.0])), rng)
+    rows, columns = ground.heights.shape
+    u, v = (RIM + rng.uniform(0.0, 1.0, 2) * (np.array([columns, rows]) - 1 - 2 * RIM)) * resolution
+    c, s = np.cos(ground.yaw), np.sin(ground.yaw)
+    xy = np.array([u * c - v * s, u * s + v * c])
+    beside = np.linalg.norm(ground.points[:, :2] - xy, axis=1) <= shape.reach + 2.0 * resolution
+    top = float(ground.points[beside, 2].max())
+    turn = np.eye(3) if rng.random() < 0.2 else random_rotation(rng)
+    margin = resolution * float(rng.choice([0.05, 0.3]))
+    height = top + float(np.abs(turn[2]) @ shape.half) + rng.uniform(0.0, margin)
+    return placed(Case(ground, shape, turn, np.array([xy[0], xy[1], height]), margin), rng)
+
+
+def convex_ground(rng: np.random.Generator) -> Ground:
+    """Returns ground that is convex at every edge, also at the diagonals of its cells."""
+    resolution, across = float(rng.choice([0.05, 0.2])), rng.uniform(0.0, 0.05)
+    v, u = np.mgrid[: 2 * RIM + 4, : 2 * RIM + 4] - (RIM + 1.5)
+    bent = (across + rng.uniform(0.005, 0.1)) * u**2 + (across + rng.uniform(0.005, 0.1)) * v**2 - 2.0 * across * u * v
+    heights = resolution * (rng.normal(scale=0.3) * u + rng.normal(scale=0.3) * v - bent)
+    return Ground(heights.astype(np.float32), resolution, float(rng.uniform(-3.0, 3.0)))
+
+
+def solid(ground: Ground) -> Any:
+    """Returns convex ground as coal's hull, deep below its surface."""
+    below = ground.points - np.array([0.0, 0.0, 100.0 * ground.resolution])
+    return coal_hull(np.concatenate([ground.points, below]))

@@ -1,0 +1,140 @@
+"""Contacts of the core against the library coal: distances, depths, and ways out of the ground.
+
+Depths: coal gives the shortest way out of each facet alone, which may lead sideways past the facet's edge. Where a body
+overlaps several facets the shortest way out of all of them is longer. So coal's depth is a lower bound; on convex ground,
+which is one convex solid, it is the depth itself.
+"""
+
+from __future__ import annotations
+
+import os
+
+import coal
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.core.contact_cases import (
+    IDENTITY,
+    SHAPES,
+    Ground,
+    convex_ground,
+    distance,
+    random_case,
+    random_ground,
+    solid,
+)
+from tests.examples import examples
+
+# Poses of each shape; `make contacts` tries 100,000.
+POSES = int(os.environ.get("CONTACT_POSES", "300"))
+PER_GROUND = 20
+EXACT = 1e-6  # [m]
+ROUND = ("ball", "capsule")
+MOVES = 60
+# Share of poses whose deepest contact may be shallower than coal's depth of a facet: a corner that pierced a thin ridge
+# leaves by the ridge's other flank, which is nearer.
+SHALLOW = 1e-3
+CONE = 1e-4  # sine of the angle by which normals may leave their cones, CONE_TOLERANCE of cones.h
+
+
+def allowed(depth: float) -> float:
+    """Returns the error of a depth that is allowed [m]."""
+    return max(1e-4, 0.01 * depth)
+
+
+def nearest(contacts: np.ndarray) -> float:
+    return float(contacts[:, 6].min(initial=np.inf))
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_distances_and_depths_are_those_of_coal(name: str) -> None:
+    wrong, shallow = [], 0
+    for seed in range(POSES):
+        rng = np.random.default_rng(seed)
+        if seed % PER_GROUND == 0:
+            ground = random_ground(rng)
+        case = random_case(name, ground, rng)
+        true, found = case.distance(case.margin + EXACT), nearest(case.contacts())
+        if true > case.margin + EXACT:
+            right = found > case.margin - EXACT
+        elif true > EXACT:
+            right = abs(found - true) <= EXACT or (true > case.margin - EXACT and found == np.inf)
+        else:
+            true = case.distance(EXACT, deep=True)
+            right = found <= max(true, 0.0) + EXACT
+            if name in ROUND:
+                right = abs(found - true) <= allowed(-true)
+            shallow += found > true + allowed(-true)
+        if not right:
+            wrong.append((seed, true, found, case.margin))
+    assert not wrong, f"{len(wrong)} of {POSES}: {wrong[:10]}"
+    assert shallow <= SHALLOW * POSES
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_depths_in_convex_ground_are_those_of_the_solid(name: str) -> None:
+    wrong, tried = [], 0
+    for seed in range(POSES // 3):
+        rng = np.random.default_rng(seed)
+        if seed % PER_GROUND == 0:
+            ground = convex_ground(rng)
+            made = solid(ground)
+        case = random_case(name, ground, rng)
+        case = case.moved(np.array([0.0, 0.0, -rng.uniform(0.0, 0.02) * case.body.half.min()]))
+        true = distance(made, IDENTITY, case.body.deep, coal.Transform3s(case.turn, case.position))
+        if not -0.2 * case.body.half.min() < true < -EXACT:
+            continue
+        tried += 1
+        found = nearest(case.contacts())
+        if not abs(found - true) <= allowed(-true):
+            wrong.append((seed, true, found))
+    assert tried > POSES // 30
+    assert not wrong, f"{len(wrong)} of {tried}: {wrong[:10]}"
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_body_moved_out_along_its_deepest_contacts_is_apart(name: str) -> None:
+    left = []
+    for seed in range(POSES // 3):
+        rng = np.random.default_rng(seed)
+        if seed % PER_GROUND == 0:
+            ground = random_ground(rng)
+        case = random_case(name, ground, rng)
+        for _ in range(MOVES):
+            contacts = case.contacts()
+            deepest = contacts[np.argmin(contacts[:, 6])] if len(contacts) else None
+            if deepest is None or deepest[6] > -EXACT:
+                break
+            case = case.moved(-deepest[6] * deepest[3:6])
+        if case.distance(0.0, deep=True) < -1e-4:
+            left.append((seed, case.distance(0.0, deep=True), nearest(case.contacts())))
+    assert not left, f"{len(left)} of {POSES // 3}: {left[:10]}"
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
+    """No facet beside the point that is touched rises above the plane of the contact."""
+    for seed in range(POSES // 3):
+        rng = np.random.default_rng(seed)
+        if seed % PER_GROUND == 0:
+            ground = random_ground(rng)
+        for contact in random_case(name, ground, rng).contacts():
+            point, normal = contact[:3], contact[3:6]
+            assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
+            touched = ground.corners[ground.touching(point)]
+            assert len(touched) > 0 or contact[6] < 0.0  # deep points leave through a facet that they are under
+            ways = touched - point
+            assert np.all(ways @ normal <= CONE * np.linalg.norm(ways, axis=2) + 1e-9), (seed, contact)
+
+
+@examples(40)
+@given(st.integers(0, 10**9), st.sampled_from(SHAPES), st.floats(-3.2, 3.2), st.floats(0.01, 1.0))
+def test_flat_ground_has_vertical_normals_alone(seed: int, name: str, yaw: float, resolution: float) -> None:
+    rng = np.random.default_rng(seed)
+    ground = Ground(np.full((20, 20), rng.normal(), np.float32), resolution, yaw)
+    case = random_case(name, ground, rng)
+    for down in (0.0, 0.3 * case.margin):
+        contacts = case.moved(np.array([0.0, 0.0, -down])).contacts()
+        assert np.all(contacts[:, 5] > 1.0 - 1e-8)
