@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
@@ -27,6 +25,7 @@ from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
@@ -42,11 +41,11 @@ NAME = "terrain_collider"
 MOST_STEPS = 100_000
 
 
-class TerrainCollider(Node):
+class TerrainCollider(ParameterNode):
     """Converts messages to calls of the core, steps the physics and publishes the results."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, parameters.SPECS, **node_options)
         self.settings = parameters.declare(self)
         compiling = warm_up()  # before any topic or service exists, so that no peer waits for compilation
         self.session = session = Session(self, self.settings)
@@ -73,11 +72,6 @@ class TerrainCollider(Node):
         self._namesakes = Namesakes(self)
         self._values = declaring.current_values(self, parameters.SPECS)
         announce(self, self.settings, compiling)
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters as rclpy does, but with refusals that name valid alternatives."""
-        refusal = declaring.objection(self, parameter_list, parameters.SPECS)
-        return refusal or super().set_parameters_atomically(parameter_list)
 
     @property
     def handled(self) -> int:

@@ -113,6 +113,15 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
 
     How the executable then ends is the test of `assert_cannot_start` in test_processes.py.
     """
+    try:
+        made_with(TerrainCollider, parameters, arguments)
+    except InputError as error:
+        return str(error)
+    raise AssertionError(f"{parameters} {arguments} are not refused")
+
+
+def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> None:
+    """Makes a node of a class with these parameters and ROS arguments in this process, and destroys it."""
     context = Context()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "parameters.yaml"
@@ -120,13 +129,10 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
         given = [*arguments, "--params-file", str(file)] if parameters else [*arguments]
         rclpy.init(context=context)
         try:
-            TerrainCollider(context=context, cli_args=["--ros-args", *given])
-        except InputError as error:
-            return str(error)
+            kind(context=context, cli_args=["--ros-args", *given]).destroy_node()
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
-    raise AssertionError(f"{parameters} {arguments} are not refused")
 
 
 def wait_until(condition: Callable[[], object]) -> None:
