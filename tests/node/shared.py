@@ -114,14 +114,16 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
     How the executable then ends is the test of `assert_cannot_start` in test_processes.py.
     """
     try:
-        made_with(TerrainCollider, parameters, arguments)
+        with made_with(TerrainCollider, parameters, arguments):
+            pass
     except InputError as error:
         return str(error)
     raise AssertionError(f"{parameters} {arguments} are not refused")
 
 
-def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> None:
-    """Makes a node of a class with these parameters and ROS arguments in this process, and destroys it."""
+@contextmanager
+def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterator[Any]:
+    """A node of a class, made in this process with these parameters and ROS arguments."""
     context = Context()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "parameters.yaml"
@@ -129,7 +131,9 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         given = [*arguments, "--params-file", str(file)] if parameters else [*arguments]
         rclpy.init(context=context)
         try:
-            kind(context=context, cli_args=["--ros-args", *given]).destroy_node()
+            node = kind(context=context, cli_args=["--ros-args", *given])
+            yield node
+            node.destroy_node()
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
