@@ -20,11 +20,13 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.demo import rover, terrain_source
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import publishing
+from smartmesh_ros.node.parameters.declaring import checked
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
+from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import made_with, refusal_at_start
 
@@ -156,14 +158,40 @@ def test_parameter_files_that_rcl_does_not_read_are_refused_with_the_reason(tmp_
     assert str(file) in refusal_at_start({}, ["--params-file", str(file)])
 
 
+@pytest.mark.parametrize("specs", [SPECS, *(specs for _, specs in OTHER_NODES.values())])
+def test_a_list_of_one_empty_text_is_the_empty_list(specs: Any) -> None:
+    """ROS cannot write an empty list in every place, so this is usual."""
+    lists = [spec.name for spec in specs if isinstance(spec.default, list) and not is_numeric(spec)]
+    for empty in ([""], [], None):
+        values = checked({**{spec.name: spec.default for spec in specs}, **dict.fromkeys(lists, empty)}, specs)
+        assert all(values[name] == [] for name in lists)
+
+
+def is_numeric(spec: Any) -> bool:
+    return any(isinstance(item, float) for item in spec.default)
+
+
+def test_the_collider_starts_with_each_of_its_lists_empty(domain: int) -> None:
+    lists = {spec.name: [""] for spec in SPECS if isinstance(spec.default, list) and not is_numeric(spec)}
+    assert len(lists) >= 6
+    with made_with(TerrainCollider, lists) as node:
+        settings = node.settings
+    assert settings.spawn == settings.urdf_folders == settings.peers == ()
+    assert settings.poses == settings.odometry == settings.frames == ()
+    assert "gravity" in refusal_at_start({"physics.gravity": [""]})
+
+
 @pytest.mark.parametrize("name", OTHER_NODES)
 def test_a_node_takes_or_refuses_any_value_of_any_parameter(domain: int, name: str) -> None:
     """Some values are valid for some parameters; any other error than `InputError` would be a traceback."""
     make, specs = OTHER_NODES[name]
+    defaults = {spec.name: spec.default for spec in specs}
     for spec in specs:
         for value in MALFORMED:
-            with suppress(InputError), made_with(make, {spec.name: value}):
-                pass
+            with suppress(InputError):
+                checked({**defaults, spec.name: value}, specs)
+                with made_with(make, {spec.name: value}):  # seldom, because it takes long
+                    pass
 
 
 def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:

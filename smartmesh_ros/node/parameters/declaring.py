@@ -102,6 +102,8 @@ def _checked(spec: Spec, value: Any) -> Any:
         raise InputError("parameter", f"{spec.name} is {value!r}; it must be of type {wanted.__name__}")
     if isinstance(value, list):
         kind = float if spec.default and isinstance(spec.default[0], float) else str
+        if kind is str and value == [""]:
+            value = []  # the usual way to write an empty list, whose type ROS does not know
         value = [float(item) if kind is float and type(item) is int else item for item in value]
         if any(type(item) is not kind for item in value):
             raise InputError("parameter", f"{spec.name} is {value!r}; every entry must be of type {kind.__name__}")
