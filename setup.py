@@ -16,13 +16,13 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
-# For `ros2 run`. A wheel would put them onto everybody's path, where `view` is vim's.
+# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there they are smartmesh-view, ...
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"rover = {NAME}.startup.executables:rover",
     f"soil = {NAME}.startup.executables:soil",
     f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
-    f"tune = {NAME}.tune.cli:start",
+    f"tune = {NAME}.startup.executables:tune",
     f"view = {NAME}.startup.executables:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
@@ -129,9 +129,9 @@ setup(
             f"terrain_collider = {NAME}.startup.executables:terrain_collider",
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
-            f"smartmesh-compile = {NAME}.compiling:main",
+            f"smartmesh-compile = {NAME}.startup.executables:compile_ahead",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
-            f"smartmesh-tune = {NAME}.tune.cli:start",
+            f"smartmesh-tune = {NAME}.startup.executables:tune",
             f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),
         ],

@@ -1,5 +1,6 @@
 """What the node says at the start and at changes, and what it measures of itself from the first second on."""
 
+import importlib.metadata
 import math
 import re
 import subprocess
@@ -72,6 +73,25 @@ def test_help_is_still_printed(domain: int) -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:")
     assert result.stderr == ""
+
+
+def test_every_executable_ends_quietly_if_nobody_reads_its_output(domain: int) -> None:
+    """As `--help | head` does, and `smartmesh-fleet | head`."""
+    names = sorted(entry.name for entry in importlib.metadata.distribution("smartmesh_ros").entry_points)
+    commands = [[executable(name), "--help"] for name in names]
+    commands += [[executable(name), "--print-parameters"] for name in NODES]
+    commands += [[executable("smartmesh-demo"), "--seconds", "1000"]]
+    assert len(commands) >= 20
+    running = []
+    for command in commands:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        process.stdout.close()
+        running.append(process)
+    said = {}
+    for command, process in zip(commands, running, strict=True):
+        said[" ".join(map(str, command))] = process.communicate(timeout=TIMEOUT)[1], process.returncode
+    assert {name: what for name, what in said.items() if what != ("", 0)} == {}
 
 
 @pytest.mark.parametrize(
