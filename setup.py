@@ -16,12 +16,11 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
-# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there they are smartmesh-view, ...
+# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view, ...
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"rover = {NAME}.startup.executables:rover",
     f"soil = {NAME}.startup.executables:soil",
-    f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
     f"tune = {NAME}.startup.executables:tune",
     f"view = {NAME}.startup.executables:view",
 ]
@@ -128,9 +127,13 @@ setup(
         "console_scripts": [
             f"terrain_collider = {NAME}.startup.executables:terrain_collider",
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
+            f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
             f"smartmesh-compile = {NAME}.startup.executables:compile_ahead",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
+            f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
+            f"smartmesh-rover = {NAME}.startup.executables:rover",
+            f"smartmesh-soil = {NAME}.startup.executables:soil",
             f"smartmesh-tune = {NAME}.startup.executables:tune",
             f"smartmesh-view = {NAME}.startup.executables:view",
             *([] if IS_WHEEL else IN_WORKSPACES),
