@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 from smartmesh_ros import machine_code  # noqa: E402  # needs nothing but Python
 
-# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view, ...
+# For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
 IN_WORKSPACES = [
     f"fleet_front = {NAME}.startup.executables:fleet_front",
     f"rover = {NAME}.startup.executables:rover",

@@ -33,41 +33,48 @@ def terrain_source() -> None:
 
 def terrain_sensor() -> None:
     """Run a lidar or a depth camera."""
+    _exit_on_signals()
     silence_pybullet()
     _start("smartmesh_ros.node.sensor.terrain_sensor")
 
 
 def soil() -> None:
     """Run the soil."""
+    _exit_on_signals()
     silence_pybullet()
     _start("smartmesh_ros.node.soil.soil_node")
 
 
 def rover() -> None:
     """Run the robot of the soil's demo."""
+    _exit_on_signals()
     import_pybullet_quietly()
     _start("smartmesh_ros.node.demo.rover")
 
 
 def fleet_front() -> None:
     """Run the front of a fleet."""
+    _exit_on_signals()
     silence_pybullet()
     _start("smartmesh_ros.node.fleet.front")
 
 
 def fleet() -> None:
     """Run several nodes and their front."""
+    _exit_on_signals()
     _start("smartmesh_ros.node.fleet.command")
 
 
 def demo() -> None:
     """Run the demo."""
+    _exit_on_signals()
     import_pybullet_quietly()
     _start("smartmesh_ros.node.demo.demo")
 
 
 def view() -> None:
     """Run the page in the browser."""
+    _exit_on_signals()
     import_pybullet_quietly()
     _start("smartmesh_ros.view.main")
 
@@ -88,7 +95,7 @@ def tune() -> None:
 
 
 def _exit_on_signals() -> None:
-    """Exit at once on SIGINT or SIGTERM, until `smartmesh_ros.node.running.run` installs its handlers.
+    """Exit at once on SIGINT or SIGTERM, until the executable installs its own handlers.
 
     Call this before the imports, which take a second and leave nothing to clean up. Without these handlers, SIGINT
     would be lost in a background job, because shells start background jobs with SIGINT ignored.
