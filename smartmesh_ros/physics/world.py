@@ -31,7 +31,7 @@ from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
-from smartmesh_ros.physics.standing import standing_state
+from smartmesh_ros.physics.standing import NO_TERRAIN, standing_state
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
@@ -453,6 +453,8 @@ class World:
         try:
             state = standing_state(self.client, body, body.initial, self.ground_at, clearance=clearance, align=align)
             require_possible(body.name, state)
+            if not self.terrain.tiles:
+                raise InputError("no_map", NO_TERRAIN)
         except InputError:
             self.client.removeBody(body.uid)
             raise

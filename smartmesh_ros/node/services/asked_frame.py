@@ -16,6 +16,7 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.clock import stamp_of
 from smartmesh_ros.physics.quaternions import rotate
+from smartmesh_ros.physics.standing import NO_TERRAIN
 from smartmesh_ros.terrain.grid import FloatArray
 
 # Largest difference between the instant of a question and now [s].
@@ -77,7 +78,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
     if session.paused:
         raise InputError("paused", "the physics is paused, and its time with it; call ~/pause with data: false first")
     if not session.world.terrain.tiles:
-        raise InputError("no_map", "there is no terrain yet; ask again after the first map")
+        raise InputError("no_map", NO_TERRAIN)
     stamp = conversions.stamp_seconds(header.stamp)
     if stamp is None:
         time, instant = session.world.time, stamp_of(_stamp_of_world(session))
