@@ -44,6 +44,7 @@ class Session:
         self.settings = settings
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
+        self.world.say = node.get_logger().warning
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
         self.names = EndpointNames()
