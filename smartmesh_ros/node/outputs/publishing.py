@@ -263,6 +263,8 @@ class Publishing:
             new_refusals=refused - self._refused_before,
         )
         self._refused_before = refused
-        message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))
+        message = DiagnosticArray(
+            status=diagnostics.statuses(self._node.get_fully_qualified_name(), self._world, health)
+        )
         message.header.stamp = self._session.stamp_now()
         return message
