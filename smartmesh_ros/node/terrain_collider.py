@@ -116,8 +116,10 @@ class TerrainCollider(Node):
             self._namesakes.check()
 
     def destroy_node(self) -> None:
-        """Closes the world, then destroys the node."""
-        if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
+        """Clears the patches that viewers show, closes the world, and destroys the node."""
+        if outputs := getattr(self, "_outputs", None):  # ROS 2 Kilted destroys nodes that could not start, too
+            outputs.close()
+        if session := getattr(self, "session", None):
             session.turns.close()
             session.world.close()
         super().destroy_node()

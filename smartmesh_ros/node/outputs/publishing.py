@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
@@ -38,6 +39,8 @@ DISCOVERY_TIME = 1.0
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
 DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
+# Longest wait at the end until subscribers have the last message [s].
+LAST_WORDS = 0.5
 # Shortest time over which a real-time factor is measured [s].
 MIN_WINDOW = 0.5
 RELIABLE = QoSProfile(depth=10)
@@ -69,8 +72,9 @@ class _Window:
         return length, self._factor, misses
 
 
-class _IncrementalMode:
-    """Decides which messages of an output may contain only the changes since the last message."""
+class _Audience:
+    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
+    have made subscribers forget some."""
 
     def __init__(self) -> None:
         self._listeners = 0
@@ -80,8 +84,13 @@ class _IncrementalMode:
     def only_changed(self, listeners: int) -> bool:
         """Return True if the next message may contain only changes.
 
-        New subscribers, and every `ALL_PATCHES_PERIOD` all subscribers, receive everything.
-        """
+    @property
+    def new(self) -> bool:
+        return monotonic() < self._new_until
+
+    def needs_all(self) -> bool:
+        """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
+        all subscribers, receive everything."""
         now = monotonic()
         if listeners != self._listeners:
             self._listeners, self._all_until = listeners, now + DISCOVERY_TIME
@@ -136,7 +145,7 @@ class Publishing:
         self._timing_window = _Window(session)
         self._diagnostics_window = _Window(session)
         self._refused_before = 0
-        self._increments = {name: _IncrementalMode() for name in PATCH_OUTPUTS}
+        self._audiences = {name: _Audience() for name in PATCH_OUTPUTS}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
@@ -153,6 +162,13 @@ class Publishing:
         """Restarts the measurement of the real-time factor."""
         self._timing_window.restart()
         self._diagnostics_window.restart()
+    def close(self) -> None:
+        """Deletes the patches from the displays of subscribers, which keep them else."""
+        publisher = self._outputs["patches"].publisher
+        if publisher.get_subscription_count():
+            publisher.publish(self._markers.cleared())
+            publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
@@ -187,8 +203,9 @@ class Publishing:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
     def _only_changed(self, output: str) -> bool:
-        listeners = self._outputs[output].publisher.get_subscription_count()
-        return self._session.settings.incremental and self._increments[output].only_changed(listeners)
+        publisher, audience = self._outputs[output].publisher, self._audiences[output]
+        audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
+        return self._session.settings.incremental and not audience.needs_all()
 
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
@@ -202,7 +219,7 @@ class Publishing:
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
-            only_changed=only_changed,
+            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
     def _make_body_states(self) -> bytes:
