@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityState
 from smartmesh_msgs.msg import BodyDescriptionArray, ContactWrenchArray
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.testing import Probe, Process, pose_message
 from tests.node.shared import show_level_ground
@@ -74,3 +74,68 @@ def test_robots_that_cannot_move_their_links_are_published(
             assert shared.call(service, request, entity=kind).result.result == Result.RESULT_OK
     for topic in ("patches", "collider_patches", "contacts"):
         shared.latest(topic)
+
+
+ARM = (
+    f'<link name="base">{inertial(2.0)}{BOX}</link><link name="arm">{inertial(0.1)}</link>'
+    '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><origin xyz="0.1 0.2 0.3"/>'
+    '<axis xyz="0 0 1"/><limit effort="5" velocity="50"/></joint>'
+    f'<link name="slider">{inertial(0.1)}</link>'
+    '<joint name="slide" type="prismatic"><parent link="arm"/><child link="slider"/><axis xyz="1 0 0"/>'
+    '<limit lower="-1" upper="1" effort="5" velocity="50"/></joint>'
+)
+JOINTS = ["hinge", "slide"]
+
+
+def names(probe: Probe) -> list[str]:
+    return list(probe.latest("joint_states").name)
+
+
+def roots(probe: Probe, count: int) -> set[str]:
+    """Child frames of the odometry, once there are so many."""
+    received = probe.received[probe.topic("odometry")]
+    received.clear()
+    probe.wait_for(lambda: len({message.child_frame_id for message in received}) == count)
+    return {message.child_frame_id for message in received}
+
+
+def test_names_stay_whatever_robots_come_and_go(shared: Probe) -> None:
+    show_level_ground(shared)
+    shared.listen("odometry", Odometry)
+    spawn(shared, "one", ARM, 0.7)
+    shared.wait_for(lambda: names(shared) == JOINTS)
+    assert roots(shared, 1) == {"base"}
+    spawn(shared, "two", ARM, 1.7)
+    spawn(shared, "three", STIFF["one_link"], 2.5)
+    prefixed = [f"two/{joint}" for joint in JOINTS]
+    shared.wait_for(lambda: names(shared) == JOINTS + prefixed)
+    assert roots(shared, 3) == {"base", "two/base", "three/base"}
+    # What was published as a name is taken as one: it means the first robot, not whichever is alone.
+    publisher = shared.publisher(JointState, "joint_commands")
+
+    def turned() -> bool:
+        publisher.publish(JointState(name=["hinge", "two/hinge"], position=[0.4, -0.4]))
+        return np.allclose(np.array(shared.latest("joint_states").position)[[0, 2]], (0.4, -0.4), atol=0.02)
+
+    shared.wait_for(turned)
+    assert shared.call("remove_body", RemoveBody, id="one").success
+    shared.wait_for(lambda: names(shared) == prefixed)
+    assert roots(shared, 2) == {"two/base", "three/base"}
+    spawn(shared, "four", ARM, 0.7)
+    shared.wait_for(lambda: names(shared) == prefixed + JOINTS)
+
+
+def test_every_robot_has_a_prefix_by_a_parameter(probe: Probe) -> None:
+    with probe.running(parameters={"publish.robot_prefix": True}):
+        show_level_ground(probe)
+        spawn(probe, "one", ARM)
+        probe.listen("odometry", Odometry)
+        probe.wait_for(lambda: names(probe) == [f"one/{joint}" for joint in JOINTS])
+        assert roots(probe, 1) == {"one/base"}
+        publisher = probe.publisher(JointState, "joint_commands")
+
+        def turned() -> bool:  # a robot that is alone takes both names in commands
+            publisher.publish(JointState(name=["hinge", "one/slide"], position=[0.4, 0.1]))
+            return np.allclose(probe.latest("joint_states").position, (0.4, 0.1), atol=0.02)
+
+        probe.wait_for(turned)

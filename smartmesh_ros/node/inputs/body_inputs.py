@@ -92,6 +92,6 @@ class BodyInputs:
         clock.accept(placed)
 
     def _on_joint_commands(self, message: JointState) -> None:
-        world = self._session.world
-        for robot, joint, command in joint_commands_from(message, world):
+        world, names = self._session.world, self._session.robot_names
+        for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
             world.command(robot, joint, command)

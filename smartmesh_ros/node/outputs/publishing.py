@@ -231,11 +231,12 @@ class Publishing:
 
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
-        return [robot_outputs.joint_states(self._header(), self._world)] if robot_outputs.robots(self._world) else []
+        prefixes = self._session.robot_names.prefixes()
+        return [robot_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world = self._header(), self._world
-        return [robot_outputs.odometry(header, world, robot) for robot in robot_outputs.robots(world)]
+        header, world, names = self._header(), self._world, self._session.robot_names
+        return [robot_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
 
     def _make_contact_wrenches(self) -> ContactWrenchArray:
         return robot_outputs.contact_wrenches(self._header(), self._world)

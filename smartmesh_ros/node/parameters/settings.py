@@ -88,6 +88,7 @@ class Settings:
     incremental: bool = False
     marker_namespace: str = "patches"
     body_timeout: float = 1.0
+    robot_prefix: bool = False
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
