@@ -44,10 +44,9 @@ class Session:
         self.node = node
         self.settings = settings
         self.world = World(config=settings.world)
-        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.world.say = node.get_logger().warning
         self.tracking = Tracking(self.world, settings.body_timeout)
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
-        self.world.say = node.get_logger().warning
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
         self.names = EndpointNames()

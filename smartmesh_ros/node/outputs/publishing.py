@@ -24,10 +24,12 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import SimulatedStates
 
@@ -37,10 +39,10 @@ ALL_PATCHES_PERIOD = 5.0
 DISCOVERY_TIME = 1.0
 # Outputs that show patches. They are published only after the patches were refreshed.
 PATCH_OUTPUTS = ("patches", "collider_patches")
-# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
-DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
 # Longest wait at the end until subscribers have the last message [s].
 LAST_WORDS = 0.5
+# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
+DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
 # Shortest time over which a real-time factor is measured [s].
 MIN_WINDOW = 0.5
 RELIABLE = QoSProfile(depth=10)
@@ -77,12 +79,14 @@ class _Audience:
     have made subscribers forget some."""
 
     def __init__(self) -> None:
-        self._listeners = 0
-        self._all_until = -math.inf
+        self._counts = (0, 0)
+        self._new_until = -math.inf
         self._all_due = -math.inf
 
-    def only_changed(self, listeners: int) -> bool:
-        """Return True if the next message may contain only changes.
+    def count(self, subscribers: int, publishers: int) -> None:
+        """Note the numbers of subscribers and publishers."""
+        if (subscribers, publishers) != self._counts:
+            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
 
     @property
     def new(self) -> bool:
@@ -92,12 +96,10 @@ class _Audience:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
         all subscribers, receive everything."""
         now = monotonic()
-        if listeners != self._listeners:
-            self._listeners, self._all_until = listeners, now + DISCOVERY_TIME
-        if self._all_until <= now < self._all_due:
-            return True
+        if self._new_until <= now < self._all_due:
+            return False
         self._all_due = now + ALL_PATCHES_PERIOD
-        return False
+        return True
 
 
 class _Output(NamedTuple):
@@ -108,7 +110,7 @@ class _Output(NamedTuple):
 class Publishing:
     """The node's outputs."""
 
-    def __init__(self, session: Session, peers: PeerBodies) -> None:
+    def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session, self._peers = session, peers
         self._node, self._world = session.node, session.world
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
@@ -117,6 +119,7 @@ class Publishing:
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
+        self._transforms = TransformOutputs(session, transforms)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -153,15 +156,12 @@ class Publishing:
         time = monotonic()
         self._publish(self._outputs, time, now=now)
         self._clock.publish(time)
+        self._transforms.publish(time, at_once=now)
         self._descriptions.publish()
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
             self._diagnostics.publisher.publish(self._diagnostics.make())
 
-    def restart_measuring(self) -> None:
-        """Restarts the measurement of the real-time factor."""
-        self._timing_window.restart()
-        self._diagnostics_window.restart()
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
         publisher = self._outputs["patches"].publisher
@@ -169,6 +169,10 @@ class Publishing:
             publisher.publish(self._markers.cleared())
             publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
+    def restart_measuring(self) -> None:
+        """Restarts the measurement of the real-time factor."""
+        self._timing_window.restart()
+        self._diagnostics_window.restart()
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""
@@ -211,7 +215,7 @@ class Publishing:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
-            only_changed=only_changed,
+            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
@@ -219,7 +223,7 @@ class Publishing:
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
-            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
+            only_changed=only_changed,
         )  # fmt: skip
 
     def _make_body_states(self) -> bytes:
