@@ -52,6 +52,8 @@ COSTS = {
     "node/test_testing.py": 11,
     "studies/test_mapper.py": 11,
     "node/test_robots.py": 10,
+    "node/test_markers.py": 10,
+    "node/test_robot_outputs.py": 10,
     "node/test_terrain_adapters.py": 10,
     "node/test_terrain_sensor.py": 10,
     "node/test_partition.py": 9,

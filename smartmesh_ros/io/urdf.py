@@ -22,6 +22,7 @@ from smartmesh_ros.physics.limits import FARTHEST_BODY, MASSES, SIZES
 _SCHEMES = ("package://", "model://", "file://")
 _SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
 _NUMBER = re.compile(r"nan|inf|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
+_LEAST_MASS = 1e-9  # of a link [kg]; robots in use have frames of 1e-7 kg
 _LARGEST_INERTIA = 1e18  # [kg m^2]
 
 
@@ -69,7 +70,10 @@ def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
     links = sum(1 for _ in root.iter("link"))
     if links > rules.most_links:
         raise InputError("size", f"the URDF has {links} links; the maximum is {rules.most_links}")
+    seen = {element for visual in root.iter("visual") for element in visual.iter()}
     for element in root.iter():
+        if element not in seen:  # a shape that is only seen may have any size
+            _check_sizes(element)
         _check_numbers(element)
         for key, name in element.attrib.items():
             if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # PyBullet ignores plugins
@@ -80,16 +84,21 @@ def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
             _check_inertia(link)
 
 
-def _check_numbers(element: ElementTree.Element) -> None:
-    tag = element.tag
-    for key in _SIZES.get(tag, ()):
+def _check_sizes(element: ElementTree.Element) -> None:
+    for key in _SIZES.get(element.tag, ()):
         for value in _numbers(element, key):
             if not SIZES[0] <= value <= SIZES[1]:
-                raise InputError("urdf", f"{key} of a {tag} is {value:g} m; it must be {SIZES[0]:g} to {SIZES[1]:g}")
+                raise InputError(
+                    "urdf", f"{key} of a {element.tag} is {value:g} m; it must be {SIZES[0]:g} to {SIZES[1]:g}"
+                )
+
+
+def _check_numbers(element: ElementTree.Element) -> None:
+    tag = element.tag
     if tag == "mass":
         for value in _numbers(element, "value"):
-            if value and not MASSES[0] <= value <= MASSES[1]:
-                raise InputError("urdf", f"a mass is {value:g} kg; it must be 0, or {MASSES[0]:g} to {MASSES[1]:g}")
+            if value and not _LEAST_MASS <= value <= MASSES[1]:
+                raise InputError("urdf", f"a mass is {value:g} kg; it must be 0, or {_LEAST_MASS:g} to {MASSES[1]:g}")
     if tag == "inertia":
         for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
             if any(abs(value) > _LARGEST_INERTIA for value in _numbers(element, key)):

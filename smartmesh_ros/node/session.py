@@ -18,6 +18,7 @@ from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
@@ -43,7 +44,9 @@ class Session:
         self.node = node
         self.settings = settings
         self.world = World(config=settings.world)
+        self.world.say = node.get_logger().warning
         self.tracking = Tracking(self.world, settings.body_timeout)
+        self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
         self.names = EndpointNames()

@@ -19,9 +19,11 @@ from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
 from smartmesh_ros.node.inputs.robot_description import RobotDescription
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.announcing import announce, announce_changes
 from smartmesh_ros.node.outputs.namesakes import Namesakes
 from smartmesh_ros.node.outputs.publishing import Publishing
+from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.helping import answer
@@ -53,11 +55,12 @@ class TerrainCollider(ParameterNode):
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._peers = PeerBodies(session)
-        self._outputs = Publishing(session, self._peers)
+        transforms = TransformInput(session)
+        self._outputs = Publishing(session, self._peers, transforms)
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
-        self._bodies = BodyInputs(session)
+        self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
-        GroundServices(session, self._bodies.transforms)
+        GroundServices(session, transforms)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
@@ -110,8 +113,10 @@ class TerrainCollider(ParameterNode):
             self._namesakes.check()
 
     def destroy_node(self) -> None:
-        """Closes the world, then destroys the node."""
-        if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
+        """Clears the patches that viewers show, closes the world, and destroys the node."""
+        if outputs := getattr(self, "_outputs", None):  # ROS 2 Kilted destroys nodes that could not start, too
+            outputs.close()
+        if session := getattr(self, "session", None):
             session.turns.close()
             session.world.close()
         super().destroy_node()
@@ -182,7 +187,8 @@ class TerrainCollider(ParameterNode):
         self._outputs.restart_measuring()
 
     def _check_settings(self, settings: Settings) -> None:
-        """Raises `InputError` if the settings do not fit the current terrain."""
+        """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
+        require_transforms(settings.publish.tf)
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)
 

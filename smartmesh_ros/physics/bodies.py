@@ -17,6 +17,7 @@ from smartmesh_ros.physics.body_shapes import read_shape
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
+from smartmesh_ros.physics.link_masses import set_masses
 from smartmesh_ros.physics.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.physics.state import BodyState
 
@@ -55,6 +56,7 @@ class Body:
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
+    notes: tuple[str, ...] = ()  # what its description was taken as, for the user
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
 
     @property
@@ -157,6 +159,9 @@ class BodyFactory:
             joints,
             urdf=urdf,
         )
+        text = urdf if urdf.lstrip().startswith("<") else Path(urdf).read_text(encoding="utf-8", errors="replace")
+        if note := set_masses(client, uid, text).note:
+            body.notes = (*body.notes, note)
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         self.place(body, BodyState())

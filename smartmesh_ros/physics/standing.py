@@ -21,6 +21,7 @@ from smartmesh_ros.physics.state import BodyState, Quaternion
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import GroundSamples
 
+NO_TERRAIN = "there is no terrain yet; ask again after the first map"
 # Returns the ground under points (N, 2) [m].
 GroundAt = Callable[[FloatArray], GroundSamples]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -31,7 +32,7 @@ from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
-from smartmesh_ros.physics.standing import standing_state
+from smartmesh_ros.physics.standing import NO_TERRAIN, standing_state
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
@@ -72,6 +73,7 @@ class World:
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
         self._counts = StepCounts()
+        self.say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning  # tells the user
         self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
 
@@ -451,6 +453,8 @@ class World:
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
         try:
+            if not self.terrain.tiles:
+                raise InputError("no_map", NO_TERRAIN)
             state = standing_state(self.client, body, body.initial, self.ground_at, clearance=clearance, align=align)
             require_possible(body.name, state)
         except InputError:
@@ -495,6 +499,8 @@ class World:
 
     def _add(self, body: Body) -> None:
         self.bodies[body.name] = body
+        for note in body.notes:
+            self.say(f"robot {body.name!r}: {note}")
         if body.is_robot:
             for link, part in body.links.items():
                 self._attach(body, self.ground.attach(body.uid, link), f"{body.name}/{part}")

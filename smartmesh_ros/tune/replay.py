@@ -10,6 +10,7 @@ from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.physics.limits import SIZES, require_between
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -26,6 +27,7 @@ class Replay:
         self.settings = settings
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout)
+        self._names = RobotNames(self.world, always=settings.robot_prefix)
         self.refused: Counter[str] = Counter()
         self._waiting = list(bodies)
         self._spawn()
@@ -74,7 +76,7 @@ class Replay:
         elif isinstance(event, BodiesCame):
             self._track(event)
         elif isinstance(event, JointsCame):
-            for robot, joint, command in joint_commands_from(event.message, self.world):
+            for robot, joint, command in joint_commands_from(event.message, self.world, self._names.prefixes()):
                 self.world.command(robot, joint, command)
 
     def _track(self, event: BodiesCame) -> None:

@@ -28,6 +28,7 @@ from smartmesh_ros.node.fleet.peer_names import full_names
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.fleet.polling import Polled
 from smartmesh_ros.node.fleet.requests import place_of, specification_of
+from smartmesh_ros.node.outputs.diagnostics import task_name
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.parameter_node import ParameterNode
@@ -228,7 +229,9 @@ class Front(ParameterNode):
         elif waiting:
             level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
         pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        status = DiagnosticStatus(level=level, name=f"{self.get_name()}: nodes", message=text, values=pairs)
+        own = self.get_fully_qualified_name()
+        name = task_name(own, "nodes")
+        status = DiagnosticStatus(level=level, name=name, message=text, hardware_id=own, values=pairs)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

@@ -28,11 +28,10 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 class BodyInputs:
     """Applies messages about bodies to the world. ``transforms``: of the frames in which poses arrive."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, transforms: TransformInput) -> None:
+        self._session, self.transforms = session, transforms
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
-        self.transforms = TransformInput(session)
         self._frames = FrameBodies(session, self.transforms)
 
         def most() -> int:
@@ -92,6 +91,6 @@ class BodyInputs:
         clock.accept(placed)
 
     def _on_joint_commands(self, message: JointState) -> None:
-        world = self._session.world
-        for robot, joint, command in joint_commands_from(message, world):
+        world, names = self._session.world, self._session.robot_names
+        for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
             world.command(robot, joint, command)

@@ -52,6 +52,11 @@ class FrameBodies:
     def _follow(self, name: str, frame: str) -> None:
         session = self._session
         session.require_not_simulated(name)
+        if self._transforms.is_own(frame):
+            raise InputError(
+                "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
+                "that follows it would overlap the simulated one"
+            )  # fmt: skip
         pose, stamp = self._transforms.buffer.lookup(session.frame_id, frame)
         if stamp is not None and stamp == self._stamps.get(name):
             return

@@ -118,6 +118,10 @@ class FrameBuffer:
         outward = self._chain(up, stamp)
         return (self._chain(down, stamp).inverse().then(outward) if down else outward), stamp
 
+    def ancestors(self, frame: str) -> list[str]:
+        """Return the frames above a frame, up to the root. Raises `InputError` if the frames form a cycle."""
+        return self._way(frame)[1:]
+
     def _way(self, frame: str) -> list[str]:
         """Return the frame and its ancestors, up to the root."""
         way = [frame]

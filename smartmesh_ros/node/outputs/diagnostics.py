@@ -46,7 +46,8 @@ class Health:
 
 
 def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
-    """Return one status per task: terrain, bodies, physics, inputs, connections."""
+    """Return one status per task of the node with a fully qualified name: terrain, bodies, physics, inputs,
+    connections."""
     return [
         _status(node_name, "terrain", *_terrain(world, health)),
         _status(node_name, "bodies", *_bodies(world, health)),
@@ -146,6 +147,12 @@ def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     return DiagnosticStatus.OK, "no incompatible QoS", values
 
 
+def task_name(node_name: str, task: str) -> str:
+    """Return the name of a status, which differs for nodes of the same name in different namespaces."""
+    return f"{node_name.strip('/')}: {task}"
+
+
 def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(level=level, name=f"{node_name}: {task}", message=text, hardware_id="", values=pairs)
+    name = task_name(node_name, task)
+    return DiagnosticStatus(level=level, name=name, message=text, hardware_id=node_name, values=pairs)

@@ -34,6 +34,7 @@ class PublishRates:
     joint_states: float = 60.0
     odometry: float = 60.0
     contact_wrenches: float = 60.0
+    tf: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +88,7 @@ class Settings:
     output_depth: int = 10
     incremental: bool = False
     marker_namespace: str = "patches"
+    robot_prefix: bool = False
     body_timeout: float = 1.0
     default_radius: float = 0.25
     spawn: tuple[str, ...] = ()

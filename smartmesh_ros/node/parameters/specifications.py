@@ -309,6 +309,18 @@ SPECS = (
     ),
     Spec("publish.depth", _D.output_depth, "Queue depth of each output.", 1, 10_000, read_only=True),
     Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
+    Spec(
+        "publish.robot_prefix", _D.robot_prefix,
+        "Joints and frames of every robot are named <robot>/<name>. false: those of the first robot have the names of "
+        "its URDF, as robot_state_publisher expects. Names do not change while their robot is there.",
+        read_only=True,
+    ),
+    Spec(
+        "publish.tf", _D.publish.tf,
+        "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other nodes publish are "
+        "left out.",
+        0.0, 1000.0,
+    ),
     Spec("publish.odometry", _D.publish.odometry, "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
     Spec("publish.contact_wrenches", _D.publish.contact_wrenches, "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
     Spec(
@@ -351,6 +363,7 @@ _SETTINGS = {
     "output_depth": "publish.depth",
     "incremental": "publish.incremental",
     "marker_namespace": "publish.marker_namespace",
+    "robot_prefix": "publish.robot_prefix",
 }
 
 

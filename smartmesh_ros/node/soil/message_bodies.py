@@ -68,11 +68,11 @@ class MessageBodies:
         self._given.keep(body.id for body in message.bodies)
 
     def take_joints(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
-        """Take the positions [rad, m] and velocities of joints, named ``<robot>/<joint>``, or ``<joint>`` if there is
-        one robot."""
+        """Take the positions [rad, m] and velocities of joints, named ``<robot>/<joint>``, or ``<joint>`` for the robot
+        without prefix."""
         for name, robot in self._robots.items():
             for joint, index in robot.joints.items():
-                key = f"{name}/{joint}" if len(self._robots) > 1 else joint
+                key = f"{name}/{joint}" if f"{name}/{joint}" in positions else joint
                 if key in positions:
                     self._client.resetJointState(robot.uid, index, positions[key], velocities.get(key, 0.0))
 
