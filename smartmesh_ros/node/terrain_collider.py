@@ -203,6 +203,7 @@ class TerrainCollider(Node):
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
             session.tracking.timeout = self.settings.body_timeout
+            session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
                 self._outputs.restart_measuring()

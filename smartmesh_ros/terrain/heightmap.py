@@ -110,8 +110,24 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
+        moves = self._rests_at > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
+
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clocks["delay"][0, 0])
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clocks["delay"] = delay
+
+    @property
+    def _rests_at(self) -> FloatArray:
+        """Instants at which the blocks come to rest if no update follows [s]."""
+        clocks = self._clocks
+        expected = np.where(clocks["lifetime"] > 0.0, clocks["lifetime"] + clocks["delay"], 0.0)
+        return np.asarray(clocks["time"] + REST_AFTER * expected)
 
     @property
     def noise(self) -> float:
@@ -240,8 +256,8 @@ class HeightMap:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
-        return slides or bool((time < self._clocks["time"] + REST_AFTER * self._clocks["lifetime"]).any())
+        slides = self.track.moves and time < self.track.time + REST_AFTER * (self.track.interval + self.delay)
+        return slides or bool((time < self._rests_at).any())
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
@@ -273,7 +289,7 @@ class HeightMap:
         yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
         if self.track.interval:
             moving = self.track.motion
-            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code)
+            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code, self.delay)
             x, y, yaw = moved_on(geometry, moving, along)
             slide_x, slide_y = velocity_after(moving, along)
             slide_x, slide_y, spin = rate * slide_x, rate * slide_y, rate * moving.spin

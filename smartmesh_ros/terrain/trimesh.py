@@ -165,9 +165,18 @@ class TriangleMesh:
         """Expected time between updates [s]; 0 = no update expected."""
         return float(self._clock[0].lifetime)
 
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clock[0].delay)
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clock["delay"] = delay
+
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
-        return self.lifetime > 0.0 and time - self.time < REST_AFTER * self.lifetime
+        return self.lifetime > 0.0 and time - self.time < REST_AFTER * (self.lifetime + self.delay)
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Callable
+from itertools import count
+from time import monotonic
 from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -14,6 +17,7 @@ from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, pose_message
+from smartmesh_ros.testing.probe import DIAGNOSTICS
 from tests.node.shared import changed, refusal_at_start
 
 SHARED = {
@@ -117,6 +121,61 @@ def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> 
             return bool(state.pose.position.y > 1.0)
 
         shared.wait_for(thrown)
+
+
+def test_bodies_that_are_heard_of_stay_however_old_their_stamps_are(shared: Probe) -> None:
+    """A pose each tenth of a second that is older than the time-out, on topics of each kind."""
+    with changed(shared, {"bodies.timeout": 0.3}):
+        flat_map(shared)
+        rover, arm = shared.publisher(Odometry, "tracked_odometry"), shared.publisher(PoseStamped, "/arm/tip_pose")
+        shared.wait_for(lambda: shared.diagnostics("bodies")["tracked"] == "0")
+        due, seen = monotonic(), len(shared.received[DIAGNOSTICS])
+
+        def publish() -> bool:
+            nonlocal due
+            if monotonic() >= due:
+                due = monotonic() + 0.05
+                odometry = old(shared, Odometry(), 0.7)
+                odometry.pose.pose.position.z, odometry.twist.twist.linear.x = 0.3, 1.0
+                rover.publish(odometry)
+                arm.publish(old(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), 0.5))
+            shared.spin(0.01)
+            return len(shared.received[DIAGNOSTICS]) >= seen + 8
+
+        shared.wait_for(publish)
+        tracked = [bodies_tracked(message) for message in shared.received[DIAGNOSTICS][seen:]]
+        assert set(tracked[tracked.index("2") :]) == {"2"}
+        found = shared.diagnostics("connections")
+        assert float(found["age of stamps on arrival, ~/tracked_odometry [s]"]) == pytest.approx(0.7, abs=0.1)
+        assert float(found["age of stamps on arrival, /arm/tip_pose [s]"]) == pytest.approx(0.5, abs=0.1)
+
+
+def old(probe: Probe, message: Any, age: float) -> Any:
+    """The message with a stamp of so long ago [s]."""
+    stamped(probe, message, "map")
+    total = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - round(age * 1e9)
+    message.header.stamp = Time(sec=total // 10**9, nanosec=total % 10**9)
+    return message
+
+
+def bodies_tracked(message: Any) -> str:
+    [status] = [status for status in message.status if status.name.endswith(": bodies")]
+    return next(str(pair.value) for pair in status.values if pair.key == "tracked")
+
+
+def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+    flat_map(shared)
+    second, places = shared.publisher(PoseStamped, "/second/pose"), count()
+
+    def told() -> bool:  # many between two diagnostics
+        for _ in range(5):
+            pose = pose_message((100.0 * (next(places) % 2), 5.0, 0.2))
+            second.publish(stamped(shared, PoseStamped(pose=pose), "map"))
+            shared.spin(0.02)
+        return int(shared.diagnostics("bodies").get("jumps on /second/pose", 0)) > 0
+
+    shared.wait_for(told)
+    assert "the pose of 'second.pose' jumped by 100 m" in shared_node[1].output
 
 
 def test_poses_in_another_frame_are_transformed(shared: Probe, shared_node: tuple[Probe, Process]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
@@ -57,7 +58,8 @@ class FrameBodies:
             return
         clock = self._clocks.setdefault(name, StampClock())
         placed = clock.place(stamp, session.clock_now(), session.pace_at)
-        session.tracking.update(name, session.settings.default_radius, BodyState(*pose), placed.time)
+        session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
         clock.accept(placed)
+        session.stamp_ages[SOURCE] = clock.age
         if stamp is not None:
             self._stamps[name] = stamp

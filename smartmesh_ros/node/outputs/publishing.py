@@ -261,6 +261,8 @@ class Publishing:
                 session.names,
             ),
             new_refusals=refused - self._refused_before,
+            jumps=session.jumps,
+            stamp_ages=session.stamp_ages,
         )
         self._refused_before = refused
         message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))

@@ -89,6 +89,7 @@ class Settings:
     marker_namespace: str = "patches"
     body_timeout: float = 1.0
     default_radius: float = 0.25
+    max_velocity: float = 10.0
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
     executor: ExecutorKind = "events"
