@@ -38,9 +38,9 @@ class Session:
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
     ``map_warning``: suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain.
-    ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``stamp_ages``:
-    steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of the peer nodes.
-    ``turns``: answers under way.
+    ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
+    number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
+    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -49,6 +49,7 @@ class Session:
         self.world = World(config=settings.world)
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self.jumps: Counter[str] = Counter()
+        self.unstamped: Counter[str] = Counter()
         self.stamp_ages: dict[str, float | None] = {}
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)

@@ -177,10 +177,14 @@ class TerrainCollider(Node):
 
     def _forget_stamps(self) -> None:
         """Accepts any stamps from now on, and restarts the loop's deadlines."""
-        self._terrain.forget_stamps()
-        self._bodies.forget_stamps()
-        self._peers.forget_stamps()
-        self.restart()
+        session = self.session
+        with session.lock:
+            self._terrain.forget_stamps()
+            self._bodies.forget_stamps()
+            self._peers.forget_stamps()
+            session.tracking.restart(session.clock.pace())
+            session.stamp_ages.clear()
+            self.restart()
 
     def restart(self) -> None:
         """Restarts the loop's deadlines and measurements."""

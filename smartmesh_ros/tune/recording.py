@@ -173,7 +173,7 @@ class Reader:
     def take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
         """Store a TFMessage, and yield the poses of bodies that are frames."""
         for stamp, parent, child, transform in transforms_from(record.data):
-            time = None if static else conversions.stamp_seconds(stamp) or 0.0
+            time = None if static else conversions.stamp_seconds(stamp) or record.time
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
         if self.recording.frame:
             for name, frame in self._settings.frames:

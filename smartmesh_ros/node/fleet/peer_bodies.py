@@ -74,9 +74,13 @@ class PeerBodies:
             self._discover()
 
     def forget_stamps(self) -> None:
-        """Accept any next stamp of each peer, after a reset."""
+        """Accept any next stamp of each peer, after a reset or when the clock was set; all heard peers count as heard
+        now."""
+        now = self._session.clock.pace()
         for peer in self._peers.values():
             peer.clock = StampClock()
+            peer.heard = None if peer.heard is None else now
+        self._last_refresh = math.inf
 
     def summaries(self) -> dict[str, str]:
         """Return the diagnostics text of each peer by name."""

@@ -26,15 +26,20 @@ class _Velocity(NamedTuple):
 
 @dataclass
 class _LastPose:
-    """``time`` [s]: of the pose. ``heard`` [s]: of its arrival. ``stated``: the source states velocities. ``change``:
-    mean velocity between the two poses before, None = unknown. ``moving``: the body moves on until the next pose."""
+    """``tracked``: the state with its velocity, with which the body moves on. ``time`` [s]: of the pose. ``heard`` [s]:
+    of its arrival. ``stated``: the source states velocities. ``change``: mean velocity since the pose before, None =
+    unknown."""
 
-    state: BodyState
+    tracked: BodyState
     time: float
     heard: float
     stated: bool
     change: _Velocity | None
-    moving: bool
+
+    @property
+    def moving(self) -> bool:
+        """True if the body moves on until its next pose."""
+        return any(self.tracked.linear) or any(self.tracked.angular)
 
 
 class Tracking:
@@ -74,16 +79,17 @@ class Tracking:
         last = self._last_poses.get(name)
         stated |= any(state.linear) or any(state.angular) or (last is not None and last.stated)
         tracked, change, jump = state, None, ""
-        if last is not None and not stated and 0.0 < time - last.time <= MAX_INTERVAL:
-            change = _velocity(last.state, state, time - last.time)
+        if last is not None and not stated and time == last.time:
+            tracked, change = replace(last.tracked, position=state.position, orientation=state.orientation), last.change
+        elif last is not None and not stated and 0.0 < time - last.time <= MAX_INTERVAL:
+            change = _velocity(last.tracked, state, time - last.time)
             speed = max(_length(change.linear), radius * _length(change.angular))
             if speed > self.max_velocity or _length(change.angular) > FASTEST_SPIN:
-                jump, change = self._jump(name, last.state, state, speed), last.change
+                jump, change = self._jump(name, last.tracked, state, speed), last.change
             else:
                 tracked = _with_velocity(state, change, last.change)
         self._world.track(name, radius, tracked)
-        moving = any(tracked.linear) or any(tracked.angular)
-        self._last_poses[name] = _LastPose(state, time, time if heard is None else heard, stated, change, moving)
+        self._last_poses[name] = _LastPose(tracked, time, time if heard is None else heard, stated, change)
         return jump
 
     def restart(self, time: float) -> None:
@@ -103,7 +109,7 @@ class Tracking:
             if seen.moving and time - seen.heard > MAX_INTERVAL and name in self._world.bodies:
                 state = self._world.state(name)
                 self._world.track(name, self._world.bodies[name].radius, BodyState(state.position, state.orientation))
-                seen.moving = False
+                seen.tracked = BodyState(seen.tracked.position, seen.tracked.orientation)
         gone = [name for name, seen in self._last_poses.items() if time - seen.heard > self.timeout]
         for name in gone:
             self.forget(name)

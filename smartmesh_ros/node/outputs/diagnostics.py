@@ -25,9 +25,11 @@ class Health:
     updates. ``map_sources``: number of publishers on the terrain topics. ``overtaken``: number of maps that arrived
     after a newer one, by topic. ``publishers``: number of connected publishers by topic. ``rival_clocks``: other
     publishers of ``/clock``. ``rival_maps``: publishers whose maps disagree. ``map_warning``: suspected misuse of the
-    maps, empty = none. ``incompatible``: peers with incompatible QoS, by topic. ``jumps``: number of jumps of tracked
-    bodies, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s]. ``peers``: state of each
-    node whose bodies may be guests here; ``silent_peers``: peers named by parameters without messages.
+    maps, empty = none. ``incompatible``: peers with incompatible QoS, by topic. ``clock_wait``: what of ``/clock`` the
+    physics waits for, empty = nothing. ``unstamped``: number of transforms without stamp, by topic. ``jumps``: number
+    of jumps of tracked bodies, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s].
+    ``peers``: state of each node whose bodies may be guests here; ``silent_peers``: peers named by parameters without
+    messages.
     """
 
     map_age: float | None
@@ -38,9 +40,11 @@ class Health:
     real_time_factor: float
     deadline_misses: int
     paused: bool
+    clock_wait: str
     refusals: Counter[str]
     new_refusals: int
     jumps: Counter[str]
+    unstamped: Counter[str]
     stamp_ages: dict[str, float | None]
     rival_clocks: list[str]
     rival_maps: list[str]
@@ -130,6 +134,8 @@ def _physics(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     }
     if health.paused:
         return DiagnosticStatus.OK, "paused", values
+    if health.clock_wait:
+        return DiagnosticStatus.WARN, health.clock_wait, values
     if health.real_time_factor < 0.95:
         return DiagnosticStatus.WARN, f"slower than real time ({health.real_time_factor:.2f})", values
     return DiagnosticStatus.OK, "in real time", values
@@ -144,6 +150,7 @@ def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
 
 def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in health.publishers.items()}
+    values |= {f"without stamp on {topic}": count for topic, count in sorted(health.unstamped.items())}
     ages = [(source, age) for source, age in health.stamp_ages.items() if age is not None]
     values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages[:MOST_AGES]}
     values |= {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}

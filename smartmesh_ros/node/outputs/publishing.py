@@ -26,6 +26,7 @@ from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
+from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import SimulatedStates
@@ -108,6 +109,7 @@ class Publishing:
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
+        self._clock_watch = ClockWatch(session)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -247,6 +249,7 @@ class Publishing:
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,
+            clock_wait=self._clock_watch.check(),
             refusals=session.refusals.counts,
             peers=self._peers.summaries(),
             silent_peers=self._peers.silent(),
@@ -262,6 +265,7 @@ class Publishing:
             ),
             new_refusals=refused - self._refused_before,
             jumps=session.jumps,
+            unstamped=session.unstamped,
             stamp_ages=session.stamp_ages,
         )
         self._refused_before = refused

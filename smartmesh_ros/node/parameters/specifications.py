@@ -136,8 +136,8 @@ SPECS = (
     ),
     Spec(
         "terrain.max_interval", _D.motion.max_interval,
-        "Longest time between two maps from which velocity is estimated, and longest delay of maps over which the ground "
-        "is extrapolated [s].",
+        "Longest time between two maps from which velocity is estimated, and longest delay of maps over which the "
+        "ground is extrapolated [s].",
         0.001, 60.0,
     ),
     Spec(

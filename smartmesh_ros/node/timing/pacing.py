@@ -218,7 +218,9 @@ class StampClock:
         age = clock_now - stamp
         measured, used = self._delays(age, own)
         added = min(max(used - horizon, 0.0), max(age, 0.0)) if own else used
-        time = time_at(age - added)
+        # Equal stamps are at equal times, whatever rounding.
+        again = last is not None and not fresh and stamp == last.source_time
+        time = last.time if again and last is not None else time_at(age - added)
         lost = 0.0 if fresh else self._lost(stamp, time)
         return Placed(stamp, time, own, fresh, lost, measured, used, now - time)
 
