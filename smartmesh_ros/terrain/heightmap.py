@@ -12,6 +12,7 @@ from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
+from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
@@ -35,11 +36,11 @@ class Samples(NamedTuple):
 class HeightMap:
     """Heights on a uniform grid, with holes, and their motion.
 
-    ``heights``: (rows, columns) array [m], copied to float32; NaN = no ground. ``resolution``, ``origin`` and ``yaw``
-    place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a ``geometry``.
-    ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape:
-    vertical velocity of the ground; by default the difference quotient of successive heights. ``variance`` [m^2]: of
-    the heights, one number or one for each; by default that of ``motion.noise``.
+    ``heights``: (rows, columns) array [m], copied to float32; NaN or masked = no ground. ``resolution``, ``origin`` and
+    ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
+    ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
+    shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -447,7 +448,7 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = np.asarray(values)
+    array = unmasked(values)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":

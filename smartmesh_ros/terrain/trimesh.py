@@ -13,6 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
+from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
 from smartmesh_ros.terrain.motion import (
     CLOCK,
@@ -299,7 +300,7 @@ def _checked_velocities(velocities: ArrayLike, count: int) -> FloatArray:
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:
-    array = np.asarray(values)
+    array = unmasked(values)
     if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
         raise InputError("length", f"{what} have shape {array.shape}; it must be ({count or 'V'}, 3)")
     if array.dtype.kind not in "fiu":
