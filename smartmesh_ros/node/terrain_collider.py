@@ -176,10 +176,14 @@ class TerrainCollider(ParameterNode):
 
     def _forget_stamps(self) -> None:
         """Accepts any stamps from now on, and restarts the loop's deadlines."""
-        self._terrain.forget_stamps()
-        self._bodies.forget_stamps()
-        self._peers.forget_stamps()
-        self.restart()
+        session = self.session
+        with session.lock:
+            self._terrain.forget_stamps()
+            self._bodies.forget_stamps()
+            self._peers.forget_stamps()
+            session.tracking.restart(session.clock.pace())
+            session.stamp_ages.clear()
+            self.restart()
 
     def restart(self) -> None:
         """Restarts the loop's deadlines and measurements."""
@@ -203,6 +207,7 @@ class TerrainCollider(ParameterNode):
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
             session.tracking.timeout = self.settings.body_timeout
+            session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
                 self._outputs.restart_measuring()

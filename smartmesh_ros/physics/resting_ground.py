@@ -50,7 +50,8 @@ def count_updates(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, time: f
         for r in range(top >> BLOCK_SHIFT, (bottom >> BLOCK_SHIFT) + 1):
             for c in range(left >> BLOCK_SHIFT, (right >> BLOCK_SHIFT) + 1):
                 clock = grid.clocks[r, c]
-                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * clock.lifetime)
+                expected = clock.lifetime + clock.delay
+                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * expected)
                 if grid.mode == Mode.CORRECT:
                     moves = remaining(clock, grid.shown, grid.settle) > 0.0
                 counts[k] = -1 if moves or counts[k] < 0 else counts[k] + clock.updates

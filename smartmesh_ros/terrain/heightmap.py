@@ -12,6 +12,7 @@ from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
+from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
@@ -35,11 +36,11 @@ class Samples(NamedTuple):
 class HeightMap:
     """Heights on a uniform grid, with holes, and their motion.
 
-    ``heights``: (rows, columns) array [m], copied to float32; NaN = no ground. ``resolution``, ``origin`` and ``yaw``
-    place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a ``geometry``.
-    ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape:
-    vertical velocity of the ground; by default the difference quotient of successive heights. ``variance`` [m^2]: of
-    the heights, one number or one for each; by default that of ``motion.noise``.
+    ``heights``: (rows, columns) array [m], copied to float32; NaN or masked = no ground. ``resolution``, ``origin`` and
+    ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
+    ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
+    shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -110,8 +111,24 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
+        moves = self._rests_at > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
+
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clocks["delay"][0, 0])
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clocks["delay"] = delay
+
+    @property
+    def _rests_at(self) -> FloatArray:
+        """Instants at which the blocks come to rest if no update follows [s]."""
+        clocks = self._clocks
+        expected = np.where(clocks["lifetime"] > 0.0, clocks["lifetime"] + clocks["delay"], 0.0)
+        return np.asarray(clocks["time"] + REST_AFTER * expected)
 
     @property
     def noise(self) -> float:
@@ -240,8 +257,8 @@ class HeightMap:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
-        return slides or bool((time < self._clocks["time"] + REST_AFTER * self._clocks["lifetime"]).any())
+        slides = self.track.moves and time < self.track.time + REST_AFTER * (self.track.interval + self.delay)
+        return slides or bool((time < self._rests_at).any())
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
@@ -273,7 +290,7 @@ class HeightMap:
         yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
         if self.track.interval:
             moving = self.track.motion
-            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code)
+            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code, self.delay)
             x, y, yaw = moved_on(geometry, moving, along)
             slide_x, slide_y = velocity_after(moving, along)
             slide_x, slide_y, spin = rate * slide_x, rate * slide_y, rate * moving.spin
@@ -431,7 +448,7 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = np.asarray(values)
+    array = unmasked(values)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":

@@ -26,7 +26,7 @@ class Replay:
     def __init__(self, settings: Settings, bodies: Sequence[Start]) -> None:
         self.settings = settings
         self.world = World(config=settings.world)
-        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self._names = RobotNames(self.world, always=settings.robot_prefix)
         self.refused: Counter[str] = Counter()
         self._waiting = list(bodies)
@@ -66,12 +66,14 @@ class Replay:
                     event.velocities,
                     event.time(self.world.time),
                 )
+                self.world.terrain.tiles[event.tile].delay = event.delay
             self._spawn()
         elif isinstance(event, RegionCame):
             tile = self.world.terrain.tile(event.tile)
             if not isinstance(tile, HeightMap):
                 raise InputError("unknown_tile", f"tile {event.tile!r} is a general mesh")
             tile.update_region(event.row, event.column, event.heights, time=time, velocities=event.velocities)
+            tile.delay = event.delay
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
@@ -87,7 +89,8 @@ class Replay:
                 raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, radius in zip(event.bodies, radii, strict=True):
-            self.tracking.update(body.name, radius, body.state, event.time(self.world.time))
+            time = event.time(self.world.time)
+            self.tracking.update(body.name, radius, body.state, time, self.world.time, stated=body.stated)
         for name in event.gone:
             self.tracking.forget(name)
 

@@ -105,13 +105,13 @@ class Target:
             raise FindingError(name, data, error) from error
 
     def _give(self, name: str, data: bytes) -> None:
-        before, overtaken = self._refused(), self.node.session.overtaken
+        before, overtaken = self._refused(), self.node.session.overtaken.total()
         fate = "taken"
         if name in self._topics:
             self._topics[name].callback(data)
             if self._refused() > before:
                 fate = "refused"
-            elif self.node.session.overtaken > overtaken:
+            elif self.node.session.overtaken.total() > overtaken:
                 fate = "overtaken"
         else:
             fate = self._call(name, data)

@@ -70,7 +70,7 @@ class BodyInputs:
         self._track(topic, message.header, [BodyInput(name, conversions.state_from(message.pose), 0.0)])
 
     def _on_odometry(self, name: str, topic: str, message: Odometry) -> None:
-        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
+        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)])
 
     def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
         session = self._session
@@ -87,8 +87,9 @@ class BodyInputs:
             require_possible(body.name, state)
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, state, radius in zip(bodies, states, radii, strict=True):
-            session.tracking.update(body.name, radius, state, placed.time)
+            session.track(topic, body._replace(state=state, radius=radius), placed.time)
         clock.accept(placed)
+        session.stamp_ages[topic] = clock.age
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names

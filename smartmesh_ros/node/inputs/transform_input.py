@@ -17,6 +17,7 @@ from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session
 
 
@@ -91,16 +92,35 @@ class TransformInput:
         return self.buffer.lookup(terrain, frame_id, stamp)[0]
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        """Adds each transform on its own, so that a refused one does not affect the others."""
+        """Add each transform on its own, so that a refused one does not affect the others."""
+        topic = "/tf_static" if static else "/tf"
         own, now = hash(data) in self._sent, math.inf if static else monotonic()
         for stamp, parent, child, transform in transforms_from(data):
             try:
                 require_name(child, self._session.settings)
-                time = None if static else conversions.stamp_seconds(stamp) or 0.0
-                self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
+                time = None if static else self._time_of(stamp, child)
+                back = self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
                 if own:
                     self._own.add(child.strip("/"))
                 else:
                     self._others[child.strip("/")] = max(now, self._others.get(child.strip("/"), now))
+                if back:
+                    raise InputError(
+                        "stamp_backwards",
+                        f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older, as if "
+                        "the clock of its source was set back or a recording started over",
+                    )
             except InputError as error:
-                self._session.refusals.add("/tf_static" if static else "/tf", error)
+                self._session.refusals.add(topic, error)
+
+    def _time_of(self, stamp: Stamp, child: str) -> float:
+        """Return a stamp [s]; that of a transform without one is now."""
+        seconds = conversions.stamp_seconds(stamp)
+        if seconds is not None:
+            return seconds
+        session = self._session
+        session.unstamped["/tf"] += 1
+        session.node.get_logger().warning(
+            f"transforms of {child!r} on /tf have no stamp, and hold when they arrive", throttle_duration_sec=LOG_PERIOD
+        )
+        return session.clock_now()

@@ -28,6 +28,7 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
+from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
@@ -120,6 +121,7 @@ class Publishing:
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
+        self._clock_watch = ClockWatch(session)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -269,6 +271,7 @@ class Publishing:
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,
+            clock_wait=self._clock_watch.check(),
             refusals=session.refusals.counts,
             peers=self._peers.summaries(),
             silent_peers=self._peers.silent(),
@@ -283,6 +286,9 @@ class Publishing:
                 session.names,
             ),
             new_refusals=refused - self._refused_before,
+            jumps=session.jumps,
+            unstamped=session.unstamped,
+            stamp_ages=session.stamp_ages,
         )
         self._refused_before = refused
         message = DiagnosticArray(

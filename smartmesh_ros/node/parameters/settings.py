@@ -91,6 +91,7 @@ class Settings:
     robot_prefix: bool = False
     body_timeout: float = 1.0
     default_radius: float = 0.25
+    max_velocity: float = 10.0
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
     executor: ExecutorKind = "events"

@@ -136,7 +136,8 @@ SPECS = (
     ),
     Spec(
         "terrain.max_interval", _D.motion.max_interval,
-        "Longest time between two maps from which velocity is estimated [s].",
+        "Longest time between two maps from which velocity is estimated, and longest delay of maps over which the "
+        "ground is extrapolated [s].",
         0.001, 60.0,
     ),
     Spec(
@@ -225,6 +226,12 @@ SPECS = (
         "bodies.timeout", _D.body_timeout,
         "Remove a tracked body after this long without a pose [s]; it stops after half a second without one.",
         0.01, 3600.0,
+    ),
+    Spec(
+        "bodies.max_velocity", _D.max_velocity,
+        "Highest velocity of a tracked body that is estimated from successive poses [m/s]; a faster change counts as a "
+        "jump, without velocity, and is reported.",
+        0.01, 1000.0,
     ),
     Spec(
         "bodies.default_radius", _D.default_radius,
@@ -357,6 +364,7 @@ _SETTINGS = {
     "longest_urdf": "bodies.longest_urdf",
     "urdf_folders": "bodies.urdf_folders",
     "body_timeout": "bodies.timeout",
+    "max_velocity": "bodies.max_velocity",
     "default_radius": "bodies.default_radius",
     "spawn": "bodies.spawn",
     "output_durability": "publish.durability",
