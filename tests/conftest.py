@@ -33,6 +33,7 @@ COSTS = {
     "newcomer/test_wheel.py": 39,
     "studies/test_consumer.py": 36,
     "test_machine_code.py": 35,
+    "newcomer/test_pybullet.py": 25,
     "node/test_presets.py": 22,
     "view/test_page.py": 21,
     "tune/test_search.py": 20,
