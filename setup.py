@@ -48,21 +48,27 @@ print(json.dumps({"missing": missing, "pybullet": sorted(set(names))}))
 """
 
 
-def environment() -> tuple[list[str], list[str], list[str]]:
-    """Return the command of a Python that has PyBullet, what it lacks for compiling, and its packages named PyBullet.
+def environment() -> tuple[dict[str, str], list[str], list[str]]:
+    """Return the variables of a Python that has PyBullet, what it lacks for compiling, and its packages named PyBullet.
 
-    pip builds in an environment that holds the build's requirements alone, set up by PYTHONPATH. `-E` ignores that,
-    and asks the environment which the package is installed into.
+    pip builds in an environment that holds the build's requirements alone, which two variables set up. Without them
+    Python is that of the environment which the package is installed into.
     """
-    for command in ([sys.executable], [sys.executable, "-E"]):
-        done = subprocess.run([*command, "-c", ASK], capture_output=True, text=True, check=True)
-        found = json.loads(done.stdout)
+    outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONNOUSERSITE")}
+    for variables in ({**os.environ}, outside):
+        found = json.loads(python(ASK, variables))
         if "pybullet" not in found["missing"]:
             break
-    return command, found["missing"], found["pybullet"]
+    return variables, found["missing"], found["pybullet"]
 
 
-PYTHON, MISSING, INSTALLED = environment()
+def python(script: str, variables: dict[str, str]) -> str:
+    """Run a script with these environment variables; return what it prints."""
+    command = [sys.executable, "-c", script]
+    return subprocess.run(command, env=variables, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+
+VARIABLES, MISSING, INSTALLED = environment()
 # A PyBullet that is there stays: two packages of the same modules would overwrite each other's files. A wheel for all
 # machines cannot know.
 if not PURE and "pybullet" not in MISSING:
@@ -77,11 +83,10 @@ def compile_beforehand() -> Path | None:
         print(f"no machine code is built, because of missing packages ({', '.join(MISSING)}); the first start compiles")
         return None
     here = f"import sys; sys.path.insert(0, {str(ROOT)!r}); "
-    compiling = f"{here}from smartmesh_ros.compiling import main; main()"
-    if subprocess.run([*PYTHON, "-c", compiling], check=False).returncode:
+    compiling = [sys.executable, "-c", f"{here}from smartmesh_ros.compiling import main; main()"]
+    if subprocess.run(compiling, env=VARIABLES, check=False).returncode:
         print("no machine code is built, for the reason above; the first start compiles")
-    ask = f"{here}from smartmesh_ros import machine_code; print(machine_code.complete() or '')"
-    place = subprocess.run([*PYTHON, "-c", ask], capture_output=True, text=True, check=True).stdout.strip()
+    place = python(f"{here}from smartmesh_ros import machine_code; print(machine_code.complete() or '')", VARIABLES)
     return Path(place) if place else None
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from tests.newcomer.conftest import ROOT, copy_of_this
+from smartmesh_ros import machine_code
+from tests.newcomer.conftest import ROOT, add_caller_and_callee, copy_of_this
 from tests.newcomer.test_wheel import install
 
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"
@@ -27,6 +28,19 @@ def metadata_of(folder: Path) -> list[str]:
     """The requirements of the installation of this package in a folder."""
     [file] = folder.rglob("smartmesh_ros-*.dist-info/METADATA")
     return Parser().parsestr(file.read_text()).get_all("Requires-Dist", [])
+
+
+def tag_of(packages: Path) -> str:
+    """For which Python and machine the wheel was that was installed into a folder."""
+    [file] = packages.glob("smartmesh_ros-*.dist-info/WHEEL")
+    return Parser().parsestr(file.read_text())["Tag"]
+
+
+def empty_environment(made: Path) -> Path:
+    """The folder of the packages of a new virtual environment."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", made], check=True)
+    [packages] = made.glob("lib/python*/site-packages")
+    return packages
 
 
 @pytest.fixture(scope="module")
@@ -84,8 +98,7 @@ def test_an_environment_keeps_its_pybullet(source: Path, tmp_path: Path, name: s
     """Installed by pip, which builds where the environment's packages cannot be imported. With "", PyBullet is there
     without being a package of pip's; with None there is none."""
     made = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", made], check=True)
-    [packages] = made.glob("lib/python*/site-packages")
+    packages = empty_environment(made)
     if name is not None:
         (packages / "pybullet.py").touch()
     if name:
@@ -99,5 +112,19 @@ def test_an_environment_keeps_its_pybullet(source: Path, tmp_path: Path, name: s
         assert {item.name for item in found} == {FORK, UPSTREAM}
     else:
         assert [str(item) for item in found] == [name] * bool(name)
-    [tag] = [line for line in next(packages.glob("smartmesh_ros-*/WHEEL")).read_text().splitlines() if "Tag" in line]
-    assert tag == "Tag: py3-none-any", "without Numba there is no machine code"
+    # Without Numba there is no machine code.
+    assert tag_of(packages) == "py3-none-any"
+
+
+def test_machine_code_is_built_by_what_the_environment_has(tmp_path: Path) -> None:
+    """Not by what the build requires, which pip installs for it alone. One function, because all take long."""
+    source = tmp_path / "source"
+    copy_of_this(source)
+    add_caller_and_callee(source / "smartmesh_ros")
+    packages = empty_environment(tmp_path / "environment")
+    (packages / "those_of_this_test.pth").write_text("\n".join(path for path in sys.path if path.endswith("-packages")))
+    install(tmp_path / "environment", "--no-deps", source)
+    [place] = (packages / "smartmesh_ros" / machine_code.FOLDER_NAME).iterdir()
+    assert place.name == f"{machine_code.digest_of(source / 'smartmesh_ros')}-{machine_code.platform_tag()}"
+    assert any("gap_to_corner" in file.name for file in place.iterdir())
+    assert tag_of(packages) != "py3-none-any"
