@@ -34,6 +34,7 @@ COSTS = {
     "studies/test_consumer.py": 36,
     "node/test_processes.py": 35,
     "test_machine_code.py": 35,
+    "newcomer/test_pybullet.py": 25,
     "node/test_presets.py": 22,
     "view/test_page.py": 21,
     "tune/test_search.py": 20,
