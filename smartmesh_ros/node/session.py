@@ -18,6 +18,7 @@ from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
@@ -36,13 +37,15 @@ class Session:
     maps that arrived after a map with a newer stamp. ``lock``: guards the world, for executors with several threads.
     ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree. ``map_warning``:
     suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the
-    node's inputs and outputs. ``names``: names of the peer nodes. ``turns``: answers under way.
+    node's inputs and outputs. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
+    robots for the world.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self.node = node
         self.settings = settings
         self.world = World(config=settings.world)
+        self.world.say = node.get_logger().info
         self.tracking = Tracking(self.world, settings.body_timeout)
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
@@ -61,6 +64,7 @@ class Session:
         self.rival_maps: list[str] = []
         self.map_warning = ""
         self.turns = Turns()
+        self.robots = RobotPreparation()
 
     @property
     def paused(self) -> bool:
@@ -121,6 +125,31 @@ class Session:
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
         self.pacer.follows_clock = simulated
         self.pacer.restart()
+
+    def serve_eagerly(self, kind: Any, service: str, answer: Callable[[Any, Any], Coroutine[Any, Any, Any]]) -> None:
+        """Serves ``~/service`` by a coroutine that returns the response. It runs at once until it first awaits, and
+        then in turns; it holds the ``lock`` where it needs the world."""
+
+        def start(request: Any, response: Any) -> Any:
+            self.handled += 1
+            steps = answer(request, response)
+            try:
+                steps.send(None)
+            except StopIteration as end:
+                return end.value
+            return Work(steps)
+
+        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
+        send = made.send_response
+
+        def respond(found: Any, header: Any) -> None:
+            if isinstance(found, Work):
+                self.turns.add(found, lambda response: send(response, header))
+            else:
+                send(found, header)
+
+        # The executors pass to this method what the callback returned.
+        made.send_response = respond
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
         """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""

@@ -119,6 +119,7 @@ class TerrainCollider(Node):
         """Closes the world, then destroys the node."""
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
             session.turns.close()
+            session.robots.close()
             session.world.close()
         super().destroy_node()
 

@@ -33,7 +33,7 @@ from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
-from smartmesh_ros.physics.standing import standing_state
+from smartmesh_ros.physics.standing import Parts, Stance, finished, stance_of
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
@@ -164,6 +164,20 @@ class World:
         require_possible(name, state)
         body = self._robot(name, urdf, state)
         self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def stance_of_robot(
+        self, name: str, robot: PreparedRobot, state: BodyState, *, align: bool = False
+    ) -> Parts[Stance]:
+        """Find how a robot would stand on the ground, in parts of a few milliseconds between which this world may step;
+        `Stance.on` then returns the state for `spawn_robot`. Raises `InputError` as of `spawn`."""
+        require_possible(name, state)
+        client: Any = BulletClient(pb.DIRECT)
+        try:
+            body = BodyFactory(client, self.config.physics).robot(name, robot, state)
+            yield
+            return (yield from stance_of(client, body, state, self.ground_at, align=align))
+        finally:
+            client.disconnect()
 
     def ground_at(self, points_w: ArrayLike) -> GroundSamples:
         """Return the ground under points (N, 2) [m] now: heights, normals, velocities and ages; see `Ground.at`."""
@@ -460,7 +474,8 @@ class World:
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
         try:
-            state = standing_state(self.client, body, body.initial, self.ground_at, clearance=clearance, align=align)
+            stance = finished(stance_of(self.client, body, body.initial, self.ground_at, align=align))
+            state = stance.on(self.ground_at, clearance)
             require_possible(body.name, state)
         except InputError:
             self.client.removeBody(body.uid)

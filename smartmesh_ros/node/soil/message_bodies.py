@@ -94,8 +94,8 @@ class MessageBodies:
     def _load(self, name: str, body: BodyDescription) -> None:
         if self._client is None:
             self._client = BulletClient(pb.DIRECT)
-        robot = prepare_robot(body.urdf_file or body.urdf)
-        made = BodyFactory(self._client, PhysicsConfig()).robot(name, robot, BodyState())
+        prepared = prepare_robot(body.urdf_file or body.urdf)
+        made = BodyFactory(self._client, PhysicsConfig()).robot(name, prepared, BodyState())
         self._robots[name] = made
         self._links = BulletBodies(self._client)
         for robot in self._robots.values():
