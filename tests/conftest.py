@@ -66,6 +66,7 @@ COSTS = {
     "node/test_connections.py": 7,
     "node/test_tutorial.py": 7,
     "physics/test_impact.py": 7,
+    "physics/test_robot_descriptions.py": 7,
     "physics/test_moving_ground.py": 7,
     "studies/test_robots.py": 7,
     "test_warm_up.py": 7,

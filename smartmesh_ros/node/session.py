@@ -21,6 +21,7 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
 from smartmesh_ros.node.robot_names import RobotNames
+from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
@@ -41,7 +42,8 @@ class Session:
     ``map_warning``: suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
-    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way.
+    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
+    robots for the world.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
@@ -71,6 +73,7 @@ class Session:
         self.rival_maps: list[str] = []
         self.map_warning = ""
         self.turns = Turns()
+        self.robots = RobotPreparation()
 
     @property
     def paused(self) -> bool:
@@ -131,6 +134,31 @@ class Session:
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
         self.pacer.follows_clock = simulated
         self.pacer.restart()
+
+    def serve_eagerly(self, kind: Any, service: str, answer: Callable[[Any, Any], Coroutine[Any, Any, Any]]) -> None:
+        """Serves ``~/service`` by a coroutine that returns the response. It runs at once until it first awaits, and
+        then in turns; it holds the ``lock`` where it needs the world."""
+
+        def start(request: Any, response: Any) -> Any:
+            self.handled += 1
+            steps = answer(request, response)
+            try:
+                steps.send(None)
+            except StopIteration as end:
+                return end.value
+            return Work(steps)
+
+        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
+        send = made.send_response
+
+        def respond(found: Any, header: Any) -> None:
+            if isinstance(found, Work):
+                self.turns.add(found, lambda response: send(response, header))
+            else:
+                send(found, header)
+
+        # The executors pass to this method what the callback returned.
+        made.send_response = respond
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
         """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""

@@ -118,6 +118,7 @@ class TerrainCollider(ParameterNode):
             outputs.close()
         if session := getattr(self, "session", None):
             session.turns.close()
+            session.robots.close()
             session.world.close()
         super().destroy_node()
 

@@ -57,10 +57,12 @@ def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
     return compound(parts)
 
 
-def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> BodyShape:
+def shape_of(client: Any, body: int, link: int, shape: Shape | BodyShape | None, radius: float | None) -> BodyShape:
     """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
     raises `InputError` if it has no size."""
-    if shape is not None:
+    if isinstance(shape, BodyShape):
+        made = shape
+    elif shape is not None:
         made = body_shape(shape)
     else:
         made = read_shape(client, body, link) if radius is None else ball(radius)

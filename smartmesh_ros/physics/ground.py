@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
 from smartmesh_ros.patches.selector import Selector
+from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.physics.body_shapes import shape_of
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
@@ -182,12 +183,13 @@ class Ground:
         *,
         radius: float | None = None,
         solid: bool = True,
-        shape: Shape | None = None,
+        shape: Shape | BodyShape | None = None,
     ) -> Follower:
         """Put a patch under ``body`` (or its ``link``).
 
-        The shape is read from PyBullet, unless it is given: as a ``shape`` about the centre of mass, or as the
-        ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a collider.
+        The shape is read from PyBullet, unless it is given: as a ``shape`` about the centre of mass (or one that was
+        read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a
+        collider.
         """
         record = shape_of(self._client, body, link, shape, radius)
         own = solid and self._client.getDynamicsInfo(body, -1)[0] > 0.0  # a body without mass does not move by physics

@@ -91,7 +91,8 @@ def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules
         (SHAPE.format('<inertial><mass value="-1"/></inertial>'), "mass"),
         (SHAPE.format('<inertial><mass value="1e-300"/></inertial>'), "mass"),
         (SHAPE.format('<inertial><inertia ixx="1e300"/></inertial>'), "ixx"),
-        (SHAPE.format('<visual><origin xyz="0 0 1e200"/></visual>'), "xyz"),
+        (SHAPE.format('<collision><origin xyz="0 0 1e200"/></collision>'), "xyz"),
+        ('<robot name="r"><link name="a"/><link name="b"/></robot>', "no parent"),
         (MESH.format("nothing.obj"), "does not exist"),
     ],
 )

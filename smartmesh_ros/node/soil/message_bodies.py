@@ -13,6 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.conversions import state_from
 from smartmesh_ros.physics.bodies import Body, BodyFactory
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.robots.prepared import prepare_robot
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies, PressingBody
 
@@ -93,7 +94,8 @@ class MessageBodies:
     def _load(self, name: str, body: BodyDescription) -> None:
         if self._client is None:
             self._client = BulletClient(pb.DIRECT)
-        made = BodyFactory(self._client, PhysicsConfig()).robot(name, body.urdf_file or body.urdf, BodyState())
+        prepared = prepare_robot(body.urdf_file or body.urdf)
+        made = BodyFactory(self._client, PhysicsConfig()).robot(name, prepared, BodyState())
         self._robots[name] = made
         self._links = BulletBodies(self._client)
         for robot in self._robots.values():
