@@ -251,17 +251,18 @@ class Ground:
         with self.stopwatch.stage("bodies"):
             corrections = self._show_corrections(time)
             if sleeping is not None:
+                sleeping.gravity = self.gravity
                 sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
                 sleeping.wake_moved(dt * steps)
             self._move_with_corrections(corrections)
             self._read_states(dt)
             if time != self.time:
-                self._waking.wake(followers)
+                self._waking.wake(followers, () if sleeping is None else sleeping.stopped)
             if sleeping is not None and followers.awake.size:
                 sleeping.note_motion(time)
                 if sleeping.wake_reached(time, 0.0):
                     sleeping.note_motion(time)
-                sleeping.put_to_sleep(time, dt * steps, self.config.tolerance)
+                sleeping.put_to_sleep(time, dt, steps, self.config.tolerance)
         self.stale, self._steps, self.time = False, steps, time
         if not followers.awake.size:
             self.colliders.pool.trim(followers, time)
@@ -295,8 +296,10 @@ class Ground:
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
-        if duration < 0.0 and self._sleeping is not None:  # the clock was set back
-            self._sleeping.wake_all()
+        if self._sleeping is not None:
+            if duration < 0.0:  # the clock was set back
+                self._sleeping.wake_all()
+            self._sleeping.keep_awake()
         self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True

@@ -438,15 +438,12 @@ class World:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
 
     def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body moves or is driven to move."""
+        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
+        sums those that a sleeping robot does not heed."""
         slot = self.followers.of(uid)[0]
         body = self.bodies[self.followers[slot].name.partition("/")[0]]
-        if not body.joints:
-            return True
-        if any(command.velocity for command in body.commands.values()):
-            return False
-        speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
-        return max(map(abs, speeds)) <= self.config.sleep.joint
+        commands = body.commands.values()
+        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
 
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
