@@ -14,6 +14,7 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.base_frames import InertialFrame
 from smartmesh_ros.physics.body_shapes import read_shape
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
@@ -55,6 +56,7 @@ class Body:
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
+    fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
 
     @property
@@ -157,6 +159,7 @@ class BodyFactory:
             joints,
             urdf=urdf,
         )
+        body.fixed = is_fixed(client, uid)
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         self.place(body, BodyState())
@@ -165,9 +168,11 @@ class BodyFactory:
         return body
 
     def move(self, body: Body, state: BodyState) -> None:
-        """Set the state of a body; a robot's joints stay as they are."""
+        """Set the state of a body; a robot's joints stay as they are. A fixed base takes no velocity, because PyBullet
+        would move it on with this velocity for ever."""
         self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
-        self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
+        if not body.fixed:
+            self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
 
     def place(self, body: Body, state: BodyState) -> None:
         """Set the state of a body, and a robot's joints to zero."""

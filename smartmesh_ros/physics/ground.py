@@ -14,6 +14,7 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.physics.body_shapes import shape_of
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
@@ -190,7 +191,7 @@ class Ground:
         ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a collider.
         """
         record = shape_of(self._client, body, link, shape, radius)
-        own = solid and self._client.getDynamicsInfo(body, -1)[0] > 0.0  # a body without mass does not move by physics
+        own = solid and not is_fixed(self._client, body)
         follower = Follower(body, link, record, solid)
         self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
         slots = self.followers.capacity

@@ -308,7 +308,8 @@ class World:
         self.ground.configure(self.config.patch)  # discards supports chosen at the old places
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are."""
+        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
+        fixed takes no velocity."""
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
@@ -505,4 +506,5 @@ class World:
         follower.name = name
         record = self.followers.table[follower.slot : follower.slot + 1]
         record["free"] = not body.tracked and body.shape is not None
-        record["own"], record["remote"] = body.simulated, bool(body.owner)
+        record["own"] &= body.simulated
+        record["remote"] = bool(body.owner)
