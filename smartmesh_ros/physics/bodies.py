@@ -18,6 +18,7 @@ from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
+from smartmesh_ros.physics.link_contacts import given_contacts
 from smartmesh_ros.physics.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.physics.state import BodyState
 
@@ -27,6 +28,11 @@ ROUNDED = 1e-4
 # Use the URDF's inertias, which PyBullet otherwise computes from the collision shapes, and cylinders as they are, which
 # PyBullet otherwise replaces by hulls of 64 vertices. A cylinder rolls as truly on a field, at half the cost.
 URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER
+
+
+def is_text(urdf: str) -> bool:
+    """Return True if a robot is given by the text of its URDF, not by a file."""
+    return urdf.lstrip().startswith("<")
 
 
 class Surface(NamedTuple):
@@ -117,11 +123,13 @@ class BodyFactory:
         self.place(body, state)
         return body
 
-    def robot(self, name: str, urdf: str, state: BodyState) -> Body:
-        """Load a robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely."""
-        client = self._client
+    def robot(self, name: str, urdf: str, state: BodyState, surface: Surface | None = None) -> Body:
+        """Load a robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely. Links
+        without ``<contact>`` have the configured friction and restitution or the given ones."""
+        client, config = self._client, self.config
+        surface = surface or Surface(config.friction, config.restitution)
         try:
-            if urdf.lstrip().startswith("<"):
+            if is_text(urdf):
                 with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
                     file.write(urdf)
                     file.flush()
@@ -158,7 +166,10 @@ class BodyFactory:
             links,
             joints,
             urdf=urdf,
+            friction=surface.friction,
+            restitution=surface.restitution,
         )
+        self._set_contacts(body)
         body.fixed = is_fixed(client, uid)
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
@@ -166,6 +177,17 @@ class BodyFactory:
         body.hull = self._hull(body)
         self.place(body, state)
         return body
+
+    def _set_contacts(self, body: Body) -> None:
+        """Give the links of a robot its friction and restitution, unless its URDF gives theirs."""
+        assert body.urdf is not None
+        given = given_contacts(body.urdf if is_text(body.urdf) else Path(body.urdf).read_text(errors="replace"))
+        for index, link in body.links.items():
+            known = given.get(link, frozenset())
+            if "lateral_friction" not in known:
+                self._client.changeDynamics(body.uid, index, lateralFriction=body.friction)
+            if "restitution" not in known:
+                self._client.changeDynamics(body.uid, index, restitution=body.restitution)
 
     def move(self, body: Body, state: BodyState) -> None:
         """Set the state of a body; a robot's joints stay as they are. A fixed base takes no velocity, because PyBullet

@@ -363,10 +363,10 @@ class World:
         self._start()
         self.time = snapshot.time
         for body in snapshot.bodies:
+            surface = Surface(body.friction, body.restitution)
             if body.urdf is not None:
-                self.spawn_robot(body.name, body.urdf, body.state)
+                self._add(self._factory.robot(body.name, body.urdf, body.state, surface))
             elif body.shape is not None:
-                surface = Surface(body.friction, body.restitution)
                 self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
             else:
                 self.track(body.name, body.radius, body.state)
@@ -505,6 +505,5 @@ class World:
         """Record what this world knows of a new follower."""
         follower.name = name
         record = self.followers.table[follower.slot : follower.slot + 1]
-        record["free"] = not body.tracked and body.shape is not None
         record["own"] &= body.simulated
         record["remote"] = bool(body.owner)

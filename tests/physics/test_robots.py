@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, World
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.physics.base_frames import InertialFrame, centre_state, frame_state
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.joints import JointCommand
@@ -261,3 +261,74 @@ def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
     assert client.getBasePositionAndOrientation(body) == start
     assert ground.rescues == 0
     client.disconnect()
+
+
+def sled(contact: str = "") -> str:
+    return (
+        f'<robot name="sled"><link name="base"><contact>{contact}</contact><inertial><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision></link></robot>'
+    )
+
+
+def slick_world(**physics: float) -> World:
+    ground = HeightMap(np.zeros((41, 141)), resolution=0.1, origin=(-2.0, -2.0))
+    return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
+
+
+def add_sled(world: World, kind: str, state: BodyState) -> None:
+    """A box, or the same box as a robot: from the text of its URDF, or from a file."""
+    if kind == "box":
+        world.spawn("sled", Box(0.3, 0.3, 0.1), 1.0, state)
+    else:
+        world.spawn_robot("sled", sled(), state)
+        world.move("sled", state)
+
+
+@pytest.mark.parametrize("kind", ["box", "robot"])
+@pytest.mark.parametrize("friction", [0.0, 0.2, 0.7, 1.0])
+def test_what_slides_stops_by_the_configured_friction(kind: str, friction: float) -> None:
+    with slick_world(friction=friction) as world:
+        add_sled(world, kind, BodyState((0.0, 0.0, 0.05), linear=(2.0, 0.0, 0.0)))
+        world.step(480)
+        expected = min(4.0, 4.0 / (2.0 * 9.81 * friction)) if friction else 4.0
+        assert world.state("sled").position[0] == pytest.approx(expected, rel=0.03, abs=0.005)
+
+
+@pytest.mark.parametrize("kind", ["box", "robot"])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.8])
+def test_what_falls_bounces_by_the_configured_restitution(kind: str, restitution: float) -> None:
+    with slick_world(restitution=restitution, friction=0.0) as world:
+        add_sled(world, kind, BodyState((0.0, 0.0, 0.55)))
+        world.step(80)
+        top = max(world.state("sled").position[2] for _ in range(200) if world.step() is None)
+        assert top - 0.05 == pytest.approx(0.5 * restitution**2, rel=0.2, abs=2e-3)
+
+
+def test_contact_parameters_of_the_urdf_go_before_the_configured_ones(tmp_path: Path) -> None:
+    """Each by itself, for each link, and from a file as from a text; comments do not count."""
+    hinge = (
+        '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint><link name=\'arm\'>'
+        '<!-- <contact><lateral_friction value="0.9"/></contact> --><contact><restitution value="0.3"/></contact>'
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>'
+    )
+    text = sled('<lateral_friction value="0.15"/>').replace("</robot>", hinge)
+    file = tmp_path / "sled.urdf"
+    file.write_text(text)
+    with slick_world(friction=0.6, restitution=0.2) as world:
+        for name, urdf in (("text", text), ("file", str(file))):
+            world.spawn_robot(name, urdf, BodyState((0.0, 0.0, 1.0)))
+            uid = world.bodies[name].uid
+            found = [world.client.getDynamicsInfo(uid, link) for link in (-1, 0)]
+            assert [(round(link[1], 6), round(link[5], 6)) for link in found] == [(0.15, 0.2), (0.6, 0.3)]
+
+
+def test_guests_and_restored_robots_have_the_configured_friction() -> None:
+    with slick_world(friction=0.6) as world:
+        guest = world.add_guest("guest", "peer", Box(0.3, 0.3, 0.1), 1.0)
+        assert world.client.getDynamicsInfo(guest, -1)[1] == pytest.approx(0.6)
+        world.spawn_robot("sled", sled(), BodyState((0.0, 0.0, 1.0)))
+        world.configure(WorldConfig(physics=PhysicsConfig(friction=0.1)))
+        world.restore(world.snapshot())
+        assert world.client.getDynamicsInfo(world.bodies["sled"].uid, -1)[1] == pytest.approx(0.6)
