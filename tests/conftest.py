@@ -31,6 +31,7 @@ Process.starter = staticmethod(preloaded.start)
 COSTS = {
     "newcomer/test_workspace.py": 48,
     "newcomer/test_wheel.py": 39,
+    "physics/test_robots_asleep.py": 38,
     "studies/test_consumer.py": 36,
     "node/test_processes.py": 35,
     "test_machine_code.py": 35,

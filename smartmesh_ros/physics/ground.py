@@ -15,6 +15,7 @@ from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_who
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.physics.body_shapes import shape_of
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
@@ -192,7 +193,7 @@ class Ground:
         collider.
         """
         record = shape_of(self._client, body, link, shape, radius)
-        own = solid and self._client.getDynamicsInfo(body, -1)[0] > 0.0  # a body without mass does not move by physics
+        own = solid and not is_fixed(self._client, body)
         follower = Follower(body, link, record, solid)
         self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
         slots = self.followers.capacity
@@ -253,17 +254,18 @@ class Ground:
         with self.stopwatch.stage("bodies"):
             corrections = self._show_corrections(time)
             if sleeping is not None:
+                sleeping.gravity = self.gravity
                 sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
                 sleeping.wake_moved(dt * steps)
             self._move_with_corrections(corrections)
             self._read_states(dt)
             if time != self.time:
-                self._waking.wake(followers)
+                self._waking.wake(followers, () if sleeping is None else sleeping.stopped)
             if sleeping is not None and followers.awake.size:
                 sleeping.note_motion(time)
                 if sleeping.wake_reached(time, 0.0):
                     sleeping.note_motion(time)
-                sleeping.put_to_sleep(time, dt * steps, self.config.tolerance)
+                sleeping.put_to_sleep(time, dt, steps, self.config.tolerance)
         self.stale, self._steps, self.time = False, steps, time
         if not followers.awake.size:
             self.colliders.pool.trim(followers, time)
@@ -297,8 +299,10 @@ class Ground:
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
-        if duration < 0.0 and self._sleeping is not None:  # the clock was set back
-            self._sleeping.wake_all()
+        if self._sleeping is not None:
+            if duration < 0.0:  # the clock was set back
+                self._sleeping.wake_all()
+            self._sleeping.keep_awake()
         self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True

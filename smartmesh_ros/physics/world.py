@@ -329,7 +329,8 @@ class World:
         self.ground.configure(self.config.patch)  # discards supports chosen at the old places
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are."""
+        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
+        fixed takes no velocity."""
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
@@ -385,10 +386,10 @@ class World:
         self._start()
         self.time = snapshot.time
         for body in snapshot.bodies:
+            surface = Surface(body.friction, body.restitution)
             if body.name in robots:
-                self.spawn_robot(body.name, robots[body.name], body.state)
+                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
             elif body.shape is not None:
-                surface = Surface(body.friction, body.restitution)
                 self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
             else:
                 self.track(body.name, body.radius, body.state)
@@ -461,15 +462,12 @@ class World:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
 
     def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body moves or is driven to move."""
+        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
+        sums those that a sleeping robot does not heed."""
         slot = self.followers.of(uid)[0]
         body = self.bodies[self.followers[slot].name.partition("/")[0]]
-        if not body.joints:
-            return True
-        if any(command.velocity for command in body.commands.values()):
-            return False
-        speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
-        return max(map(abs, speeds)) <= self.config.sleep.joint
+        commands = body.commands.values()
+        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
 
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
@@ -541,5 +539,5 @@ class World:
         """Record what this world knows of a new follower."""
         follower.name = name
         record = self.followers.table[follower.slot : follower.slot + 1]
-        record["free"] = not body.tracked and body.shape is not None
-        record["own"], record["remote"] = body.simulated, bool(body.owner)
+        record["own"] &= body.simulated
+        record["remote"] = bool(body.owner)

@@ -275,6 +275,25 @@ class HeightMap:
         motion = self.motion
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
 
+    @property
+    def has_velocities(self) -> bool:
+        """True if vertical velocities were given or estimated."""
+        return bool(self._clocks["known"].any())
+
+    def set_velocities(self, velocities: NDArray[np.float32]) -> None:
+        """Set the vertical velocities (rows, columns) [m/s] of the newest heights."""
+        self._store(0, 0, self._heights.copy(), velocities, self.time)
+
+    def go_on_from(self, before: "HeightMap") -> None:
+        """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but
+        for the height of its origin."""
+        new, time = self._heights, self.time
+        self._heights = before._heights + np.float32(before.geometry.origin[2] - self.geometry.origin[2])
+        self._clocks = before._clocks.copy()
+        if before.has_velocities:
+            self._velocities = before._velocities.copy()
+        self._store(0, 0, new, None, time)
+
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         for name in CLOCK_TIMES:
@@ -371,6 +390,12 @@ class HeightMap:
             self._correct(row, column, self._fuse(row, column, new, variance, time), time)
             return
         self._deviation = None if variance is None else _deviation(variance)
+        self._store(row, column, new, speeds, time)
+
+    def _store(
+        self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
+    ) -> None:
+        """Store heights of a rectangle that moves, and their velocities if they were given."""
         given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
         take_heights(
             self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),

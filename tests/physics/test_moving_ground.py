@@ -14,6 +14,7 @@ from smartmesh_ros.patches.supports import no_supports
 from smartmesh_ros.physics.colliders.table import moves_nowhere
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.terrain import Terrain
 
 GRAVITY = 9.81
 
@@ -335,3 +336,20 @@ def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float) ->
             slope, (x, _, z) = 0.8 * math.sin(3.0 * world.time), world.state("ball").position
             clearance = (z - slope * x) / math.hypot(1.0, slope) - 0.2
             assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
+
+
+@pytest.mark.parametrize("how", ["heights", "origin"])
+@pytest.mark.parametrize("speed", [0.2, 1.0, -1.0])
+def test_a_box_rides_on_a_lift_whose_maps_are_put(how: str, speed: float) -> None:
+    terrain = Terrain(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
+    with World(terrain) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
+        world.step(240)
+        for step in range(480):
+            if step % 4 == 0:
+                heights, z = (speed * step / 240, 0.0) if how == "heights" else (0.0, speed * step / 240)
+                full = np.full((41, 41), heights)
+                terrain.put("", HeightMap(full, resolution=0.1, origin=(-2.0, -2.0, z), time=world.time))
+            world.step()
+            if step >= 240:
+                assert world.state("box").position[2] - 0.15 == pytest.approx(speed * (step + 1) / 240, abs=1e-4)

@@ -57,12 +57,14 @@ SPECS = (
     ),
     Spec(
         "physics.friction", _PHYSICS.friction,
-        "Coulomb friction coefficient of simulated bodies spawned after the change.",
+        "Coulomb friction coefficient of simulated bodies, and of links of robots without <contact>, spawned after the "
+        "change.",
         0.0, 10.0,
     ),
     Spec(
         "physics.restitution", _PHYSICS.restitution,
-        "Coefficient of restitution of simulated bodies spawned after the change.",
+        "Coefficient of restitution of simulated bodies, and of links of robots without <contact>, spawned after the "
+        "change.",
         0.0, 1.0,
     ),
     Spec("physics.guard", _PHYSICS.guard, "Put bodies that are below the ground back onto it."),
