@@ -34,7 +34,6 @@ ROUNDED = 1e-4
 URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER | pb.URDF_IGNORE_VISUAL_SHAPES
 
 
-
 class Surface(NamedTuple):
     """Friction and restitution of a body."""
 
