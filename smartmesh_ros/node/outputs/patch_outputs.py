@@ -68,7 +68,7 @@ class PatchMarkers:
         message = self._message
         message.start("markers", MarkerArray)
         if clear:
-            self._add_clearing()
+            self._add_clearing(header)
         stamp = stamp_fields(header)
         # Patches of equal size form one group, planes and heightfields alike.
         ids: dict[int, list[IntArray]] = defaultdict(list)
@@ -95,15 +95,15 @@ class PatchMarkers:
             self._sent.forget()
         return message.finish()
 
-    def cleared(self) -> bytes:
+    def cleared(self, header: Header) -> bytes:
         """Return the MarkerArray that deletes all markers of the namespace."""
         self._message.start("markers", MarkerArray)
-        self._add_clearing()
+        self._add_clearing(header)
         return self._message.finish()
 
-    def _add_clearing(self) -> None:
-        make = partial(_marker, self._namespace, "", Marker.DELETEALL, 0)
-        self._message.add("all", make, 1, {"id": NO_ID})
+    def _add_clearing(self, header: Header) -> None:
+        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETEALL, 0)
+        self._message.add((header.frame_id, "all"), make, 1, {**stamp_fields(header), "id": NO_ID})
 
     def _assign_ids(self, names: list[str], epoch: int) -> None:
         """Assigns marker ids to new bodies."""

@@ -168,7 +168,7 @@ class Publishing:
         """Deletes the patches from the displays of subscribers, which keep them else."""
         publisher = self._outputs["patches"].publisher
         if publisher.get_subscription_count():
-            publisher.publish(self._markers.cleared())
+            publisher.publish(self._markers.cleared(self._header()))
             publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def restart_measuring(self) -> None:
