@@ -71,7 +71,7 @@ class PatchConfig:
     contacts see it.
     """
 
-    search: SearchMethod = "grid_traversal"
+    search: SearchMethod = "auto"
     collect: CollectMethod = "cached"
     kind: PatchKind = "auto"
     rings: int = 0

@@ -14,7 +14,7 @@ from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BodyShape
-from smartmesh_ros.physics.body_shapes import shape_of
+from smartmesh_ros.physics.body_shapes import links_with_shape, shape_of
 from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
@@ -66,6 +66,8 @@ class Ground:
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
+        for mesh in self.terrain.tiles.values():
+            require_usable(self.config, mesh)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self.colliders = Colliders(client, self.followers)
@@ -180,30 +182,42 @@ class Ground:
     def attach(
         self,
         body: int,
-        link: int = -1,
+        link: int | None = None,
         *,
         radius: float | None = None,
         solid: bool = True,
         shape: Shape | BodyShape | None = None,
     ) -> Follower:
-        """Put a patch under ``body`` (or its ``link``).
+        """Put a patch under each link of ``body`` that has a collision shape, or under one ``link`` (-1 = the base).
 
-        The shape is read from PyBullet, unless it is given: as a ``shape`` about the centre of mass (or one that was
-        read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a
-        collider.
+        Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
+        one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
+        without colliders. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
+        Raises `InputError`, and attaches nothing, if a link has no shape or is attached already.
         """
-        record = shape_of(self._client, body, link, shape, radius)
+        if link is not None or radius is not None or shape is not None:
+            links = [-1 if link is None else link]
+        else:
+            links = links_with_shape(self._client, body)
+        records = [shape_of(self._client, body, each, shape, radius) for each in links]
+        made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
+        self.followers.require_new(body, links)
         own = solid and not is_fixed(self._client, body)
-        follower = Follower(body, link, record, solid)
-        self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
+        for follower in made:
+            self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
+            self._reserve()
+            if self._sleeping is not None:
+                self._sleeping.add(follower.slot)
+        self.stale = True
+        return made[0]
+
+    def _reserve(self) -> None:
+        """Make room for all slots in the tables."""
         slots = self.followers.capacity
         for table in (self.colliders, self._selector, self._waking, self.stepper.landing):
             table.reserve(slots)
         if self._sleeping is not None:
             self._sleeping.reserve(slots)
-            self._sleeping.add(follower.slot)
-        self.stale = True
-        return follower
 
     def detach(self, body: int) -> None:
         """Remove the patches of ``body`` and its links. Call it before the body is removed from PyBullet."""

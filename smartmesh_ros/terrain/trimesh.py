@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.masked import unmasked
-from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
+from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
 from smartmesh_ros.terrain.motion import (
     CLOCK,
     CLOCK_TIMES,
@@ -102,6 +103,11 @@ class TriangleMesh:
         if self._shape is None:
             self._shape = shape_of(self._now, self.triangles)
         return self._shape
+
+    @cached_property
+    def parts(self) -> int:
+        """Number of parts that share no vertices."""
+        return count_parts(self.triangles, self.size)
 
     def move(
         self,

@@ -71,8 +71,7 @@ class MeshPatches:
     ) -> IntArray:
         """Return the nearest vertices by the configured method."""
         method, mesh = config.search, self.mesh
-        if method == "grid_traversal":
-            assert mesh.shape.grid is not None
+        if method in ("auto", "grid_traversal") and mesh.shape.grid is not None:
             return uniform_grid_vertices(mesh.shape.grid, positions_w)
         if method == "best_first":
             if self._table is None:
