@@ -60,6 +60,7 @@ COSTS = {
     "node/test_terrain_sensor.py": 10,
     "node/test_partition.py": 9,
     "node/test_client.py": 8,
+    "node/test_robot_descriptions.py": 8,
     "physics/test_belts.py": 8,
     "physics/test_waking.py": 8,
     "soil/test_closed_forms.py": 8,

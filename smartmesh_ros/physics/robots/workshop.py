@@ -67,6 +67,7 @@ class Workshop:
         child = self._child
         if child is not None:
             child.kill()
+            child.wait()
 
     def _ask(self, robot: PreparedRobot) -> Any:
         """Return the child's answer, None if it ended without one."""
