@@ -153,8 +153,8 @@ class Target:
                 sent: list[Any] = []
                 turns = Turns()
                 turns.add(response, sent.append)
-                while turns.advance():
-                    pass
+                while not sent:  # a robot is prepared in another thread
+                    turns.advance()
                 [response] = sent
         except Exception as error:
             # rclpy's own services raise on parameters of no type; the node's loop catches and counts that.

@@ -64,8 +64,8 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
-        note, line = process.output.splitlines()
-    assert "'base_footprint' has no mass" in note, "of the robot, once"
+        root, masses, line = process.output.splitlines()
+    assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "auto within 0.0005 m", "events", "parameters.yaml"):
         assert words in line
 
