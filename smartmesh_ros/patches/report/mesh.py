@@ -166,6 +166,9 @@ def mesh_twist(
     middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
     arm, swing = offsets - middle, velocities - linear
     inertia = (share * arm * arm).sum() * np.eye(3) - (share * arm).T @ arm
+    moment = (share * np.cross(arm, swing)).sum(axis=0)
+    if not (np.isfinite(inertia).all() and np.isfinite(moment).all()):  # vertices as far away as numbers reach
+        return np.nan_to_num(linear), np.zeros(3)
     # Points along a line leave one rotation undetermined; lstsq sets it to zero.
-    angular = np.linalg.lstsq(inertia, (share * np.cross(arm, swing)).sum(axis=0), rcond=1e-9)[0]
+    angular = np.linalg.lstsq(inertia, moment, rcond=1e-9)[0]
     return linear - np.cross(angular, middle), angular
