@@ -1,4 +1,4 @@
-# `make demo` and `make test` need only Python 3.11 or 3.12, a C++ compiler and cmake; see README.md.
+# `make demo` and `make test` need only Python 3.11, 3.12 or 3.13, a C++ compiler and cmake; see README.md.
 PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run

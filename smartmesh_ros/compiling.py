@@ -23,7 +23,7 @@ from typing import Any
 from smartmesh_ros import compiled, machine_code
 
 # Periods of polling the processes and of printing progress [s].
-POLL_PERIOD, PROGRESS_PERIOD = 0.05, 2.0
+POLL_PERIOD, PROGRESS_PERIOD = 0.05, 10.0
 # Option of prctl, from <linux/prctl.h>: the signal that a process receives when its parent ends.
 PR_SET_PDEATHSIG = 1
 # Serialized message without bodies, input of the functions that parse body states of other nodes.
@@ -38,7 +38,6 @@ class _Recorder:
 
     depth = 0
     calls: dict[tuple[Any, Any], None] = {}  # noqa: RUF012  # of all functions, in order of the first call
-    ran: set[Any] = set()  # noqa: RUF012
 
     def __init__(self, made: Any) -> None:
         self.made = made
@@ -46,7 +45,6 @@ class _Recorder:
         self.__name__, self.__doc__ = made.py_func.__name__, made.py_func.__doc__
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        _Recorder.ran.add(self.made)
         if not _Recorder.depth:
             _Recorder.calls[self.made, self._types_of(arguments, named)] = None
         _Recorder.depth += 1
@@ -78,11 +76,14 @@ def fill() -> None:
     os.environ[machine_code.FOLDER_VARIABLE] = str(place.parent)
     machine_code.remove_old(place.parent)
     calls = _record()
+    functions: set[Any] = set()
+    for function, _ in calls:
+        _called_by(function, functions)
     with _tasks(len(calls)) as tasks:
         gc.freeze()
         children = [_child(tasks, calls) for _ in range(machine_code.processes())]
         try:
-            _wait(children, place, int(parent), bool(progress))
+            _wait(children, place, int(parent), len(functions) if progress else 0)
         except BaseException:
             for child in children:
                 os.kill(child, signal.SIGKILL)
@@ -168,8 +169,11 @@ def _end_with_parent(parent: int) -> None:
         sys.exit(1)
 
 
-def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None:
-    """Wait for all children; exit if one fails, or if the ``parent`` of this process has ended."""
+def _wait(children: list[int], place: Path, parent: int, total: int) -> None:
+    """Wait for all children; exit if one fails, or if the ``parent`` of this process has ended.
+
+    Prints the progress and the time left, unless the ``total`` number of functions is 0.
+    """
     start = reported = monotonic()
     failed = 0
     while children:
@@ -180,11 +184,12 @@ def _wait(children: list[int], place: Path, parent: int, progress: bool) -> None
                 failed += bool(status)
         if failed or os.getppid() != parent:
             sys.exit(f"{failed} compiling processes failed" if failed else 1)
-        if progress and monotonic() > reported + PROGRESS_PERIOD:
+        if total and monotonic() > reported + PROGRESS_PERIOD:
             reported = monotonic()
-            names = {path.name.partition("-")[0] for path in place.glob(f"*.{compiled.GENERIC}")}
-            total = len(_Recorder.ran)
-            print(f"compiled {len(names)} of about {total} functions in {reported - start:.0f} s", flush=True)
+            done = len({path.name.partition("-")[0] for path in place.glob(f"*.{compiled.GENERIC}")})
+            spent = reported - start
+            left = f", about {spent * (total - done) / done:.0f} s left" if done else ""
+            print(f"compiled {done} of {total} functions in {spent:.0f} s{left}", flush=True)
         sleep(POLL_PERIOD)
 
 
@@ -194,9 +199,10 @@ def main(arguments: list[str] | None = None) -> None:
         prog="smartmesh-compile", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     ).parse_args(arguments)
     start = monotonic()
-    place = machine_code.prepare(progress=True)
-    if place is None:
-        sys.exit("nothing was compiled in advance")
+    try:
+        place = machine_code.compile_all(progress=True)
+    except machine_code.NotCompiledError as reason:
+        sys.exit(f"nothing was compiled in advance: {reason}")
     print(f"machine code is ready in {place} after {monotonic() - start:.1f} s")
 
 

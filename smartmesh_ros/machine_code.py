@@ -22,6 +22,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from math import ceil
 from pathlib import Path
 
 if sys.platform != "win32":
@@ -35,6 +37,8 @@ COMPLETE = "complete"
 FOLDER_VARIABLE = "SMARTMESH_MACHINE_CODE"
 # Time to compile everything in one process on an idle machine, and time to start and end the processes [s].
 COMPILE_TIME, START_TIME = 85.0, 3.0
+# How many times as long a slow or busy machine takes.
+SLOWEST = 6
 # Maximum number of processes. More gain nothing, because the longest call chain takes a third of the time.
 MAX_PROCESSES = 4
 
@@ -42,6 +46,10 @@ _IMPORT = re.compile(rb"^[ \t]*from smartmesh_ros([.\w]*) import (\([^)]*\)|[^\n
 _NAME = re.compile(rb"\w+")
 log = logging.getLogger("smartmesh_ros")
 _logged: set[str] = set()
+
+
+class NotCompiledError(Exception):
+    """The reason why functions could not be compiled in advance."""
 
 
 def digest_of(package: Path) -> str:
@@ -171,44 +179,55 @@ def log_once(message: str) -> None:
 
 def announce() -> None:
     """Log that this process will compile, or wait for another process that does, with the expected time."""
-    if not _can_compile() or complete():
+    if _obstacle() or complete() or (place := writable()) is None:
         return
-    if (place := writable()) is None:
-        tried = ", ".join(map(str, parent_folders()))
-        log_once(
-            f"no folder for machine code is writable (tried {tried}): every start compiles for about "
-            f"{COMPILE_TIME:.0f} s; set {FOLDER_VARIABLE} to a writable folder"
-        )
-        return
-    others = {
-        path.parent.name.partition("-")[2]
-        for parent in parent_folders()
-        for path in parent.glob(f"{DIGEST}-*/{COMPLETE}")
-    }
+    found = [path for parent in parent_folders() for path in parent.glob(f"{DIGEST}-*/{COMPLETE}")]
+    others = {path.parent.name.partition("-")[2] for path in found}
     reason = f"; existing machine code is for {', '.join(sorted(others))}, not {platform_tag()}" if others else ""
     log_once(
-        f"compiling once, about {START_TIME + COMPILE_TIME / processes():.0f} s on {processes()} cores{reason}; "
-        f"later starts load it from {place.parent}"
+        f"compiling once, {_minutes(processes())} on {processes()} cores{reason}; later starts load it from "
+        f"{place.parent}"
     )
 
 
-def prepare(*, progress: bool = False) -> Path | None:
-    """Compile all functions in separate processes if that is not done yet; return the folder, None without a cache.
+def _minutes(cores: int) -> str:
+    """Return the expected time for compiling, from that of an idle machine to that of a slow one."""
+    time = START_TIME + COMPILE_TIME / cores
+    return f"{max(1, round(time / 60))} to {ceil(SLOWEST * time / 60)} minutes"
+
+
+def prepare() -> Path | None:
+    """Compile all functions as `compile_all` does; return the folder, or None and log the reason if one is needed."""
+    try:
+        return None if _obstacle() else compile_all()
+    except NotCompiledError as reason:
+        log_once(str(reason))
+        return None
+
+
+def compile_all(*, progress: bool = False) -> Path:
+    """Compile all functions in separate processes if needed; return the folder. Raises `NotCompiledError`.
 
     Other processes that need the same code wait for a file lock, which the operating system releases when the
     compiling process ends.
     """
-    if not _can_compile():
-        return None
+    if reason := _obstacle():
+        raise NotCompiledError(reason)
     if (place := complete()) is not None:
         return place
-    announce()
+    if find_spec("pybullet") is None:
+        raise NotCompiledError("PyBullet is not installed, which compiling in advance needs")
     if (place := writable()) is None:
-        return None
+        tried = ", ".join(map(str, parent_folders()))
+        raise NotCompiledError(
+            f"no folder for machine code is writable (tried {tried}): every start compiles for {_minutes(1)}; "
+            f"set {FOLDER_VARIABLE} to a writable folder"
+        )
+    announce()
     with _locked(place) as lock:
         if not complete():
             _compile(place, lock, progress)
-    return complete()
+    return place
 
 
 def _compile(place: Path, lock: int, progress: bool) -> None:
@@ -216,15 +235,18 @@ def _compile(place: Path, lock: int, progress: bool) -> None:
     # The script removes the working directory from the import path, where Python would search first.
     script = "import sys; sys.path[:] = [sys.argv.pop(1), *filter(None, sys.path)]; "
     script += "from smartmesh_ros.compiling import fill; fill()"
-    command = [sys.executable, "-c", script, str(PACKAGE.parent), str(place), DIGEST, str(os.getpid())]
-    command += ["progress"] if progress else []
+    arguments = [str(PACKAGE.parent), str(place), DIGEST, str(os.getpid()), *["progress"] * progress]
+    command, fds, problem = [sys.executable, "-c", script, *arguments], [lock] if lock >= 0 else [], ""
     try:
-        done = subprocess.run(command, env=_environment(), pass_fds=[lock] if lock >= 0 else [], check=False)
-        problem = f"ended with {done.returncode}" if done.returncode else ""
+        done = subprocess.run(command, env=_environment(), pass_fds=fds, stderr=subprocess.PIPE, text=True, check=False)
+        sys.stderr.write(done.stderr)
+        if code := done.returncode:
+            last = done.stderr.rstrip().rpartition("\n")[2]
+            problem = f"ended by signal {-code}" if code < 0 else f"ended with {code}: {last}"
     except OSError as error:
         problem = str(error)
     if problem:
-        log_once(f"compiling in advance failed ({problem}): functions are compiled at their first call")
+        raise NotCompiledError(f"compiling in advance failed ({problem}): functions are compiled at their first call")
 
 
 def _environment() -> dict[str, str]:
@@ -236,10 +258,13 @@ def _environment() -> dict[str, str]:
     return {**kept, "NUMBA_CPU_NAME": "generic", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def _can_compile() -> bool:
-    """Return True if Numba is installed and enabled, and this platform can fork worker processes."""
-    enabled = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-    return enabled and hasattr(os, "fork") and _version_of("numba") != "none"
+def _obstacle() -> str:
+    """Return why functions are not compiled at all, or not in separate processes; empty if they are."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return "the environment variable NUMBA_DISABLE_JIT is set"
+    if not hasattr(os, "fork"):
+        return f"processes cannot be forked on {sys.platform}"
+    return "Numba is not installed" if _version_of("numba") == "none" else ""
 
 
 def wait_for(lock: int, message: str = "") -> None:

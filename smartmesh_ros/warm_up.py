@@ -145,11 +145,12 @@ def _with_remote_bodies(world: World) -> None:
 
 
 def _with_sleeping_bodies() -> None:
-    """Put bodies to sleep at once, and wake one by its ground and the others by a body that comes near."""
+    """Put bodies to sleep as soon as they touch the ground, and wake one by its ground and the others by a body that
+    comes near."""
     ground = HeightMap(np.zeros((SIDE, SIDE), np.float32), resolution=SPACING, time=-1.0)
     with World(ground, WorldConfig(sleep=SleepConfig(after=0.0, distance=1.0))) as world:
         _spawn_bodies(world)
-        world.step(2)
+        world.step(60)
         ground.update_region(0, 0, np.full((2, 2), 0.01, np.float32), time=world.time)
         world.step()
         world.spawn("near", Sphere(0.1), 1.0, world.state("box"))

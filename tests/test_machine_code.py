@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros import compiled, machine_code
+from smartmesh_ros import compiled, compiling, machine_code
 from tests.test_compiled import SMALL
 
 pytestmark = pytest.mark.skipif(
@@ -41,6 +41,23 @@ def gap_to_corner(corner):
     return facets.corner_gap(corner)
 """
 PREPARE = "from smartmesh_ros import machine_code; print(machine_code.prepare())"
+# The command line, after a change of the modules that it uses.
+COMMAND = """
+from smartmesh_ros import machine_code, compiling
+{}
+compiling.main([])
+"""
+# Why there is no machine code, by what is done to the modules or to the environment, or by what the warm-up does.
+REASONS = [
+    ("", {"NUMBA_DISABLE_JIT": "1"}, "", "the environment variable NUMBA_DISABLE_JIT is set"),
+    ("", {machine_code.FOLDER_VARIABLE: "/proc/nowhere"}, "", "no folder for machine code is writable (tried /proc/no"),
+    ("machine_code._version_of = lambda name: 'none'", {}, "", "Numba is not installed"),
+    ("machine_code.find_spec = lambda name: None", {}, "", "PyBullet is not installed"),
+    ("machine_code.os.fork = None; del machine_code.os.fork", {}, "", "processes cannot be forked on linux"),
+    ("machine_code.DIGEST = '0123456789abcdef'", {}, "", "(ended with 1: the sources changed meanwhile)"),
+    ("", {}, "raise OSError('no such scene')", "(ended with 1: OSError: no such scene)"),
+    ("", {}, "import os; os.kill(os.getpid(), 9)", "(ended by signal 9)"),
+]
 # Compiles nothing, but says that it was asked to.
 STUB = """
 import pathlib, sys, time
@@ -275,3 +292,38 @@ def test_sources_that_changed_meanwhile_leave_nothing_that_counts_as_complete(tm
     assert done.returncode == 1
     assert "the sources changed" in done.stderr
     assert not list(place.iterdir())
+
+
+@pytest.mark.parametrize(("change", "settings", "warm_up", "reason"), REASONS)
+def test_the_command_says_why_nothing_was_compiled(
+    package: Path, tmp_path: Path, change: str, settings: dict[str, str], warm_up: str, reason: str
+) -> None:
+    with (package / "warm_up.py").open("a") as file:
+        file.write(f"\n\n{warm_up}\n")
+    command = [sys.executable, "-P", "-c", COMMAND.format(change)]
+    there = {**environment(tmp_path / "kept", package), **settings}
+    done = subprocess.run(command, env=there, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("nothing was compiled in advance: ")
+    assert reason in last
+
+
+def test_progress_counts_what_is_compiled_and_tells_the_time_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Two of four functions are there, one of them for two kinds of arguments."""
+    for name in ("a.f-1", "a.f-2", "a.g-1"):
+        (tmp_path / f"{name}.{compiled.GENERIC}").touch()
+    monkeypatch.setattr(compiling, "PROGRESS_PERIOD", 0.0)
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5)"])
+    compiling._wait([child.pid], tmp_path, os.getppid(), 4)
+    assert "compiled 2 of 4 functions in 0 s, about 0 s left" in capfd.readouterr().out
+
+
+def test_the_expected_time_is_that_of_an_idle_and_of_a_slow_machine() -> None:
+    for cores in (1, 2, 4):
+        least, most = (60 * int(part) for part in machine_code._minutes(cores).split() if part.isdigit())
+        idle = machine_code.START_TIME + machine_code.COMPILE_TIME / cores
+        assert least <= max(60, 1.5 * idle)
+        assert most >= 5 * idle

@@ -15,8 +15,8 @@ Vector = tuple[float, float, float]
 @dataclass(frozen=True, kw_only=True)
 class TrackedLink:
     """A link that gets a patch, in the terrain's frame: ``position`` of its centre [m], ``radius`` of its bounding
-    sphere [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. If all velocities are
-    zero, the node estimates them from successive poses."""
+    sphere [m], ``orientation`` (x, y, z, w), ``linear`` [m/s] and ``angular`` [rad/s] velocity. If all velocities of
+    a link have been zero so far, the node estimates them from successive poses."""
 
     name: str
     position: Vector

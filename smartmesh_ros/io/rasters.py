@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.masked import unmasked
 
 FloatGrid = NDArray[np.float32]
 FirstRow = Literal["top", "bottom"]
@@ -65,7 +66,7 @@ class RasterConfig:
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
     """Return values as heights [m]; non-finite values become holes."""
     with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinity, and so holes
-        heights = values.astype(np.float32)
+        heights = unmasked(values).astype(np.float32)
         if config.scale != 1.0:
             heights *= np.float32(config.scale)
         if config.offset != 0.0:
@@ -79,6 +80,7 @@ def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
     """Return an image of heights (rows, columns) as a raster, placed by the configuration."""
     if values.ndim != 2:
         raise InputError("length", f"the image has shape {values.shape}; heights need one channel: (rows, columns)")
+    values = unmasked(values)
     heights = scaled(values, config)
     if config.zero_is_hole:
         heights[values == 0] = np.nan
@@ -108,6 +110,7 @@ def from_grid_map(
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
     """
+    cells, variances = unmasked(cells), None if variances is None else unmasked(variances)
     along_x, along_y = cells.shape
     if not (0 <= start[0] < along_x and 0 <= start[1] < along_y):
         raise InputError("region", f"the circular buffer starts at {start}, outside its {along_x} x {along_y} cells")
@@ -146,6 +149,7 @@ def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: f
 
 def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     """Return an organised cloud (rows, columns, 3) [m] over a uniform grid as a raster; NaN points become holes."""
+    points = unmasked(points)
     with np.errstate(all="ignore"):
         known = np.isfinite(points.sum(axis=2))
     fit = _fitted_grid(points, known)

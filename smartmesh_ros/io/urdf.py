@@ -1,28 +1,20 @@
-"""Validation of untrusted robot descriptions before PyBullet loads them.
+"""Validation of untrusted robot descriptions.
 
-PyBullet opens every file that a description names. So the description and all meshes and images it names must lie in an
-allowed folder, after symbolic links are resolved. All numbers must be in the range that the engine can handle.
+A description names files that are then opened. So the description and the meshes of its collision shapes must lie in an
+allowed folder, after symbolic links are resolved. Files of visuals are never opened.
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.limits import FARTHEST_BODY, MASSES, SIZES
-
-# Schemes of file names. The rest of the name is searched in the folder of the description and the folders above it.
-_SCHEMES = ("package://", "model://", "file://")
-_SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
-_NUMBER = re.compile(r"nan|inf|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
-_LARGEST_INERTIA = 1e18  # [kg m^2]
+from smartmesh_ros.physics.robots.description import Description, is_text, parsed, xml_of
+from smartmesh_ros.physics.robots.files import named_file
+from smartmesh_ros.physics.robots.quantities import check_quantities, mass_of, number_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +32,7 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
 
     Raises `InputError`.
     """
-    if urdf.lstrip().startswith("<"):
+    if is_text(urdf):
         _require_length(len(urdf), rules)
         _check_text(urdf, None, rules)
         return urdf
@@ -58,96 +50,37 @@ def checked_urdf(urdf: str, rules: UrdfRules) -> str:
 
 
 def _check_text(text: str, folder: Path | None, rules: UrdfRules) -> None:
-    if "<!" in text.replace("<!--", ""):
-        raise InputError("urdf", "the URDF declares a document type or entities; a robot description needs none")
-    if "\0" in text:
-        raise InputError("urdf", "the URDF has a zero byte in it")
-    try:
-        root = ElementTree.fromstring(text.lstrip())
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError("urdf", f"the URDF does not load ({error}); check it with check_urdf") from None
-    links = sum(1 for _ in root.iter("link"))
+    links = len(xml_of(text).findall("link"))
     if links > rules.most_links:
         raise InputError("size", f"the URDF has {links} links; the maximum is {rules.most_links}")
-    for element in root.iter():
-        _check_numbers(element)
-        for key, name in element.attrib.items():
-            if key in ("filename", "file", "uri", "url") and element.tag != "plugin":  # PyBullet ignores plugins
-                _require_file(name, folder, rules, must_exist=element.tag == "mesh")
-    children = {child.get("link") for child in root.iter("child")}
-    for link in root.iter("link"):
-        if link.get("name") not in children:
-            _check_inertia(link)
+    robot = parsed(text, folder)
+    check_quantities(robot)
+    _check_inertia(robot)
+    for link in robot.links:
+        for collision in robot.collisions(link):
+            for mesh in collision.iter("mesh"):
+                name = mesh.get("filename", "")
+                _require_inside(named_file(name, folder), rules, f"the URDF names the file {name!r}, which")
 
 
-def _check_numbers(element: ElementTree.Element) -> None:
-    tag = element.tag
-    for key in _SIZES.get(tag, ()):
-        for value in _numbers(element, key):
-            if not SIZES[0] <= value <= SIZES[1]:
-                raise InputError("urdf", f"{key} of a {tag} is {value:g} m; it must be {SIZES[0]:g} to {SIZES[1]:g}")
-    if tag == "mass":
-        for value in _numbers(element, "value"):
-            if value and not MASSES[0] <= value <= MASSES[1]:
-                raise InputError("urdf", f"a mass is {value:g} kg; it must be 0, or {MASSES[0]:g} to {MASSES[1]:g}")
-    if tag == "inertia":
-        for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
-            if any(abs(value) > _LARGEST_INERTIA for value in _numbers(element, key)):
-                raise InputError("urdf", f"{key} is more than {_LARGEST_INERTIA:g} kg m^2")
-    if tag in ("origin", "axis"):
-        for key in ("xyz", "rpy"):
-            if any(abs(value) > FARTHEST_BODY for value in _numbers(element, key)):
-                raise InputError("urdf", f"{key} of an {tag} is more than {FARTHEST_BODY:g}")
-    if tag == "mesh" and any(not 1e-6 <= abs(value) <= 1e6 for value in _numbers(element, "scale")):
-        raise InputError("urdf", "the scale of a mesh must be 1e-6 to 1e6")
-
-
-def _check_inertia(root_link: ElementTree.Element) -> None:
+def _check_inertia(robot: Description) -> None:
     """Raise `InputError` if no body can have the inertia of a robot's root link.
 
     PyBullet replaces an impossible inertia by zero, and the position of a root without inertia may become NaN after a
     step. Other links work with zero inertia, and some robots use that on purpose.
     """
-    inertia, mass = root_link.find("inertial/inertia"), root_link.find("inertial/mass")
-    if inertia is None or mass is None or not any(_numbers(mass, "value")):
+    root = robot.links[robot.root]
+    inertia = root.find("inertial/inertia")
+    if inertia is None or not mass_of(root):
         return
-    values = {key: next(iter(_numbers(inertia, key)), 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
-    xx, yy, zz, xy, xz, yz = values.values()
+    xx, yy, zz, xy, xz, yz = (number_of(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
     least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
     if least < 0.0 or most > least + middle:
         raise InputError(
             "urdf",
-            f"link {root_link.get('name')!r} has impossible principal moments of inertia {least:g}, {middle:g}, "
+            f"link {robot.root!r} has impossible principal moments of inertia {least:g}, {middle:g}, "
             f"{most:g} kg m^2: none may be negative or greater than the sum of the other two",
         )
-
-
-def _numbers(element: ElementTree.Element, key: str) -> Sequence[float]:
-    text = element.get(key, "")
-    values = [float(number) for number in _NUMBER.findall(text)]  # PyBullet reads other text as zero
-    if not all(map(math.isfinite, values)):
-        raise InputError("urdf", f"{key} of a {element.tag} is {text[:80]!r}; every number must be finite")
-    return values
-
-
-def _require_file(name: str, folder: Path | None, rules: UrdfRules, *, must_exist: bool) -> None:
-    """Raise `InputError` unless every file that PyBullet might open for ``name`` is in an allowed folder."""
-    for scheme in _SCHEMES:
-        name = name.removeprefix(scheme)
-    if "\0" in name or not name:
-        raise InputError("urdf", f"the URDF names a file {name!r}")
-    found = [path for path in map(_resolved, _candidates(name, folder)) if path.is_file()]
-    for path in found:
-        _require_inside(path, rules, f"the URDF names the file {name!r}, which")
-    if must_exist and not found:
-        raise InputError("urdf", f"the URDF names a file {name!r} that does not exist")
-
-
-def _candidates(name: str, folder: Path | None) -> Iterable[Path]:
-    if Path(name).is_absolute():
-        return [Path(name)]
-    above = [] if folder is None else [folder, *folder.parents]
-    return [place / name for place in (*above, Path.cwd())]
 
 
 def _resolved(path: Path) -> Path:

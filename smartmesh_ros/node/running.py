@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.qos_overrides import warn_of_unused_overrides
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
@@ -73,6 +74,7 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
     try:
         node = make_node()
         stop.starting = False
+        warn_of_unused_overrides(node)
         executor.add_node(node)
         while not stop.asked:
             executor.spin_once(timeout_sec=LONGEST_WAIT)
@@ -114,6 +116,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
                 raise
             print(f"cannot start: no security, which ROS_SECURITY_ENABLE asks for: {error}", file=sys.stderr)
             sys.exit(2)
+        warn_of_unused_overrides(node)
         executor = executor_of(node.settings.executor)
         executor.add_node(node)
         gc.collect()

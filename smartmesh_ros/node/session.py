@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Coroutine
 from threading import RLock
 from typing import Any
@@ -13,11 +14,14 @@ from rclpy.qos import QoSProfile
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.endpoint_names import EndpointNames
 from smartmesh_ros.node.inputs.bounds import require_name
+from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.refusals import LOG_PERIOD, Refusals, shortened
+from smartmesh_ros.node.robot_names import RobotNames
+from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
@@ -33,17 +37,25 @@ class Session:
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
-    maps that arrived after a map with a newer stamp. ``lock``: guards the world, for executors with several threads.
-    ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree. ``map_warning``:
-    suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the
-    node's inputs and outputs. ``names``: names of the peer nodes. ``turns``: answers under way.
+    maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
+    threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
+    ``map_warning``: suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain.
+    ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
+    number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
+    None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
+    robots for the world.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self.node = node
         self.settings = settings
         self.world = World(config=settings.world)
-        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.world.say = node.get_logger().warning
+        self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
+        self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
+        self.jumps: Counter[str] = Counter()
+        self.unstamped: Counter[str] = Counter()
+        self.stamp_ages: dict[str, float | None] = {}
         self.subscriptions: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
         self.names = EndpointNames()
@@ -56,11 +68,12 @@ class Session:
         self.configure_pacer()
         self.frame_id = settings.frame_id
         self.last_map_time: float | None = None
-        self.overtaken = 0
+        self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.rival_maps: list[str] = []
         self.map_warning = ""
         self.turns = Turns()
+        self.robots = RobotPreparation()
 
     @property
     def paused(self) -> bool:
@@ -121,6 +134,31 @@ class Session:
         self.pacer.most_catch_up = MOST_JUMP if simulated else MOST_CATCH_UP
         self.pacer.follows_clock = simulated
         self.pacer.restart()
+
+    def serve_eagerly(self, kind: Any, service: str, answer: Callable[[Any, Any], Coroutine[Any, Any, Any]]) -> None:
+        """Serves ``~/service`` by a coroutine that returns the response. It runs at once until it first awaits, and
+        then in turns; it holds the ``lock`` where it needs the world."""
+
+        def start(request: Any, response: Any) -> Any:
+            self.handled += 1
+            steps = answer(request, response)
+            try:
+                steps.send(None)
+            except StopIteration as end:
+                return end.value
+            return Work(steps)
+
+        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
+        send = made.send_response
+
+        def respond(found: Any, header: Any) -> None:
+            if isinstance(found, Work):
+                self.turns.add(found, lambda response: send(response, header))
+            else:
+                send(found, header)
+
+        # The executors pass to this method what the callback returned.
+        made.send_response = respond
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
         """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
@@ -184,6 +222,13 @@ class Session:
         known = self.world.bodies.get(name)
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
+
+    def track(self, topic: str, body: BodyInput, time: float) -> None:
+        """Set the state of a tracked body at ``time`` [s] of the loop's clock; count and log a jump of its pose."""
+        jump = self.tracking.update(body.name, body.radius, body.state, time, self.clock.pace(), stated=body.stated)
+        if jump:
+            self.jumps[topic] += 1
+            self.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 
     def note_lost(self) -> None:
         """Counts and logs the bodies that the world removed because their position was invalid or too far away."""

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
@@ -21,12 +19,15 @@ from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
 from smartmesh_ros.node.inputs.robot_description import RobotDescription
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.announcing import announce, announce_changes
 from smartmesh_ros.node.outputs.namesakes import Namesakes
 from smartmesh_ros.node.outputs.publishing import Publishing
+from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.services.body_services import BodyServices
@@ -42,11 +43,11 @@ NAME = "terrain_collider"
 MOST_STEPS = 100_000
 
 
-class TerrainCollider(Node):
+class TerrainCollider(ParameterNode):
     """Converts messages to calls of the core, steps the physics and publishes the results."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, parameters.SPECS, **node_options)
         self.settings = parameters.declare(self)
         compiling = warm_up()  # before any topic or service exists, so that no peer waits for compilation
         self.session = session = Session(self, self.settings)
@@ -54,11 +55,12 @@ class TerrainCollider(Node):
         self._initial = InitialBodies(session)
         self._robot = RobotDescription(session, self._initial)
         self._peers = PeerBodies(session)
-        self._outputs = Publishing(session, self._peers)
+        transforms = TransformInput(session)
+        self._outputs = Publishing(session, self._peers, transforms)
         self._terrain = TerrainInputs(session, self._initial.on_terrain)
-        self._bodies = BodyInputs(session)
+        self._bodies = BodyInputs(session, transforms)
         self._body_services = BodyServices(session)
-        GroundServices(session, self._bodies.transforms)
+        GroundServices(session, transforms)
         session.answer(StepPhysics, "step", self._on_step)
         session.answer(Trigger, "reset", self._on_reset)
         session.answer(Trigger, "reset_terrain_clock", self._on_reset_terrain_clock)
@@ -73,11 +75,6 @@ class TerrainCollider(Node):
         self._namesakes = Namesakes(self)
         self._values = declaring.current_values(self, parameters.SPECS)
         announce(self, self.settings, compiling)
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters as rclpy does, but with refusals that name valid alternatives."""
-        refusal = declaring.objection(self, parameter_list, parameters.SPECS)
-        return refusal or super().set_parameters_atomically(parameter_list)
 
     @property
     def handled(self) -> int:
@@ -116,9 +113,12 @@ class TerrainCollider(Node):
             self._namesakes.check()
 
     def destroy_node(self) -> None:
-        """Closes the world, then destroys the node."""
-        if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
+        """Clears the patches that viewers show, closes the world, and destroys the node."""
+        if outputs := getattr(self, "_outputs", None):  # ROS 2 Kilted destroys nodes that could not start, too
+            outputs.close()
+        if session := getattr(self, "session", None):
             session.turns.close()
+            session.robots.close()
             session.world.close()
         super().destroy_node()
 
@@ -177,10 +177,14 @@ class TerrainCollider(Node):
 
     def _forget_stamps(self) -> None:
         """Accepts any stamps from now on, and restarts the loop's deadlines."""
-        self._terrain.forget_stamps()
-        self._bodies.forget_stamps()
-        self._peers.forget_stamps()
-        self.restart()
+        session = self.session
+        with session.lock:
+            self._terrain.forget_stamps()
+            self._bodies.forget_stamps()
+            self._peers.forget_stamps()
+            session.tracking.restart(session.clock.pace())
+            session.stamp_ages.clear()
+            self.restart()
 
     def restart(self) -> None:
         """Restarts the loop's deadlines and measurements."""
@@ -188,7 +192,8 @@ class TerrainCollider(Node):
         self._outputs.restart_measuring()
 
     def _check_settings(self, settings: Settings) -> None:
-        """Raises `InputError` if the settings do not fit the current terrain."""
+        """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
+        require_transforms(settings.publish.tf)
         for mesh in self.session.world.terrain.tiles.values():
             require_usable(settings.world.patch, mesh)
 
@@ -203,6 +208,7 @@ class TerrainCollider(Node):
             for mesh in session.world.terrain.tiles.values():
                 mesh.motion = self.settings.motion
             session.tracking.timeout = self.settings.body_timeout
+            session.tracking.max_velocity = self.settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
                 self._outputs.restart_measuring()

@@ -171,26 +171,33 @@ def _extent(record: Any) -> FloatArray:
     return np.asarray(np.abs(axes) @ record["half"] + record["rounding"])
 
 
-def _fewer(vertices: FloatArray) -> tuple[FloatArray, float]:
+def fewer_vertices(vertices: FloatArray, count: int) -> FloatArray:
+    """Return vertices (k, 3) [m] of a hull (n, 3): those farthest along ``count`` directions, and enough others that
+    none is farther than a millimetre outside their hull."""
+    return _fewer(vertices, directions(count))[0]
+
+
+def _fewer(vertices: FloatArray, along: FloatArray = DIRECTIONS) -> tuple[FloatArray, float]:
     """Return the vertices (n, 3) of a hull that are kept, and how far the others are outside their hull [m]."""
-    if len(vertices) <= len(DIRECTIONS):
+    if len(vertices) <= len(along):
         return vertices, 0.0
-    kept, others, growth = _extreme(vertices), vertices, 0.0
+    kept, others, growth = _extreme(vertices, along), vertices, 0.0
     while len(others):
         away = distances_outside(kept, others)
         growth = max(growth, float(away.max(where=away <= MOST_GROWTH, initial=0.0)))
         others = others[away > MOST_GROWTH]
         if len(others):
-            kept = np.concatenate([kept, _extreme(others)])
+            kept = np.concatenate([kept, _extreme(others, DIRECTIONS)])
     return kept, growth
 
 
-def _extreme(vertices: FloatArray) -> FloatArray:
-    """Return the vertices that are farthest along one of `DIRECTIONS`, after scaling all to equal extents along each
-    axis, so that thin parts keep as many as others."""
+def _extreme(vertices: FloatArray, along: FloatArray) -> FloatArray:
+    """Return the vertices that are farthest along one of some directions (d, 3), after scaling all to equal extents
+    along each axis, so that thin parts keep as many as others."""
     extents = np.ptp(vertices, axis=0)
     evened = vertices / np.where(extents > 0.0, extents, 1.0)
-    return np.ascontiguousarray(vertices[np.unique((evened @ DIRECTIONS.T).argmax(axis=0))])
+    farthest = [(evened @ part.T).argmax(axis=0) for part in np.array_split(along, -(-len(along) // len(DIRECTIONS)))]
+    return np.ascontiguousarray(vertices[np.unique(np.concatenate(farthest))])
 
 
 @compiled

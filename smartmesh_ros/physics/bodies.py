@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.physics.base_frames import InertialFrame
-from smartmesh_ros.physics.body_shapes import read_shape
+from smartmesh_ros.physics.body_shapes import shape_of
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.joints import JointCommand, command_joint
 from smartmesh_ros.physics.limits import MASSES, SIZES, require_between
+from smartmesh_ros.physics.link_contacts import given_contacts
+from smartmesh_ros.physics.link_masses import set_masses
+from smartmesh_ros.physics.robots.loading import couple_joints, load_robot
+from smartmesh_ros.physics.robots.prepared import PreparedRobot
 from smartmesh_ros.physics.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
 from smartmesh_ros.physics.state import BodyState
 
 # Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
 # on an edge would be 0.4 mm deep in the ground.
 ROUNDED = 1e-4
+
+
 # Use the URDF's inertias, which PyBullet otherwise computes from the collision shapes, and cylinders as they are, which
 # PyBullet otherwise replaces by hulls of 64 vertices. A cylinder rolls as truly on a field, at half the cost.
-URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER
+URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER | pb.URDF_IGNORE_VISUAL_SHAPES
 
 
 class Surface(NamedTuple):
@@ -55,7 +61,11 @@ class Body:
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
     inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
     owner: str = ""
+    notes: tuple[str, ...] = ()  # what its description was taken as, for the user
+    fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
+    shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
+    starts: dict[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
 
     @property
     def simulated(self) -> bool:
@@ -115,28 +125,40 @@ class BodyFactory:
         self.place(body, state)
         return body
 
-    def robot(self, name: str, urdf: str, state: BodyState) -> Body:
-        """Load a robot from a URDF file, or from the URDF's text (starts with ``<``). Its joints turn freely."""
-        client = self._client
+    def robot(self, name: str, robot: PreparedRobot, state: BodyState, surface: Surface | None = None) -> Body:
+        """Load a robot, whose joints turn freely. Links without ``<contact>`` have the configured friction and
+        restitution or the given ones. Raises `InputError`, and adds nothing, if the robot is refused."""
+        uid = load_robot(self._client, robot, URDF_FLAGS)
         try:
-            if urdf.lstrip().startswith("<"):
-                with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-                    file.write(urdf)
-                    file.flush()
-                    uid = client.loadURDF(file.name, state.position, state.orientation, flags=URDF_FLAGS)
-            else:
-                if not Path(urdf).is_file():
-                    raise InputError("urdf", f"there is no URDF file {urdf!r}")
-                uid = client.loadURDF(urdf, state.position, state.orientation, flags=URDF_FLAGS)
-        except pb.error as error:
-            raise InputError(
-                "urdf", f"the URDF of {name!r} does not load ({error}); check it with check_urdf"
-            ) from None
+            body = self._robot(name, uid, robot)
+        except InputError:
+            self._client.removeBody(uid)
+            raise
+        body.initial = state
+        surface = surface or Surface(self.config.friction, self.config.restitution)
+        body.friction, body.restitution = surface
+        self._set_contacts(body, given_contacts(robot.text))
+        body.fixed = is_fixed(self._client, uid)
+        self.place(body, BodyState())
+        body.hull = self._hull(body)
+        self.place(body, state)
+        return body
+
+    def _robot(self, name: str, uid: int, robot: PreparedRobot) -> Body:
+        """Return the body of a robot that PyBullet has loaded. Raises `InputError`."""
+        client = self._client
         client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
         links, joints = {}, {}
         for index in range(-1, client.getNumJoints(uid)):
-            if client.getCollisionShapeData(uid, index):
-                links[index] = self._link_name(uid, index)
+            link = self._link_name(uid, index)
+            found = len(client.getCollisionShapeData(uid, index))
+            if found != robot.collisions.get(link, 0):
+                raise InputError(
+                    "urdf", f"PyBullet has {found} of the {robot.collisions.get(link, 0)} collision shapes of link "
+                    f"{link!r}"
+                )  # fmt: skip
+            if found:
+                links[index] = link
                 # PyBullet ignores this for links other than the base whose shapes have an origin of their own.
                 client.changeDynamics(uid, index, collisionMargin=ROUNDED)
             if index >= 0:
@@ -145,35 +167,40 @@ class BodyFactory:
                     joints[info[1].decode()] = index
                     command_joint(client, uid, index, JointCommand())
         if not links:
-            client.removeBody(uid)
-            raise InputError("urdf", f"the URDF of {name!r} has no collision shape, so nothing could touch the ground")
+            raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
+        shapes = {link: robot.shapes.get(link) or shape_of(client, uid, link, None, None) for link in links}
+        couple_joints(client, uid, joints, robot.mimics)
         body = Body(
-            name,
-            uid,
-            read_shape(client, uid, next(iter(links))).radius,
-            False,
-            state,
-            links,
-            joints,
-            urdf=urdf,
-        )
+            name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
+            shapes=shapes, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
+        )  # fmt: skip
+        masses = set_masses(client, uid, robot.text).note
+        body.notes = (*robot.notes, masses) if masses else robot.notes
         body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
-        self.place(body, BodyState())
-        body.hull = self._hull(body)
-        self.place(body, state)
         return body
 
+    def _set_contacts(self, body: Body, given: dict[str, frozenset[str]]) -> None:
+        """Give the links of a robot its friction and restitution, unless its URDF gives theirs (``given``)."""
+        for index, link in body.links.items():
+            known = given.get(link, frozenset())
+            if "lateral_friction" not in known:
+                self._client.changeDynamics(body.uid, index, lateralFriction=body.friction)
+            if "restitution" not in known:
+                self._client.changeDynamics(body.uid, index, restitution=body.restitution)
+
     def move(self, body: Body, state: BodyState) -> None:
-        """Set the state of a body; a robot's joints stay as they are."""
+        """Set the state of a body; a robot's joints stay as they are. A fixed base takes no velocity, because PyBullet
+        would move it on with this velocity for ever."""
         self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
-        self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
+        if not body.fixed:
+            self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
 
     def place(self, body: Body, state: BodyState) -> None:
-        """Set the state of a body, and a robot's joints to zero."""
+        """Set the state of a body, and a robot's joints to zero; joints that mimic others to their offsets."""
         self.move(body, state)
-        for joint in body.joints.values():
-            self._client.resetJointState(body.uid, joint, 0.0, 0.0)
+        for name, joint in body.joints.items():
+            self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
 
     def _hull(self, body: Body) -> Box:
         """Return the box around the links of a robot at the origin."""

@@ -57,10 +57,14 @@ def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
     return compound(parts)
 
 
-def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: float | None) -> BodyShape:
+def shape_of(client: Any, body: int, link: int, shape: Shape | BodyShape | None, radius: float | None) -> BodyShape:
     """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
-    raises `InputError` if it has no size."""
-    if shape is not None:
+    raises `InputError` if it has no size, and names the links that have a shape."""
+    if shape is None and radius is None:
+        require_shape(client, body, link)
+    if isinstance(shape, BodyShape):
+        made = shape
+    elif shape is not None:
         made = body_shape(shape)
     else:
         made = read_shape(client, body, link) if radius is None else ball(radius)
@@ -69,6 +73,37 @@ def shape_of(client: Any, body: int, link: int, shape: Shape | None, radius: flo
             "geometry", f"the radius of body {body}, link {link} is {made.radius} m; it must be above zero"
         )
     return made
+
+
+def links_with_shape(client: Any, body: int) -> list[int]:
+    """Return the links of a body that have a collision shape, -1 = its base; raises `InputError` if there are none."""
+    links = [link for link in range(-1, client.getNumJoints(body)) if _has_shape(client, body, link)]
+    if not links:
+        raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")
+    return links
+
+
+def require_shape(client: Any, body: int, link: int) -> None:
+    """Raise `InputError`, which names the links that have a collision shape, if a link has none."""
+    if not _has_shape(client, body, link):
+        known = ", ".join(f"{other} {_link_name(client, body, other)!r}" for other in links_with_shape(client, body))
+        raise InputError(
+            "geometry",
+            f"link {link} {_link_name(client, body, link)!r} of body {body} has no collision shape; links that have "
+            f"one: {known}. Without a link, the whole robot is attached",
+        )
+
+
+def _has_shape(client: Any, body: int, link: int) -> bool:
+    try:
+        return bool(client.getCollisionShapeData(body, link))
+    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
+        return True
+
+
+def _link_name(client: Any, body: int, link: int) -> str:
+    name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
+    return name.decode(errors="replace")
 
 
 def is_ball(shape: BodyShape) -> bool:

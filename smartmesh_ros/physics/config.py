@@ -12,7 +12,8 @@ class PhysicsConfig:
     """How the world is stepped.
 
     ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
-    body against the ground. ``restitution``: ratio of rebound speed to impact speed. ``contact_erp``: share of a
+    body against the ground, and of the links of robots whose URDF gives none. ``restitution``: ratio of rebound speed
+    to impact speed, for the same bodies and links. ``contact_erp``: share of a
     penetration that the solver corrects in one step. ``guard``: put bodies found below the ground back onto it.
     ``landing``: clamp bodies that would penetrate the ground within a step, so that they arrive at its surface.
     ``sleep``: bodies at rest on ground at rest fall asleep, without colliders, and wake before anything touches them.

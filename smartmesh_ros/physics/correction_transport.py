@@ -21,6 +21,7 @@ from smartmesh_ros.patches.selection import local_body
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.solids import Solid, extents
 from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.terrain.moving_grid import MovingGrid, surface_at_sample, to_world
 
@@ -67,7 +68,7 @@ class CorrectionTransport:
 
     def _put(self, uid: int, pose: list[float]) -> None:
         client = self._client
-        if client.getDynamicsInfo(uid, -1)[0] == 0.0:  # a fixed body
+        if is_fixed(client, uid):
             return
         linear, angular = client.getBaseVelocity(uid)
         client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])

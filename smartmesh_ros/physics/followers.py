@@ -106,13 +106,17 @@ class Followers:
         """Names by slot, empty for unused slots."""
         return ["" if follower is None else follower.name for follower in self._items]
 
+    def require_new(self, body: int, links: list[int]) -> None:
+        """Raise `InputError` if one of the links of a PyBullet body has a slot already."""
+        for slot in self.of(body):
+            if self[slot].link in links:
+                raise InputError(
+                    "duplicate_id", f"body {body}, link {self[slot].link} is attached already; detach it first"
+                )
+
     def add(self, follower: Follower, *, free: bool, own: bool) -> None:
-        """Give a follower a slot. Raises `InputError` if its body or link has one already."""
+        """Give a follower a slot; its body and link must have none."""
         slots = self._slots.setdefault(follower.body, [])
-        if any(self[slot].link == follower.link for slot in slots):
-            raise InputError(
-                "duplicate_id", f"body {follower.body}, link {follower.link} is attached already; detach it first"
-            )
         if self._unused:
             slot = self._unused.pop()
         else:

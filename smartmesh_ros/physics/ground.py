@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
 from smartmesh_ros.patches.selector import Selector
-from smartmesh_ros.physics.body_shapes import shape_of
+from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.physics.body_shapes import links_with_shape, shape_of
+from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
@@ -65,6 +67,8 @@ class Ground:
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
+        for mesh in self.terrain.tiles.values():
+            require_usable(self.config, mesh)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self.colliders = Colliders(client, self.followers)
@@ -191,31 +195,44 @@ class Ground:
     def attach(
         self,
         body: int,
-        link: int = -1,
+        link: int | None = None,
         *,
         radius: float | None = None,
         solid: bool = True,
-        shape: Shape | None = None,
+        shape: Shape | BodyShape | None = None,
     ) -> Follower:
-        """Put a patch under ``body`` (or its ``link``).
+        """Put a patch under each link of ``body`` that has a collision shape, or under one ``link`` (-1 = the base).
 
-        The shape is read from PyBullet, unless it is given: as a ``shape`` about the centre of mass, or as the
-        ``radius`` [m] of a bounding sphere. ``solid=False`` computes the patch without a collider.
+        Shapes are read from PyBullet, unless the base's or link's is given: as a ``shape`` about the centre of mass (or
+        one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes patches
+        without colliders. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists all.
+        Raises `InputError`, and attaches nothing, if a link has no shape or is attached already.
         """
-        record = shape_of(self._client, body, link, shape, radius)
-        own = solid and self._client.getDynamicsInfo(body, -1)[0] > 0.0  # a body without mass does not move by physics
-        follower = Follower(body, link, record, solid)
-        self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
-        if self._proxies is not None:
-            self._proxies.attach(follower)
+        if link is not None or radius is not None or shape is not None:
+            links = [-1 if link is None else link]
+        else:
+            links = links_with_shape(self._client, body)
+        records = [shape_of(self._client, body, each, shape, radius) for each in links]
+        made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
+        self.followers.require_new(body, links)
+        own = solid and not is_fixed(self._client, body)
+        for follower in made:
+            self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
+            self._reserve()
+            if self._proxies is not None:
+                self._proxies.attach(follower)
+            if self._sleeping is not None:
+                self._sleeping.add(follower.slot)
+        self.stale = True
+        return made[0]
+
+    def _reserve(self) -> None:
+        """Make room for all slots in the tables."""
         slots = self.followers.capacity
         for table in (self.colliders, self._selector, self._waking, self.stepper.landing):
             table.reserve(slots)
         if self._sleeping is not None:
             self._sleeping.reserve(slots)
-            self._sleeping.add(follower.slot)
-        self.stale = True
-        return follower
 
     def detach(self, body: int) -> None:
         """Remove the patches of ``body`` and its links. Call it before the body is removed from PyBullet."""
@@ -269,17 +286,18 @@ class Ground:
         with self.stopwatch.stage("bodies"):
             corrections = self._show_corrections(time)
             if sleeping is not None:
+                sleeping.gravity = self.gravity
                 sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
                 sleeping.wake_moved(dt * steps)
             self._move_with_corrections(corrections)
             self._read_states(dt)
             if time != self.time:
-                self._waking.wake(followers)
+                self._waking.wake(followers, () if sleeping is None else sleeping.stopped)
             if sleeping is not None and followers.awake.size:
                 sleeping.note_motion(time)
                 if sleeping.wake_reached(time, 0.0):
                     sleeping.note_motion(time)
-                sleeping.put_to_sleep(time, dt * steps, self.config.tolerance)
+                sleeping.put_to_sleep(time, dt, steps, self.config.tolerance)
         self.stale, self._steps, self.time, self._duration = False, steps, time, dt * steps
         if self._proxies is not None:
             self._chosen = self._tracked_chosen = False
@@ -338,7 +356,8 @@ class Ground:
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
         wanted = (
-            not self.no_proxies
+            self.config.from_map
+            and not self.no_proxies
             and self.config.kind == "auto"
             and self.config.rings == 0
             and all(isinstance(mesh, HeightMap) for mesh in self.terrain.tiles.values())
@@ -371,8 +390,10 @@ class Ground:
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
-        if duration < 0.0 and self._sleeping is not None:  # the clock was set back
-            self._sleeping.wake_all()
+        if self._sleeping is not None:
+            if duration < 0.0:  # the clock was set back
+                self._sleeping.wake_all()
+            self._sleeping.keep_awake()
         self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True

@@ -101,7 +101,9 @@ class Motors:
 
 def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[str, JointCommand]) -> list[JointReading]:
     """Return the current readings of a robot's joints, given by name and PyBullet index."""
-    readings = []
+    readings: list[JointReading] = []
+    if not joints:  # PyBullet returns None for an empty list
+        return readings
     for (name, _), state in zip(joints.items(), client.getJointStates(uid, list(joints.values())), strict=True):
         command = commands.get(name) or JointCommand()
         # PyBullet reports the effort of its motors only; the value of a disabled motor is stale.

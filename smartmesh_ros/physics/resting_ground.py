@@ -50,7 +50,8 @@ def count_updates(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, time: f
         for r in range(top >> BLOCK_SHIFT, (bottom >> BLOCK_SHIFT) + 1):
             for c in range(left >> BLOCK_SHIFT, (right >> BLOCK_SHIFT) + 1):
                 clock = grid.clocks[r, c]
-                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * clock.lifetime)
+                expected = clock.lifetime + clock.delay
+                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * expected)
                 if grid.mode == Mode.CORRECT:
                     moves = remaining(clock, grid.shown, grid.settle) > 0.0
                 counts[k] = -1 if moves or counts[k] < 0 else counts[k] + clock.updates
@@ -92,13 +93,17 @@ class RestingGround:
         self._seen: IntArray = np.empty(0, np.int64)
         self._layout = -1
         self._revision = -1
-        self._corrected: FloatArray = np.empty(0)  # see `corrections`, by slot
+        self._moving = False  # at the last check; one more check follows, of where the ground came to rest
+        # By slot: mean change of the ground under a body since it fell asleep, and the part that moved the body [m].
+        self._corrected: FloatArray = np.empty(0)
+        self._moved: FloatArray = np.empty(0)
         self._found = NOTHING_FOUND  # slots and mean changes of a check, until they are kept
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
         self._first, self._end = with_rows(self._first, slots, 0), with_rows(self._end, slots, 0)
-        self._seen, self._corrected = with_rows(self._seen, slots, -1), with_rows(self._corrected, slots, 0.0)
+        self._seen = with_rows(self._seen, slots, -1)
+        self._corrected, self._moved = with_rows(self._corrected, slots, 0.0), with_rows(self._moved, slots, 0.0)
 
     def forget(self, slots: IntArray) -> None:
         """Discard the heights under bodies that woke or went."""
@@ -122,7 +127,7 @@ class RestingGround:
         self._end[chosen] = len(self._heights) + firsts[1:]
         self._points = np.concatenate([self._points, points])
         self._heights = np.concatenate([self._heights, found.heights])
-        self._seen[chosen], self._corrected[chosen] = -1, 0.0
+        self._seen[chosen], self._corrected[chosen], self._moved[chosen] = -1, 0.0, 0.0
         moves = np.abs(found.velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
 
@@ -131,8 +136,9 @@ class RestingGround:
         within the ``duration`` [s] from ``time`` [s] on."""
         terrain = self._terrain
         moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
-        if not asleep.size or not (moving or terrain.changed_since(self._revision)):
+        if not asleep.size or not (moving or self._moving or terrain.changed_since(self._revision)):
             return asleep[:0]
+        self._moving = moving
         counts = self._counts(asleep, boxes, time)
         other_tiles = terrain.layout_revision != self._layout
         self._revision, self._layout = terrain.revision, terrain.layout_revision
@@ -152,10 +158,14 @@ class RestingGround:
         return differ
 
     def corrections(self, slots: IntArray) -> FloatArray:
-        """Return by how much the ground under sleeping bodies was corrected since they fell asleep, on average (n,)
-        [m], as of the last `keep_corrections`."""
-        corrections: FloatArray = self._corrected[slots]
+        """Return by how much the ground under sleeping bodies was corrected since they fell asleep, or since
+        `note_moved`, on average (n,) [m], as of the last `keep_corrections`."""
+        corrections: FloatArray = self._corrected[slots] - self._moved[slots]
         return corrections
+
+    def note_moved(self, slots: IntArray) -> None:
+        """Note that sleeping bodies were moved with their `corrections`."""
+        self._moved[slots] = self._corrected[slots]
 
     def keep_corrections(self) -> None:
         """Note the corrections that the last check found. Bodies that this check woke move with its correction in the

@@ -4,6 +4,9 @@ A sleeping body costs PyBullet a hundredth of one that lies awake on a collider,
 it is touched: PyBullet wakes it in the step of the contact, and it would fall. So a body is woken when anything awake
 comes near, when the ground under it changes, when a neighbour is taken away, and by `wake`. It wakes with all sleeping
 bodies that it may touch, and falls asleep only together with all bodies that it may touch.
+
+PyBullet stops a body first, while its collider still holds it; a robot needs some steps to stop. The update after that
+takes the collider away.
 """
 
 from __future__ import annotations
@@ -13,92 +16,39 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pybullet as pb
 
-from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.slot_rows import with_rows
+from smartmesh_ros.physics.bullet import BulletCalls
+from smartmesh_ros.physics.bullet_sleep import STEPS_TO_STOP, BulletSleep, is_fixed
 from smartmesh_ros.physics.followers import Followers
-from smartmesh_ros.physics.neighbours import BOX_COLUMNS, islands, mark_connected, mark_near, write_boxes
+from smartmesh_ros.physics.neighbours import (
+    BOX_COLUMNS,
+    all_of,
+    first_groups,
+    islands,
+    mark_connected,
+    mark_near,
+    write_boxes,
+)
 from smartmesh_ros.physics.resting_ground import RestingGround
 from smartmesh_ros.physics.sleep_config import SleepConfig
+from smartmesh_ros.physics.stillness import SINCE, mark_reached, note_motion, strayed
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
-# PyBullet's flags. A rigid body heeds the second call alone, a robot both; neither then sleeps by PyBullet's own rule.
-_SLEEP = pb.ACTIVATION_STATE_ENABLE_SLEEPING | pb.ACTIVATION_STATE_SLEEP
-_WAKE = (pb.ACTIVATION_STATE_WAKE_UP, pb.ACTIVATION_STATE_DISABLE_SLEEPING)
-# Columns of the table of anchors (S, 8): position [m] and orientation (x, y, z, w) that a still body stays near, and
-# the time since when [s].
-SINCE = 7
-
-
-@compiled
-def note_motion(
-    chosen: IntArray, states: FloatArray, shapes: Any, anchors: FloatArray, time: float, distance: float
-) -> None:
-    """Move the anchors (S, 8) of the bodies in the slots ``chosen`` (n,) that moved farther than ``distance`` [m] from
-    theirs. ``states`` (S, 13)."""
-    for k in range(len(chosen)):
-        i = chosen[k]
-        if not strayed(states[i], anchors[i], shapes.table[i].radius) <= distance:
-            anchors[i, :7] = states[i, :7]
-            anchors[i, SINCE] = time
-
-
-@compiled
-def strayed(state: FloatArray, anchor: FloatArray, radius: float) -> float:
-    """Bound on the distance [m] of any point of a body (13,) with a bounding ``radius`` [m] from its place at the
-    anchor (8,); NaN if there is none."""
-    square, cosine = 0.0, 0.0
-    for axis in range(3):
-        square += (state[axis] - anchor[axis]) ** 2
-    for axis in range(3, 7):
-        cosine += state[axis] * anchor[axis]
-    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))  # of half the angle between the two orientations
-    return math.sqrt(square) + 2.0 * sine * radius
-
-
-@compiled
-def mark_reached(
-    movers: IntArray, states: FloatArray, positions: FloatArray, moved: FloatArray, anchors: FloatArray,
-    radii: FloatArray, boxes: FloatArray, elapsed: float, config: tuple[float, float, float, float, float],
-    order: IntArray, widest: float, found: BoolArray,
-) -> bool:  # fmt: skip
-    """Mark in ``found`` (S,) the sleeping bodies that the bodies in the slots ``movers`` (n,) may touch in the coming
-    step; returns True if there are any.
-
-    ``states`` (S, 13), ``boxes`` (S, 6): at the last update, ``elapsed`` [s] ago; ``positions``, ``moved`` (S, 3) [m]:
-    now, and in the coming step. ``config``: time now, `SleepConfig.after`, ``distance``, ``near``, ``near_share``.
-    ``order``, ``widest``: as in `mark_near`. Bodies that are still do not count.
-    """
-    time, after, distance, near, near_share = config
-    any_found = False
-    box = np.empty(6)
-    for k in range(len(movers)):
-        i = movers[k]
-        away = step = spin = 0.0
-        for axis in range(3):
-            away += (positions[i, axis] - anchors[i, axis]) ** 2
-            step += moved[i, axis] ** 2
-            spin += states[i, 10 + axis] ** 2
-        if time - anchors[i, SINCE] >= after and away <= distance * distance and step <= distance * distance:
-            continue
-        turned = min(math.sqrt(spin) * elapsed, 2.0) * radii[i]
-        for axis in range(3):
-            went = positions[i, axis] - states[i, axis]
-            box[axis] = boxes[i, axis] + went - turned
-            box[axis + 3] = boxes[i, axis + 3] + went + turned
-        reach = near + math.sqrt(step)
-        if mark_near(box, reach, radii[i], order, widest, boxes, radii, near_share, found):
-            any_found = True
-    return any_found
+# Gravity for which `SleepConfig.after` is meant [m/s^2]. Under a weaker one all that falls, rolls or tips over is
+# slower.
+EARTH = 9.81
+# Largest motion of a sleeping body that is rounding [m].
+ROUNDING = 1e-6
 
 
 class Sleeping:
     """Which bodies of one world sleep. Followers are addressed by slot; the links of a robot sleep together.
 
     ``may_sleep`` is asked once a PyBullet body could fall asleep. ``release`` takes the colliders from followers, and
-    returns what is to be remembered of their contacts; ``contacts`` holds these by slot.
+    returns what is to be remembered of their contacts; ``contacts`` holds these by slot. ``stopped``: PyBullet bodies
+    that are about to fall asleep, and since when [s]. ``gravity`` [m/s^2].
     """
 
     def __init__(
@@ -113,7 +63,11 @@ class Sleeping:
     ) -> None:
         self.config = config
         self.contacts: dict[int, Any] = {}
+        self.stopped: dict[int, float] = {}
+        self.gravity = EARTH
         self._client = client
+        self._bullet = BulletSleep(client)
+        self._calls = BulletCalls(client)
         self._followers = followers
         self._may_sleep = may_sleep
         self._release = release
@@ -125,6 +79,13 @@ class Sleeping:
         self._widest = 0.0
         self._ordered_for = -1
         self._watched = 0  # place in the sleeping bodies of the next one to read
+        self._fresh: IntArray = np.empty(0, np.int64)  # bodies that fell asleep in the last update
+
+    @property
+    def after(self) -> float:
+        """Time for which a body must be still [s]: `SleepConfig.after`, or longer under a gravity weaker than the
+        Earth's, because a body falls by the same distance in this time."""
+        return self.config.after * math.sqrt(EARTH / min(self.gravity, EARTH)) if self.gravity else math.inf
 
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
@@ -141,11 +102,13 @@ class Sleeping:
     def remove(self, slot: int) -> None:
         """Forget a follower that is about to be removed, and wake what may touch it."""
         self.wake_near(slot)
+        self.stopped.pop(int(self._owners[slot]), None)
         self._forget(np.array([slot]))
 
     def wake(self, slots: IntArray) -> None:
         """Wake bodies, with all that they may touch. Each must be still for `SleepConfig.after` before it sleeps."""
         self._anchors[slots] = np.nan
+        self._start(self.stopped.keys() & set(self._owners[slots].tolist()))
         if not self._followers.table["awake"][slots].all():
             marked = np.zeros(self._followers.capacity, np.bool_)
             marked[slots] = True
@@ -153,8 +116,13 @@ class Sleeping:
 
     def wake_all(self) -> None:
         """Wake all bodies; each must be still for `SleepConfig.after` again before it sleeps."""
+        self.keep_awake()
         self._wake_slots(self._followers.asleep)
         self._anchors[:] = np.nan
+
+    def keep_awake(self) -> None:
+        """Let none of the bodies that are about to fall asleep do so before the next update."""
+        self._start(set(self.stopped))
 
     def wake_near(self, slot: int) -> None:
         """Wake the bodies that may touch a follower."""
@@ -176,22 +144,51 @@ class Sleeping:
         if changed.size:
             self.wake(changed)
         self._ground.keep_corrections()
+        self._move_with_corrections(self.config.ground * tolerance)
+
+    def _move_with_corrections(self, limit: float) -> None:
+        """Move sleeping bodies with the corrections of the ground under them that exceed ``limit`` [m] and have not
+        woken them."""
+        asleep = self._followers.asleep
+        lifted = asleep[np.abs(self._ground.corrections(asleep)) > limit]
+        if lifted.size:
+            self._lift(asleep[np.isin(self._owners[asleep], self._owners[lifted])])
+
+    def _lift(self, slots: IntArray) -> None:
+        """Move bodies with the corrections under them, robots as a whole."""
+        owners, corrections = self._owners[slots], self._ground.corrections(slots)
+        for owner in set(owners[corrections != 0.0].tolist()):
+            own = slots[owners == owner]
+            lift = float(corrections[owners == owner].mean())
+            if not is_fixed(self._client, owner):
+                self._bullet.lift(owner, lift)
+                self._followers.states[own, 2] += lift
+                self._boxes[own, 2] += lift
+                self._boxes[own, 5] += lift
+            self._ground.note_moved(own)
 
     def wake_moved(self, duration: float) -> None:
-        """Wake bodies that moved although they sleep, because their user moved them through PyBullet. Reads as many as
-        are due in a ``duration`` [s]."""
+        """Wake bodies that moved although they sleep, because their user moved them through PyBullet, or PyBullet woke
+        them. Reads those that fell asleep in the last update, and of the others as many as are due in a ``duration``
+        [s]."""
         asleep = self._followers.asleep
         if not asleep.size:
             return
         count = min(math.ceil(len(asleep) * duration / self.config.watch), len(asleep))
-        chosen = asleep[np.arange(self._watched, self._watched + count) % len(asleep)]
+        due = asleep[np.arange(self._watched, self._watched + count) % len(asleep)]
         self._watched = (self._watched + count) % len(asleep)
-        chosen = chosen[[self._followers[slot].link < 0 for slot in chosen.tolist()]]
-        positions = [self._client.getBasePositionAndOrientation(owner)[0] for owner in self._owners[chosen].tolist()]
-        away = np.abs(np.array(positions).reshape(-1, 3) - self._followers.states[chosen, :3]).max(axis=1)
-        moved = chosen[away > self.config.near]
-        if moved.size:
-            self.wake(moved)
+        chosen = np.concatenate([np.intersect1d(self._fresh, asleep), due])
+        self._fresh = chosen[:0]
+        moved = [slot for slot in chosen.tolist() if self._moved(slot)]
+        if moved:
+            self.wake(np.array(moved))
+
+    def _moved(self, slot: int) -> bool:
+        """Return True if a sleeping body or link is not where it fell asleep."""
+        follower, known = self._followers[slot], self._followers.states[slot]
+        body, link = follower.body, follower.link
+        found = self._calls.states([body]) if link < 0 else self._calls.link_states(body, [link])
+        return not strayed(found[0], known, follower.radius) <= ROUNDING  # True for NaN
 
     def note_motion(self, time: float) -> None:
         """Note where the awake bodies are; their states are those of ``time`` [s]."""
@@ -210,47 +207,74 @@ class Sleeping:
         if not mark_reached(
             followers.awake, followers.states, followers.positions_w, followers.moved_w, self._anchors,
             followers.radii, self._boxes, elapsed,
-            (time, config.after, config.distance, config.near, config.near_share), self._order, self._widest, marked,
+            (time, self.after, config.distance, config.near, config.near_share), self._order, self._widest, marked,
         ):  # fmt: skip
             return False
         self._wake_marked(marked)
         return True
 
-    def put_to_sleep(self, time: float, duration: float, tolerance: float) -> None:
-        """Put the islands to sleep that are still, on ground that will not move in the ``duration`` [s] from ``time``
-        [s] on."""
+    def put_to_sleep(self, time: float, dt: float, steps: int, tolerance: float) -> None:
+        """Put the islands to sleep that are still, on ground that will not move in the ``steps`` of ``dt`` [s] from
+        ``time`` [s] on."""
+        slots, groups = self._ready(time, dt * steps, tolerance)
+        ready = set(self._owners[slots].tolist())
+        self._start(self.stopped.keys() - ready)
+        for owner in ready - self.stopped.keys():
+            self._bullet.stop(owner)
+            self.stopped[owner] = time
+        stopped = {owner for owner in ready if time - self.stopped[owner] > (STEPS_TO_STOP - 0.5) * dt}
+        if stopped:
+            self._put(slots[all_of(np.array([owner in stopped for owner in self._owners[slots].tolist()]), groups)])
+
+    def _ready(self, time: float, duration: float, tolerance: float) -> tuple[IntArray, IntArray]:
+        """Return the bodies that may fall asleep, and the island of each (n,)."""
         followers, config, awake = self._followers, self.config, self._followers.awake
-        still = time - self._anchors[awake, SINCE] >= config.after
+        still = time - self._anchors[awake, SINCE] >= self.after
         if not (still & followers.table["solid"][awake]).any():
-            return
+            return awake[:0], awake[:0]
         groups = islands(awake, self._owners, self._boxes, followers.radii, config.near, config.near_share)
-        solid = awake[still & followers.table["solid"][awake] & _all_of(still, groups)]
+        solid = awake[still & followers.table["solid"][awake] & all_of(still, groups)]
         if not solid.size:
-            return
+            return awake[:0], awake[:0]
         groups = groups[np.searchsorted(awake, solid)]
-        few = _first_groups(groups, config.most)
+        few = first_groups(groups, config.most)
         solid, groups = solid[few], groups[few]
         limit = config.ground * tolerance
-        ready = self._ground.calm(solid, self._boxes, time, duration, limit) & self._willing(solid)
-        chosen = solid[_all_of(ready, groups)]
-        self._ground.forget(np.setdiff1d(solid, chosen))
-        self._put(chosen)
+        ready = self._willing(solid) & self._ground.calm(solid, self._boxes, time, duration, limit)
+        ready = all_of(ready, groups)
+        self._ground.forget(solid[~ready])
+        return solid[ready], groups[ready]
 
     def _willing(self, slots: IntArray) -> BoolArray:
-        """Ask for each PyBullet body whether it may sleep (n,)."""
-        owners = self._owners[slots].tolist()
-        answers = {owner: self._may_sleep(owner) for owner in set(owners)}
-        return np.array([answers[owner] for owner in owners], bool)
+        """Return for each body (n,) whether its PyBullet body rests on something, with all its joints, and may sleep.
+        The owner of a remote body knows on what it rests."""
+        owners = self._owners[slots]
+        remote = set(owners[self._followers.table["remote"][slots]].tolist())
+        answers = {
+            owner: self._bullet.joints_rest(owner, self.config.joint)
+            and (owner in remote or self._bullet.supported(owner))
+            and self._may_sleep(owner)
+            for owner in set(owners.tolist())
+        }
+        return np.array([answers[owner] for owner in owners.tolist()], bool)
 
     def _put(self, slots: IntArray) -> None:
-        """Put bodies to sleep."""
+        """Put bodies to sleep that PyBullet has stopped."""
         if not slots.size:
             return
-        for owner in set(self._owners[slots].tolist()):
-            self._client.changeDynamics(owner, -1, activationState=_SLEEP)
         self.contacts.update(self._release(slots))
+        for owner in set(self._owners[slots].tolist()):
+            self._bullet.freeze(owner)
+            del self.stopped[owner]
+        self._fresh = slots
         self._followers.states[slots, 7:13] = 0.0
         self._followers.set_awake(slots, awake=False)
+
+    def _start(self, owners: set[int]) -> None:
+        """Wake PyBullet bodies that are about to fall asleep."""
+        for owner in owners:
+            self._bullet.start(owner)
+            del self.stopped[owner]
 
     def _wake_marked(self, marked: BoolArray) -> None:
         """Wake the marked bodies (S,), with all links of their robots and all that they may touch."""
@@ -270,13 +294,9 @@ class Sleeping:
 
     def _wake_slots(self, slots: IntArray) -> None:
         """Wake bodies, after moving them with the corrections that they slept through."""
-        owners, corrections = self._owners[slots], self._ground.corrections(slots)
-        for owner in set(owners.tolist()):
-            if lift := float(corrections[owners == owner].mean()):
-                (x, y, z), orientation = self._client.getBasePositionAndOrientation(owner)
-                self._client.resetBasePositionAndOrientation(owner, (x, y, z + lift), orientation)
-            for state in _WAKE:
-                self._client.changeDynamics(owner, -1, activationState=state)
+        self._lift(slots)
+        for owner in set(self._owners[slots].tolist()):
+            self._bullet.start(owner)
         self._forget(slots)
         self._followers.set_awake(slots, awake=True)
 
@@ -295,17 +315,3 @@ class Sleeping:
             self._order = asleep[np.argsort(boxes[:, 0], kind="stable")]
             extent = float((boxes[:, 3] - boxes[:, 0]).max(initial=0.0))
             self._widest = extent + self.config.near_share * float(radii.max(initial=0.0))
-
-
-def _first_groups(groups: IntArray, most: int) -> BoolArray:
-    """Return which items (n,) are in the first groups that have at most ``most`` items together; at least one group."""
-    numbers, counts = np.unique(groups, return_counts=True)
-    fits = np.cumsum(counts) <= most
-    fits[0] = True
-    return np.isin(groups, numbers[fits])
-
-
-def _all_of(marks: BoolArray, groups: IntArray) -> BoolArray:
-    """Return for each item (n,) whether all items of its group are marked; ``groups`` (n,)."""
-    unmarked = np.unique(groups[~marks])
-    return ~np.isin(groups, unmarked)

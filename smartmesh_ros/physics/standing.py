@@ -8,9 +8,9 @@ are refined until their spacing is far below a millimetre.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,8 +21,13 @@ from smartmesh_ros.physics.state import BodyState, Quaternion
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import GroundSamples
 
+NO_TERRAIN = "there is no terrain yet; ask again after the first map"
 # Returns the ground under points (N, 2) [m].
 GroundAt = Callable[[FloatArray], GroundSamples]
+Found = TypeVar("Found")
+# Work in parts of at most `RAYS` rays, each of which takes up to 0.2 ms on hulls of a thousand vertices.
+Parts = Generator[None, None, Found]
+RAYS = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,30 +55,53 @@ STANDING = StandingConfig()
 LEAST_EXTENT = 0.1
 
 
-def standing_state(
-    client: Any, body: Body, state: BodyState, ground_at: GroundAt, *, clearance: float, align: bool
-) -> BodyState:
-    """Return a ``state`` of the body at the same x and y, ``clearance`` [m] above the ground and moving with it.
+class Stance(NamedTuple):
+    """A body on the ground: its ``state``, whose height is `StandingConfig.away`, and ``points`` (n, 3) [m] of its
+    underside in that state."""
+
+    state: BodyState
+    points: FloatArray
+
+    def on(self, ground_at: GroundAt, clearance: float) -> BodyState:
+        """Return the state ``clearance`` [m] above the ground as it is now, and moving with it. Raises `InputError`."""
+        if not (math.isfinite(clearance) and clearance >= 0.0):
+            raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
+        x, y, _ = self.state.position
+        lifts = ground_at(self.points[:, :2]).z - self.points[:, 2]
+        height = STANDING.away + float(np.nanmax(lifts)) + clearance
+        under = ground_at(np.array([[x, y]]))
+        velocity = under.velocities[0] if not np.isnan(under.z[0]) else np.zeros(3)
+        linear = (np.array(self.state.linear) + velocity).tolist()
+        return replace(self.state, position=(x, y, height), linear=(linear[0], linear[1], linear[2]))
+
+
+def stance_of(client: Any, body: Body, state: BodyState, ground_at: GroundAt, *, align: bool) -> Parts[Stance]:
+    """Find how a body stands on the ground at the x and y of a ``state``, in parts; returns its stance.
 
     ``align``: tilt the body with the ground under its feet. The body is left at another place. Raises `InputError` if
     some part of the body is over no ground.
     """
-    if not (math.isfinite(clearance) and clearance >= 0.0):
-        raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
     x, y, _ = state.position
     turned = state
     for _ in range(STANDING.turns if align else 0):
-        points, _ = _underside(client, body, turned)
+        points, _ = yield from _underside(client, body, turned)
         turned = replace(turned, orientation=product(_tilt(points, (x, y), ground_at), state.orientation))
-    points, spacing = _underside(client, body, turned)
-    lift = _lift(client, body, points, spacing, ground_at) + clearance
-    under = ground_at(np.array([[x, y]]))
-    velocity = under.velocities[0] if not np.isnan(under.z[0]) else np.zeros(3)
-    linear = (np.array(state.linear) + velocity).tolist()
-    return replace(turned, position=(x, y, STANDING.away + lift), linear=(linear[0], linear[1], linear[2]))
+    points, spacing = yield from _underside(client, body, turned)
+    points = yield from _refined(client, body, points, spacing, ground_at)
+    return Stance(turned, points)
 
 
-def _underside(client: Any, body: Body, state: BodyState) -> tuple[FloatArray, float]:
+def finished(parts: Parts[Found]) -> Found:
+    """Do all parts of some work at once, and return its result."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            found: Found = end.value
+            return found
+
+
+def _underside(client: Any, body: Body, state: BodyState) -> Parts[tuple[FloatArray, float]]:
     """Place a body far from the others; return points (n, 3) [m] of its underside, and their spacing [m]."""
     x, y, _ = state.position
     client.resetBasePositionAndOrientation(body.uid, (x, y, STANDING.away), state.orientation)
@@ -81,18 +109,23 @@ def _underside(client: Any, body: Body, state: BodyState) -> tuple[FloatArray, f
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     axes = [np.linspace(low[axis], high[axis], STANDING.samples) for axis in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    points = _from_below(client, body, xy)
+    points = yield from _from_below(client, body, xy)
     if not len(points):
         raise InputError("geometry", f"{body.name!r} has no underside to stand on; give its height instead")
     return points, float(max(high[:2] - low[:2])) / (STANDING.samples - 1)
 
 
-def _from_below(client: Any, body: Body, xy: FloatArray) -> FloatArray:
+def _from_below(client: Any, body: Body, xy: FloatArray) -> Parts[FloatArray]:
     """Return the points (n, 3) [m] at which vertical rays at ``xy`` (N, 2) [m] meet a body from below."""
     half = 0.5 * STANDING.away
     starts, ends = (np.column_stack([xy, np.full(len(xy), STANDING.away + by)]) for by in (-half, half))
-    hits = client.rayTestBatch(starts.tolist(), ends.tolist())
-    return np.array([hit[3] for hit in hits if hit[0] == body.uid], np.float64).reshape(-1, 3)
+    found = []
+    for first in range(0, len(xy), RAYS):
+        part = slice(first, first + RAYS)
+        hits = client.rayTestBatch(starts[part].tolist(), ends[part].tolist())
+        found += [hit[3] for hit in hits if hit[0] == body.uid]
+        yield
+    return np.array(found, np.float64).reshape(-1, 3)
 
 
 def _tilt(points: FloatArray, centre: tuple[float, float], ground_at: GroundAt) -> Quaternion:
@@ -110,23 +143,23 @@ def _tilt(points: FloatArray, centre: tuple[float, float], ground_at: GroundAt) 
     return -y / length, x / length, 0.0, (1.0 + z) / length
 
 
-def _lift(client: Any, body: Body, points: FloatArray, spacing: float, ground_at: GroundAt) -> float:
-    """Return the lift [m] that puts the underside (n, 3) [m] of a body onto the ground."""
+def _refined(client: Any, body: Body, points: FloatArray, spacing: float, ground_at: GroundAt) -> Parts[FloatArray]:
+    """Return points (m, 3) [m] of the underside (n, 3) [m] of a body, with more of them where the ground is nearest."""
     needed = _heights(ground_at(points[:, :2]), points).z - points[:, 2]
     steps = np.linspace(-1.0, 1.0, STANDING.finer)
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     best = points[np.argsort(needed)[-STANDING.refined :], :2]
-    most = float(needed.max())
+    found = [points]
     for _ in range(STANDING.rounds):
-        finer = _from_below(client, body, (best[:, None] + spacing * around).reshape(-1, 2))
+        finer = yield from _from_below(client, body, (best[:, None] + spacing * around).reshape(-1, 2))
         if not len(finer):
             break
+        found.append(finer)
         lifts = ground_at(finer[:, :2]).z - finer[:, 2]
         lifts[np.isnan(lifts)] = -np.inf
-        most = max(most, float(lifts.max()))
         best = finer[np.argsort(lifts)[-STANDING.refined :], :2]
         spacing *= 2.0 / (STANDING.finer - 1)
-    return most
+    return np.concatenate(found)
 
 
 def _heights(under: GroundSamples, points: FloatArray) -> GroundSamples:

@@ -9,6 +9,7 @@ disabled.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,13 @@ class Waking:
         """Mark the bodies (S,) whose collider was changed, moved, added or removed."""
         self._changed |= changed
 
-    def wake(self, followers: Followers) -> None:
-        """Wake the marked bodies that have not moved since. Call it after at least one step, with their new states."""
+    def wake(self, followers: Followers, stopped: Collection[int] = ()) -> None:
+        """Wake the marked bodies that have not moved since, but for the PyBullet bodies ``stopped`` on purpose. Call it
+        after at least one step, with their new states."""
         noted = np.flatnonzero(self._changed)
         if not noted.size:
             return
         self._changed[noted] = False
         for slot in noted[~followers.states[noted, 7:13].any(axis=1)].tolist():
-            self._client.changeDynamics(followers[slot].body, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
+            if followers[slot].body not in stopped:
+                self._client.changeDynamics(followers[slot].body, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)

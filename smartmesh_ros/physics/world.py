@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -27,11 +28,12 @@ from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.physics.limits import FARTHEST_BODY, require_possible
+from smartmesh_ros.physics.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.physics.shapes import Shape, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.snapshot import Snapshot, body_snapshot
 from smartmesh_ros.physics.solver import set_up
-from smartmesh_ros.physics.standing import standing_state
+from smartmesh_ros.physics.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.stepper import StepCounts
 from smartmesh_ros.physics.wrenches import GroundWrench, wrenches_of_step
@@ -72,6 +74,7 @@ class World:
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
         self._counts = StepCounts()
+        self.say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning  # tells the user
         self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
 
@@ -144,7 +147,7 @@ class World:
     def spawn_robot(
         self,
         name: str,
-        urdf: str,
+        urdf: str | PreparedRobot,
         state: BodyState | None = None,
         *,
         on_ground: bool = False,
@@ -152,12 +155,29 @@ class World:
         align: bool = False,
     ) -> None:
         """Add a robot from a URDF file or text, with a patch for each link that has a collision shape; ``on_ground``,
-        ``clearance`` and ``align`` as of `spawn`."""
+        ``clearance`` and ``align`` as of `spawn`. Raises `InputError` and adds nothing if the robot is refused.
+
+        A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
+        """
         self._require_free(name)
         state = state or BodyState()
         require_possible(name, state)
-        body = self._factory.robot(name, urdf, state)
+        body = self._robot(name, urdf, state)
         self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def stance_of_robot(
+        self, name: str, robot: PreparedRobot, state: BodyState, *, align: bool = False
+    ) -> Parts[Stance]:
+        """Find how a robot would stand on the ground, in parts of a few milliseconds between which this world may step;
+        `Stance.on` then returns the state for `spawn_robot`. Raises `InputError` as of `spawn`."""
+        require_possible(name, state)
+        client: Any = BulletClient(pb.DIRECT)
+        try:
+            body = BodyFactory(client, self.config.physics).robot(name, robot, state)
+            yield
+            return (yield from stance_of(client, body, state, self.ground_at, align=align))
+        finally:
+            client.disconnect()
 
     def ground_at(self, points_w: ArrayLike) -> GroundSamples:
         """Return the ground under points (N, 2) [m] now: heights, normals, velocities and ages; see `Ground.at`."""
@@ -172,11 +192,11 @@ class World:
         rays = checked_rays(origins_w, directions_w, reach)
         return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
 
-    def replace_robot(self, name: str, urdf: str) -> None:
+    def replace_robot(self, name: str, urdf: str | PreparedRobot) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
         old = self._body(name)
-        new = self._factory.robot(name, urdf, self.state(name))
+        new = self._robot(name, urdf, self.state(name))
         new.initial = old.initial
         self.remove(name)
         self._add(new)
@@ -188,6 +208,7 @@ class World:
         """
         require_possible(name, state)
         body = self.bodies.get(name)
+        Sphere(radius)  # refuses an impossible radius before the body of that name is removed
         if body is not None and body.radius != radius and body.tracked:
             self.remove(name)
             body = None
@@ -308,7 +329,8 @@ class World:
         self.ground.configure(self.config.patch)  # discards supports chosen at the old places
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are."""
+        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
+        fixed takes no velocity."""
         body = self._own_body(name)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
@@ -357,15 +379,17 @@ class World:
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain stays."""
+        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain stays. Raises `InputError`
+        and changes nothing if a robot of it is refused."""
+        robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         self.close()
         self._start()
         self.time = snapshot.time
         for body in snapshot.bodies:
-            if body.urdf is not None:
-                self.spawn_robot(body.name, body.urdf, body.state)
+            surface = Surface(body.friction, body.restitution)
+            if body.name in robots:
+                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
             elif body.shape is not None:
-                surface = Surface(body.friction, body.restitution)
                 self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
             else:
                 self.track(body.name, body.radius, body.state)
@@ -438,20 +462,20 @@ class World:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)
 
     def _may_sleep(self, uid: int) -> bool:
-        """Return True if no joint of a PyBullet body moves or is driven to move."""
+        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
+        sums those that a sleeping robot does not heed."""
         slot = self.followers.of(uid)[0]
         body = self.bodies[self.followers[slot].name.partition("/")[0]]
-        if not body.joints:
-            return True
-        if any(command.velocity for command in body.commands.values()):
-            return False
-        speeds = (reading.velocity for reading in read_joints(self.client, uid, body.joints, body.commands))
-        return max(map(abs, speeds)) <= self.config.sleep.joint
+        commands = body.commands.values()
+        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
 
     def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
         """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
         try:
-            state = standing_state(self.client, body, body.initial, self.ground_at, clearance=clearance, align=align)
+            if not self.terrain.tiles:
+                raise InputError("no_map", NO_TERRAIN)
+            stance = finished(stance_of(self.client, body, body.initial, self.ground_at, align=align))
+            state = stance.on(self.ground_at, clearance)
             require_possible(body.name, state)
         except InputError:
             self.client.removeBody(body.uid)
@@ -459,6 +483,11 @@ class World:
         body.initial = state
         self._factory.move(body, state)
         return body
+
+    def _robot(self, name: str, urdf: str | PreparedRobot, state: BodyState) -> Body:
+        """Return the body of a robot, not yet part of this world."""
+        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
+        return self._factory.robot(name, robot, state)
 
     def _body(self, name: str) -> Body:
         try:
@@ -495,9 +524,12 @@ class World:
 
     def _add(self, body: Body) -> None:
         self.bodies[body.name] = body
+        for note in body.notes:
+            self.say(f"robot {body.name!r}: {note}")
         if body.is_robot:
             for link, part in body.links.items():
-                self._attach(body, self.ground.attach(body.uid, link), f"{body.name}/{part}")
+                follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
+                self._attach(body, follower, f"{body.name}/{part}")
         else:
             shape = Sphere(body.radius) if body.shape is None else body.shape
             follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
@@ -507,5 +539,5 @@ class World:
         """Record what this world knows of a new follower."""
         follower.name = name
         record = self.followers.table[follower.slot : follower.slot + 1]
-        record["free"] = not body.tracked and body.shape is not None
-        record["own"], record["remote"] = body.simulated, bool(body.owner)
+        record["own"] &= body.simulated
+        record["remote"] = bool(body.owner)

@@ -8,16 +8,24 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.mesh_shape import MeshShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal"]
-# Methods that are valid on every mesh.
-ANYWHERE = ("brute_force", "ray_cast")
+SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal", "auto"]
+# Methods that are valid on every mesh. *auto* is grid traversal on evenly spaced grids, and brute force elsewhere.
+ANYWHERE = ("brute_force", "ray_cast", "auto")
 
 
 def require_search(method: SearchMethod, mesh: TriangleMesh) -> None:
-    """Raise `InputError`, which names valid methods, if ``method`` is not valid on a general mesh.
+    """Raise `InputError`, which names valid methods, if ``method`` is not valid on a general mesh, or the mesh has
+    several parts.
 
     A method is valid if it finds the nearest vertex. On height maps, which are uniform grids, every method is.
     """
+    if mesh.parts > 1:
+        raise InputError(
+            "mesh_parts",
+            f"the mesh has {mesh.parts} parts that share no vertices. The patch of a body covers one part only, so "
+            "bodies would fall through the others; merge vertices at the same place, as STL files need, or sample the "
+            "mesh into a height map",
+        )
     if method not in ANYWHERE:
         require_search_on(method, mesh.shape)
 

@@ -1,8 +1,9 @@
-"""Silences PyBullet, whose C++ code prints directly to standard output and standard error."""
+"""Standard output: without what PyBullet's C++ code prints there, and with a quiet end when nobody reads it."""
 
 from __future__ import annotations
 
 import os
+import select
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,6 +36,28 @@ def import_pybullet_quietly() -> None:
     finally:
         os.dup2(kept, STDERR)
         os.close(kept)
+
+
+@contextmanager
+def ending_with_reader() -> Iterator[None]:
+    """End the process without an error if the reader of its standard output ends, as in ``command --help | head``."""
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        if not _reader_has_ended():
+            raise
+        with _devnull() as nowhere:
+            os.dup2(nowhere, sys.stdout.fileno())  # Python flushes once more when it exits
+        sys.exit(0)
+
+
+def _reader_has_ended() -> bool:
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)  # errors are always reported
+    return any(events & select.POLLERR for _, events in poll.poll(0))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
+from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
@@ -36,11 +37,11 @@ class Samples(NamedTuple):
 class HeightMap:
     """Heights on a uniform grid, with holes, and their motion.
 
-    ``heights``: (rows, columns) array [m], copied to float32; NaN = no ground. ``resolution``, ``origin`` and ``yaw``
-    place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a ``geometry``.
-    ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same shape:
-    vertical velocity of the ground; by default the difference quotient of successive heights. ``variance`` [m^2]: of
-    the heights, one number or one for each; by default that of ``motion.noise``.
+    ``heights``: (rows, columns) array [m], copied to float32; NaN or masked = no ground. ``resolution``, ``origin`` and
+    ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
+    ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
+    shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -134,8 +135,24 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        moves = self._clocks["time"] + REST_AFTER * self._clocks["lifetime"] > self.time
+        moves = self._rests_at > self.time
         return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
+
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clocks["delay"][0, 0])
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clocks["delay"] = delay
+
+    @property
+    def _rests_at(self) -> FloatArray:
+        """Instants at which the blocks come to rest if no update follows [s]."""
+        clocks = self._clocks
+        expected = np.where(clocks["lifetime"] > 0.0, clocks["lifetime"] + clocks["delay"], 0.0)
+        return np.asarray(clocks["time"] + REST_AFTER * expected)
 
     @property
     def noise(self) -> float:
@@ -270,8 +287,8 @@ class HeightMap:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.track.moves and time < self.track.time + REST_AFTER * self.track.interval
-        return slides or bool((time < self._clocks["time"] + REST_AFTER * self._clocks["lifetime"]).any())
+        slides = self.track.moves and time < self.track.time + REST_AFTER * (self.track.interval + self.delay)
+        return slides or bool((time < self._rests_at).any())
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
@@ -290,6 +307,25 @@ class HeightMap:
         self.track, _ = follow(before.track, self.geometry, time, motion.max_interval, motion.max_velocity)
         self._tell_core()
 
+    @property
+    def has_velocities(self) -> bool:
+        """True if vertical velocities were given or estimated."""
+        return bool(self._clocks["known"].any())
+
+    def set_velocities(self, velocities: NDArray[np.float32]) -> None:
+        """Set the vertical velocities (rows, columns) [m/s] of the newest heights."""
+        self._store(0, 0, self._heights.copy(), velocities, self.time)
+
+    def go_on_from(self, before: "HeightMap") -> None:
+        """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but
+        for the height of its origin."""
+        new, time = self._heights, self.time
+        self._heights = before._heights + np.float32(before.geometry.origin[2] - self.geometry.origin[2])
+        self._clocks = before._clocks.copy()
+        if before.has_velocities:
+            self._velocities = before._velocities.copy()
+        self._store(0, 0, new, None, time)
+
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
         for name in CLOCK_TIMES:
@@ -306,7 +342,7 @@ class HeightMap:
         yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
         if self.track.interval:
             moving = self.track.motion
-            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code)
+            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code, self.delay)
             x, y, yaw = moved_on(geometry, moving, along)
             slide_x, slide_y = velocity_after(moving, along)
             slide_x, slide_y, spin = rate * slide_x, rate * slide_y, rate * moving.spin
@@ -392,6 +428,12 @@ class HeightMap:
             self._correct(row, column, self._fuse(row, column, new, variance, time), time)
             return
         self._deviation = None if variance is None else _deviation(variance)
+        self._store(row, column, new, speeds, time)
+
+    def _store(
+        self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
+    ) -> None:
+        """Store heights of a rectangle that moves, and their velocities if they were given."""
         given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
         take_heights(
             self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),
@@ -469,7 +511,7 @@ def _has_infinity(values: NDArray[np.float32]) -> bool:
 
 
 def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = np.asarray(values)
+    array = unmasked(values)
     if array.shape != shape:
         raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
     if array.dtype.kind not in "fiu":

@@ -52,6 +52,20 @@ def shape_of(coordinates: FloatArray, triangles: IntArray) -> MeshShape:
     return MeshShape("", _uniform_grid(xy, triangles))
 
 
+def count_parts(triangles: IntArray, count: int) -> int:
+    """Return the number of parts, without common vertices, of a mesh of ``triangles`` (T, 3) and ``count`` vertices.
+    Vertices of no triangle do not count."""
+    part = np.arange(count)  # of each vertex: the lowest vertex known to be in its part
+    while True:
+        lowest = part[triangles].min(axis=1)
+        before = part.copy()
+        np.minimum.at(part, part[triangles].ravel(), np.repeat(lowest, 3))
+        np.minimum.at(part, triangles.ravel(), np.repeat(lowest, 3))
+        part = part[part]
+        if (part == before).all():
+            return len(np.unique(part[triangles]))
+
+
 def _doubled_areas(xy: FloatArray, triangles: IntArray) -> FloatArray:
     a, b, c = (xy[:, triangles[:, corner]] for corner in range(3))
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

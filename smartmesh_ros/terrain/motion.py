@@ -33,10 +33,11 @@ class Mode(IntEnum):
     CORRECT = 3
 
 
-# Age of the last map at which extrapolation ends, in map intervals. Older ground returns to the last map at half its
-# speed, because a sudden reset would teleport it. Raising this tolerates later maps, but overshoots further.
+# Age of the last map at which extrapolation ends, as a multiple of the age at which the next map is expected. Older
+# ground returns to the last map at half its speed, because a sudden reset would teleport it. Raising this tolerates
+# later maps, but overshoots further.
 LATE_AFTER = 1.5
-# Age of the last map at which the ground is at rest at the map's heights, in map intervals.
+# Age of the last map at which the ground is at rest at the map's heights, as a multiple of the same age.
 REST_AFTER = 3.0 * LATE_AFTER
 # Limit of the acceleration, as a multiple of the acceleration before it.
 AGREEMENT = 4.0
@@ -47,10 +48,10 @@ KEPT = 3
 INTERVALS_KEPT = 10
 
 # Update times of a block of samples. ``time`` [s]: last update. ``opened`` [s]: first update that contributes to the
-# newest velocity. ``lifetime`` [s]: longest expected time until the next update, 0 = at rest. ``middle``, ``middle_1``,
-# ``middle_2`` [s]: instants at which the velocities hold, newest first. ``known``: number of known velocities.
-# ``newest``: index of the newest velocity in the ring buffer. ``intervals`` [s]: between the last ``count`` updates.
-# ``updates``: number of updates so far.
+# newest velocity. ``lifetime`` [s]: longest expected time until the next update, 0 = at rest. ``delay`` [s]: expected
+# age of an update on arrival. ``middle``, ``middle_1``, ``middle_2`` [s]: instants at which the velocities hold, newest
+# first. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring buffer.
+# ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
 CLOCK = np.dtype(
     (
         np.record,
@@ -58,6 +59,7 @@ CLOCK = np.dtype(
             ("time", np.float64),
             ("opened", np.float64),
             ("lifetime", np.float64),
+            ("delay", np.float64),
             ("middle", np.float64),
             ("middle_1", np.float64),
             ("middle_2", np.float64),
@@ -78,7 +80,8 @@ class MotionConfig:
 
     ``mode``: *hold* keeps the last map's heights, with its velocity; *extrapolate* also moves the heights with the
     velocity; *interpolate* moves from the second last to the last map, one map interval late.
-    ``max_interval`` [s]: maps further apart than this give no velocity.
+    ``max_interval`` [s]: maps further apart than this give no velocity. The node does not extrapolate farther over a
+    steady delay of maps either: the longer the extrapolation, the more it amplifies noise.
     ``max_velocity`` [m/s]: faster changes between two maps are jumps without velocity (a correction, a new crater).
     ``changes``: meaning of a change of height. *motion*: the ground moved, see ``mode``. *correction*: a better
     estimate of static ground arrived. Then the ground has no velocity.
@@ -149,21 +152,23 @@ AT_REST = Phase(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int) -> tuple[float, ...]:
+def phase_of(time: float, last: float, lifetime: float, lag: float, mode: int, delay: float = 0.0) -> tuple[float, ...]:
     """Return the first six fields of `Phase` at ``time`` [s].
 
     ``last``: time of the last map [s]. ``lifetime``: expected time until the next map [s]; the motion continues while
-    maps arrive in time. ``lag``: the velocity holds at this time before the last map [s].
+    maps arrive in time. ``lag``: the velocity holds at this time before the last map [s]. ``delay``: expected age of
+    the next map on arrival [s].
     """
     age = time - last
-    late_after = LATE_AFTER * lifetime
+    late_after = LATE_AFTER * (lifetime + delay)
     if lifetime <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if mode == Mode.HOLD:
         return 0.0, 0.0, 1.0 if age <= late_after else 0.0, 0.0, 0.0, math.inf
     if mode == Mode.INTERPOLATE:
         span = 2.0 * lag if lag > 0.0 else lifetime  # time between the last two maps
-        return min(max(age - span, -span), 0.0), 0.0, 1.0 if age < span else 0.0, 0.0, 0.0, math.inf
+        age -= delay
+        return min(max(age - span, -span), 0.0), 0.0, 1.0 if 0.0 <= age < span else 0.0, 0.0, 0.0, math.inf
     if age <= late_after:
         age = max(age, -lifetime)
         return age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, math.inf
@@ -180,7 +185,7 @@ def block_phase(clock, time, mode):
     if clock.known == 0:
         return AT_REST
     along, bend, rate, bend_rate, curve, left = phase_of(
-        time, clock.time, clock.lifetime, clock.time - clock.middle, mode
+        time, clock.time, clock.lifetime, clock.time - clock.middle, mode, clock.delay
     )
     if clock.known < KEPT or mode != Mode.EXTRAPOLATE:
         return Phase(along, 0.0, rate, 0.0, 0.0, left, 0.0, 0.0)

@@ -1,6 +1,8 @@
-"""Maps whose origin moves: velocities and corrections with respect to the map before."""
+"""Maps that replace another one: velocities and corrections with respect to the map before."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +34,19 @@ def velocities_across(
         return None
     velocities[new_rows, new_columns] = rise / np.float32(interval)
     return velocities
+
+
+def follow_across(before: HeightMap, after: HeightMap) -> None:
+    """Estimate the motion of a map from the map before it, which it replaces, unless its velocities were given."""
+    if not after.has_velocities:
+        x, y, _ = after.geometry.origin
+        if replace(after.geometry, origin=(x, y, before.geometry.origin[2])) == before.geometry:
+            after.go_on_from(before)
+        else:
+            velocities = velocities_across(before, after.geometry, after.heights, after.time)
+            if velocities is not None:
+                after.set_velocities(velocities)
+    after.follow(before, after.time)
 
 
 def correct_across(before: HeightMap, after: HeightMap) -> None:

@@ -15,6 +15,7 @@ from smartmesh_ros.terrain.correction import BLOCK_SHIFT
 from smartmesh_ros.terrain.facet_at import facet_at_sample, facet_of_cell
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import EDGE, HeightMap
+from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_buckets import mesh_at
 from smartmesh_ros.terrain.moving_grid import MovingGrid, slide_at, to_grid
 from smartmesh_ros.terrain.terrain import Terrain
@@ -43,7 +44,7 @@ def no_ground(count: int) -> GroundSamples:
 
 def checked_points(points: ArrayLike) -> FloatArray:
     """Return points as (N, 3) [m]; points (N, 2) get z = infinity. Raises `InputError`."""
-    array = np.asarray(points)
+    array = unmasked(points)
     if array.ndim != 2 or array.shape[1] not in (2, 3) or array.dtype.kind not in "fiu":
         raise InputError(
             "length", f"points have shape {array.shape}; they must be real numbers of shape (N, 2) or (N, 3)"

@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.scrolling import correct_across
+from smartmesh_ros.terrain.scrolling import correct_across, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
@@ -36,14 +36,15 @@ class Terrain:
     def put(self, name: str, mesh: MainMesh) -> None:
         """Add a tile or replace the tile of that name.
 
-        If a height map replaces another one, its motion or correction is estimated from both.
+        If a height map replaces another one, its motion or correction is estimated from both, as by
+        `HeightMap.replace`; velocities that were given with the map are kept.
         """
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             if mesh.motion.corrects:
                 correct_across(old, mesh)
             else:
-                mesh.follow(old, mesh.time)
+                follow_across(old, mesh)
         self.tiles[name] = mesh
         self.numbers.setdefault(name, next(self._numbers))
         self.layout_revision = next_revision()

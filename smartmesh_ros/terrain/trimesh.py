@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
-from smartmesh_ros.terrain.mesh_shape import MeshShape, shape_of
+from smartmesh_ros.terrain.masked import unmasked
+from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
 from smartmesh_ros.terrain.motion import (
     CLOCK,
     CLOCK_TIMES,
@@ -102,6 +104,11 @@ class TriangleMesh:
             self._shape = shape_of(self._now, self.triangles)
         return self._shape
 
+    @cached_property
+    def parts(self) -> int:
+        """Number of parts that share no vertices."""
+        return count_parts(self.triangles, self.size)
+
     def move(
         self,
         vertices: ArrayLike,
@@ -165,9 +172,18 @@ class TriangleMesh:
         """Expected time between updates [s]; 0 = no update expected."""
         return float(self._clock[0].lifetime)
 
+    @property
+    def delay(self) -> float:
+        """Expected age of an update on arrival [s]; extrapolation continues until the update is due."""
+        return float(self._clock[0].delay)
+
+    @delay.setter
+    def delay(self, delay: float) -> None:
+        self._clock["delay"] = delay
+
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
-        return self.lifetime > 0.0 and time - self.time < REST_AFTER * self.lifetime
+        return self.lifetime > 0.0 and time - self.time < REST_AFTER * (self.lifetime + self.delay)
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
@@ -290,7 +306,7 @@ def _checked_velocities(velocities: ArrayLike, count: int) -> FloatArray:
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:
-    array = np.asarray(values)
+    array = unmasked(values)
     if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
         raise InputError("length", f"{what} have shape {array.shape}; it must be ({count or 'V'}, 3)")
     if array.dtype.kind not in "fiu":

@@ -257,19 +257,19 @@ class Probe:
         """Return the values of all tasks, and their ``message``, from the collider's next diagnostics."""
         while not _publishers_by_topic(message := self.latest(DIAGNOSTICS), self.collider):
             pass  # diagnostics of another node
-        return _by_task(message)
+        return _by_task(message, self.collider)
 
     def newest_diagnostics(self) -> dict[str, dict[str, str]]:
         """Return the same from the collider's newest diagnostics so far; empty before the first."""
         messages = reversed(self.received[DIAGNOSTICS])
         found = next((message for message in messages if _publishers_by_topic(message, self.collider)), None)
-        return {} if found is None else _by_task(found)
+        return {} if found is None else _by_task(found, self.collider)
 
 
-def _by_task(message: DiagnosticArray) -> dict[str, dict[str, str]]:
+def _by_task(message: DiagnosticArray, collider: str) -> dict[str, dict[str, str]]:
     """Return the values of all tasks by key, and their ``message``."""
     return {
-        status.name.removeprefix("terrain_collider: "): {pair.key: pair.value for pair in status.values}
+        status.name.removeprefix(f"{collider.strip('/')}: "): {pair.key: pair.value for pair in status.values}
         | {"message": status.message}
         for status in message.status
     }

@@ -14,15 +14,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.startup.quiet import silence_pybullet
 
 INTERRUPTED = 130
-
-
-def start() -> int:
-    """Run the executable. PyBullet is silenced before measuring imports it."""
-    silence_pybullet()
-    return main()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,7 +65,3 @@ def parser() -> argparse.ArgumentParser:
     how.add_argument("--seed", type=int, help="seed of the sampler, for repeatable runs")
     how.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
     return found
-
-
-if __name__ == "__main__":
-    sys.exit(start())

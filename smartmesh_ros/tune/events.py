@@ -34,22 +34,24 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapCame(Event):
-    """A whole map of a tile; ``raster`` None = the tile is removed."""
+    """A whole map of a tile; ``raster`` None = the tile is removed. ``delay`` [s]: see `HeightMap.delay`."""
 
     tile: str
     raster: Raster | None
     velocities: FloatGrid | None = None
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegionCame(Event):
-    """New heights [m] of a rectangle of a tile."""
+    """New heights [m] of a rectangle of a tile. ``delay`` [s]: see `HeightMap.delay`."""
 
     tile: str
     row: int
     column: int
     heights: FloatGrid
     velocities: FloatGrid | None = None
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -108,12 +109,13 @@ class Reader:
         new = conversions.map_from(record.data, self._settings.max_samples)
         start = new.start
         stamp = conversions.stamp_seconds(start)
-        at = self._place(start.tile, stamp, now, record.time)
+        at = self._place(start.tile, stamp, now, record.time, horizon=self._settings.motion.max_interval)
         self._require_frame(start.frame_id)
         raster = None if new.geometry is None else Raster(new.geometry, new.heights)
         yield MapCame(
-            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, raster=raster, velocities=new.velocities
-        )
+            arrives=now, at=at, stamped=stamp is not None, tile=start.tile, raster=raster, velocities=new.velocities,
+            delay=self._clocks[start.tile].delay,
+        )  # fmt: skip
 
     def take_region(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a HeightmapUpdate."""
@@ -121,21 +123,22 @@ class Reader:
         start = new.start
         late = self._settings.motion.max_interval
         stamp = conversions.stamp_seconds(start)
-        at = self._place(start.tile, stamp, now, record.time, late)
+        at = self._place(start.tile, stamp, now, record.time, late, late)
         self._require_frame(start.frame_id)
         yield RegionCame(
             arrives=now, at=at, stamped=stamp is not None, tile=start.tile, row=new.row, column=new.column,
-            heights=new.heights, velocities=new.velocities,
+            heights=new.heights, velocities=new.velocities, delay=self._clocks[start.tile].delay,
         )  # fmt: skip
 
     def take_raster(self, kind: Any, convert: Callable[..., Raster], record: Record, now: float) -> Iterator[Event]:
         """Convert a message that an adapter reads as heights."""
         message = message_from(record.data, kind)
         stamp = conversions.stamp_seconds(message.header.stamp)
-        at = self._place("", stamp, now, record.time)
+        at = self._place("", stamp, now, record.time, horizon=self._settings.motion.max_interval)
         self._require_frame(message.header.frame_id)
         raster = convert(message, self._settings.raster, self._settings.max_samples)
-        yield MapCame(arrives=now, at=at, stamped=stamp is not None, tile="", raster=raster)
+        delay = self._clocks[""].delay
+        yield MapCame(arrives=now, at=at, stamped=stamp is not None, tile="", raster=raster, delay=delay)
 
     def take_tracked(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a TrackedBodyArray."""
@@ -159,7 +162,9 @@ class Reader:
     def take_odometry(self, name: str, record: Record, now: float) -> Iterator[Event]:
         """Convert an Odometry."""
         message = message_from(record.data, Odometry)
-        yield self._bodies(record, now, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
+        yield self._bodies(
+            record, now, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)]
+        )
 
     def take_joints(self, record: Record, now: float) -> Iterator[Event]:
         """Convert a command to robots' joints."""
@@ -168,7 +173,7 @@ class Reader:
     def take_transforms(self, static: bool, record: Record, now: float) -> Iterator[Event]:
         """Store a TFMessage, and yield the poses of bodies that are frames."""
         for stamp, parent, child, transform in transforms_from(record.data):
-            time = None if static else conversions.stamp_seconds(stamp) or 0.0
+            time = None if static else conversions.stamp_seconds(stamp) or record.time
             self._frames.add(parent.strip("/"), child.strip("/"), transform, time)
         if self.recording.frame:
             for name, frame in self._settings.frames:
@@ -204,10 +209,12 @@ class Reader:
             raise InputError("frame", f"frame {frame!r} is not the terrain's frame {known!r}")
         self.recording.frame = known or frame
 
-    def _place(self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0) -> float:
+    def _place(
+        self, source: str, stamp: float | None, now: float, clock: float, late: float = 0.0, horizon: float = math.inf
+    ) -> float:
         """Return the simulated time [s] of a stamp that arrives at ``now`` [s], at ``clock`` [s] of the recorder."""
         known = self._clocks.setdefault(source, StampClock())
-        placed = known.place(stamp, clock, lambda age: now - age, late)
+        placed = known.place(stamp, clock, lambda age: now - age, late, horizon)
         known.accept(placed)
         return placed.time
 

@@ -10,6 +10,7 @@ from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.map_taking import take_map
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.physics.limits import SIZES, require_between
 from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -25,7 +26,8 @@ class Replay:
     def __init__(self, settings: Settings, bodies: Sequence[Start]) -> None:
         self.settings = settings
         self.world = World(config=settings.world)
-        self.tracking = Tracking(self.world, settings.body_timeout)
+        self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
+        self._names = RobotNames(self.world, always=settings.robot_prefix)
         self.refused: Counter[str] = Counter()
         self._waiting = list(bodies)
         self._spawn()
@@ -64,17 +66,19 @@ class Replay:
                     event.velocities,
                     event.time(self.world.time),
                 )
+                self.world.terrain.tiles[event.tile].delay = event.delay
             self._spawn()
         elif isinstance(event, RegionCame):
             tile = self.world.terrain.tile(event.tile)
             if not isinstance(tile, HeightMap):
                 raise InputError("unknown_tile", f"tile {event.tile!r} is a general mesh")
             tile.update_region(event.row, event.column, event.heights, time=time, velocities=event.velocities)
+            tile.delay = event.delay
             self._spawn()
         elif isinstance(event, BodiesCame):
             self._track(event)
         elif isinstance(event, JointsCame):
-            for robot, joint, command in joint_commands_from(event.message, self.world):
+            for robot, joint, command in joint_commands_from(event.message, self.world, self._names.prefixes()):
                 self.world.command(robot, joint, command)
 
     def _track(self, event: BodiesCame) -> None:
@@ -85,7 +89,8 @@ class Replay:
                 raise InputError("duplicate_id", f"{body.name!r} is simulated; a tracked body needs another name")
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, radius in zip(event.bodies, radii, strict=True):
-            self.tracking.update(body.name, radius, body.state, event.time(self.world.time))
+            time = event.time(self.world.time)
+            self.tracking.update(body.name, radius, body.state, time, self.world.time, stated=body.stated)
         for name in event.gone:
             self.tracking.forget(name)
 

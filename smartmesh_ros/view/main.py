@@ -14,9 +14,10 @@ from time import monotonic
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args, try_shutdown
+from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.node.demo.demo import COLLIDER, SOURCE, Demo, node_process
+from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.view.remote import Remote
@@ -35,7 +36,7 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--port", type=int, default=PORT, help="port, or the next free one (%(default)s)")
     parser.add_argument("--rate", type=float, default=RATE, help="updates of the page a second (%(default)s)")
     parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
-    options = parser.parse_args(remove_ros_args(given)[1:])
+    options = parser.parse_args(own_arguments(given))
     try:
         from smartmesh_ros.view.page import Page
     except ModuleNotFoundError as error:

@@ -99,7 +99,7 @@ def warnings_of(message: Any, node: str) -> list[str]:
     """Return the warnings of a node's diagnostics and its counts of refusals, as texts."""
     found = []
     for status in message.status:
-        task = status.name.removeprefix(f"{node}: ")
+        task = status.name.removeprefix(f"{node.strip('/')}: ")
         if task == status.name:
             continue  # status of another node
         if status.level not in (DiagnosticStatus.OK, b"\x00"):
@@ -115,6 +115,6 @@ def warnings_of(message: Any, node: str) -> list[str]:
 def is_paused(message: Any, node: str) -> bool | None:
     """Return True if diagnostics report a node's physics as paused; None if they are another node's."""
     for status in message.status:
-        if status.name == f"{node}: physics":
+        if status.name == f"{node.strip('/')}: physics":
             return any(pair.key == "paused" and pair.value == "True" for pair in status.values)
     return None

@@ -82,7 +82,6 @@ class Remote:
         self._maps: dict[str, tuple[Any, tuple[bool, bool]]] = {}  # subscription, (latched, reliable)
         self._qos_check_due = 0.0
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
-        self._base = name.rpartition("/")[2]
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 100)
@@ -199,10 +198,10 @@ class Remote:
         self._maps[topic] = subscription, (latched, reliable)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        paused = reading.is_paused(message, self._base)
+        paused = reading.is_paused(message, self.name)
         if paused is not None:
             self.paused = paused
-            self.warnings = reading.warnings_of(message, self._base)
+            self.warnings = reading.warnings_of(message, self.name)
 
     def _on_log(self, message: Log) -> None:
         if message.name == self.name.strip("/").replace("/", ".") and message.level >= Log.WARN:

@@ -14,7 +14,7 @@ import yourdfpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from viser.extras import ViserUrdf
 
-from smartmesh_ros.view.sight import Appearance, Pose
+from smartmesh_ros.view.sight import Appearance, Pose, Sight
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
@@ -30,6 +30,7 @@ class Robot:
     def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
         self.appearance = appearance
         self._name = name
+        self._root = _root_link(appearance.urdf)
         self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
         self._shown: ViserUrdf | None = None
         self._values: list[float] = []
@@ -45,6 +46,13 @@ class Robot:
             self._top = _top_of(urdf)
         self._label = server.scene.add_label(f"/labels/{name}", name, anchor="bottom-center", visible=False)
 
+    def base_in(self, sight: Sight) -> Pose | None:
+        """Return the pose of the base link, None if it is not known yet; of a robot whose description cannot be read,
+        the pose of its centre of mass."""
+        if not self._root:
+            return sight.poses.get(self._name)
+        return sight.bases.get(f"{self._name}/{self._root}", sight.bases.get(self._root))
+
     def place(self, base: Pose, joints: dict[str, float]) -> None:
         """Move the base link and the label, and set the joints to positions of ~/joint_states."""
         self._frame.position, self._frame.wxyz = base.position, base.wxyz
@@ -52,7 +60,7 @@ class Robot:
         self._label.position, self._label.visible = (x, y, z + self._top), True
         if self._shown is None:
             return
-        values = [joints.get(joint, joints.get(f"{self._name}/{joint}", 0.0)) for joint in self._joints]
+        values = [joints.get(f"{self._name}/{joint}", joints.get(joint, 0.0)) for joint in self._joints]
         if values != self._values:
             self._values = values
             self._shown.update_cfg(np.array(values))
@@ -61,6 +69,16 @@ class Robot:
         """Remove the robot from the page."""
         self._frame.remove()
         self._label.remove()
+
+
+def _root_link(urdf: str) -> str:
+    """Return the name of the link that is the child of no joint; empty if the text has no such link."""
+    try:
+        robot = ElementTree.fromstring(urdf)
+    except ElementTree.ParseError:
+        return ""
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
+    return next((link.get("name", "") for link in robot.iterfind("link") if link.get("name") not in children), "")
 
 
 def _load(appearance: Appearance) -> yourdfpy.URDF:

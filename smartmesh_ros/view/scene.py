@@ -149,8 +149,8 @@ class Scene:
         for name, appearance in robots.items():
             if name not in self._robots:
                 self._robots[name] = Robot(self._server, name, appearance)
-            if name in sight.bases:
-                self._robots[name].place(sight.bases[name], sight.joints)
+            if (base := self._robots[name].base_in(sight)) is not None:
+                self._robots[name].place(base, sight.joints)
 
     def _show_contacts(self, sight: Sight, radius: float) -> None:
         points = looks.arrows(*sight.contacts, ARROW * radius) if self.show_contacts else np.zeros((0, 2, 3))

@@ -47,8 +47,8 @@ NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 @dataclass
 class Sight:
     """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``asleep``: simulated
-    bodies without any velocity; ``bases``: pose of each robot's base link; ``joints``: positions [rad, m] by name as in
-    ~/joint_states."""
+    bodies without any velocity; ``bases``: poses of robots' base links by frame as in ~/odometry; ``joints``: positions
+    [rad, m] by name as in ~/joint_states."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
     appearances: dict[str, Appearance] = field(default_factory=dict)

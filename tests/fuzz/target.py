@@ -105,13 +105,13 @@ class Target:
             raise FindingError(name, data, error) from error
 
     def _give(self, name: str, data: bytes) -> None:
-        before, overtaken = self._refused(), self.node.session.overtaken
+        before, overtaken = self._refused(), self.node.session.overtaken.total()
         fate = "taken"
         if name in self._topics:
             self._topics[name].callback(data)
             if self._refused() > before:
                 fate = "refused"
-            elif self.node.session.overtaken > overtaken:
+            elif self.node.session.overtaken.total() > overtaken:
                 fate = "overtaken"
         else:
             fate = self._call(name, data)
@@ -153,8 +153,8 @@ class Target:
                 sent: list[Any] = []
                 turns = Turns()
                 turns.add(response, sent.append)
-                while turns.advance():
-                    pass
+                while not sent:  # a robot is prepared in another thread
+                    turns.advance()
                 [response] = sent
         except Exception as error:
             # rclpy's own services raise on parameters of no type; the node's loop catches and counts that.

@@ -1,5 +1,6 @@
 """A wheel for users of PyBullet without ROS, installed into an empty environment."""
 
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -18,9 +19,9 @@ from tests.newcomer.conftest import (
     copy_of_this,
 )
 
-OWN = ("compile", "demo", "fleet", "tune", "view")
+OWN = ("compile", "demo", "fleet", "fleet-front", "rover", "soil", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
-COMMANDS = {"terrain_collider", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
+COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
 WITHOUT_ROS = {"smartmesh-compile", "smartmesh-tune"}
 
 
@@ -67,14 +68,24 @@ def test_the_ten_lines_run_without_ros(environment: Path) -> None:
 
 
 def test_only_names_that_say_where_they_are_from_land_on_the_path(environment: Path) -> None:
-    metadata = "import importlib.metadata as m; print(*[e.name for e in m.distribution('smartmesh_ros').entry_points])"
-    assert set(run(environment / "bin" / "python", "-c", metadata).stdout.split()) == COMMANDS
+    names, functions = entry_points(environment / "bin" / "python")
+    assert names == COMMANDS
+    here = {entry.value for entry in importlib.metadata.distribution("smartmesh_ros").entry_points}
+    assert functions == here, "each command of a workspace"
     for command in COMMANDS - WITHOUT_ROS:
         without_ros = run(environment / "bin" / command)
         assert without_ros.returncode == 1
         assert f"{command} needs ROS 2" in without_ros.stderr
         assert "Traceback" not in without_ros.stderr
     assert "--budget" in run(environment / "bin" / "smartmesh-tune", "--help").stdout
+
+
+def entry_points(python: Path) -> tuple[set[str], set[str]]:
+    """Names of the commands, and the functions that they run."""
+    entries = "importlib.metadata.distribution('smartmesh_ros').entry_points"
+    code = f"import importlib.metadata; [print(e.name, e.value) for e in {entries}]"
+    pairs = [line.split() for line in run(python, "-c", code).stdout.splitlines()]
+    return {name for name, _ in pairs}, {function for _, function in pairs}
 
 
 def test_machine_code_is_in_the_wheel_and_used(environment: Path) -> None:

@@ -113,6 +113,17 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
 
     How the executable then ends is the test of `assert_cannot_start` in test_processes.py.
     """
+    try:
+        with made_with(TerrainCollider, parameters, arguments):
+            pass
+    except InputError as error:
+        return str(error)
+    raise AssertionError(f"{parameters} {arguments} are not refused")
+
+
+@contextmanager
+def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterator[Any]:
+    """A node of a class, made in this process with these parameters and ROS arguments."""
     context = Context()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "parameters.yaml"
@@ -120,13 +131,12 @@ def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = (
         given = [*arguments, "--params-file", str(file)] if parameters else [*arguments]
         rclpy.init(context=context)
         try:
-            TerrainCollider(context=context, cli_args=["--ros-args", *given])
-        except InputError as error:
-            return str(error)
+            node = kind(context=context, cli_args=["--ros-args", *given])
+            yield node
+            node.destroy_node()
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
-    raise AssertionError(f"{parameters} {arguments} are not refused")
 
 
 def wait_until(condition: Callable[[], object]) -> None:

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Callable
+from itertools import count
+from time import monotonic
 from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -14,6 +17,7 @@ from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.testing import Probe, Process, assert_cannot_start, pose_message
+from smartmesh_ros.testing.probe import DIAGNOSTICS
 from tests.node.shared import changed, refusal_at_start
 
 SHARED = {
@@ -119,6 +123,61 @@ def test_a_driven_body_pushes_by_the_velocity_of_its_odometry(shared: Probe) -> 
         shared.wait_for(thrown)
 
 
+def test_bodies_that_are_heard_of_stay_however_old_their_stamps_are(shared: Probe) -> None:
+    """A pose each tenth of a second that is older than the time-out, on topics of each kind."""
+    with changed(shared, {"bodies.timeout": 0.8}):
+        flat_map(shared)
+        rover, arm = shared.publisher(Odometry, "tracked_odometry"), shared.publisher(PoseStamped, "/arm/tip_pose")
+        shared.wait_for(lambda: shared.diagnostics("bodies")["tracked"] == "0")
+        due, seen = monotonic(), len(shared.received[DIAGNOSTICS])
+
+        def publish() -> bool:
+            nonlocal due
+            if monotonic() >= due:
+                due = monotonic() + 0.05
+                odometry = old(shared, Odometry(), 0.95)
+                odometry.pose.pose.position.z, odometry.twist.twist.linear.x = 0.3, 1.0
+                rover.publish(odometry)
+                arm.publish(old(shared, PoseStamped(pose=pose_message((1.0, 2.0, 0.2))), 0.9))
+            shared.spin(0.01)
+            return len(shared.received[DIAGNOSTICS]) >= seen + 8
+
+        shared.wait_for(publish)
+        tracked = [bodies_tracked(message) for message in shared.received[DIAGNOSTICS][seen:]]
+        assert set(tracked[tracked.index("2") :]) == {"2"}
+        found = shared.diagnostics("connections")
+        assert float(found["age of stamps on arrival, ~/tracked_odometry [s]"]) == pytest.approx(0.95, abs=0.2)
+        assert float(found["age of stamps on arrival, /arm/tip_pose [s]"]) == pytest.approx(0.9, abs=0.2)
+
+
+def old(probe: Probe, message: Any, age: float) -> Any:
+    """The message with a stamp of so long ago [s]."""
+    stamped(probe, message, "map")
+    total = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec - round(age * 1e9)
+    message.header.stamp = Time(sec=total // 10**9, nanosec=total % 10**9)
+    return message
+
+
+def bodies_tracked(message: Any) -> str:
+    [status] = [status for status in message.status if status.name.endswith(": bodies")]
+    return next(str(pair.value) for pair in status.values if pair.key == "tracked")
+
+
+def test_jumps_of_a_pose_are_counted_and_logged(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+    flat_map(shared)
+    second, places = shared.publisher(PoseStamped, "/second/pose"), count()
+
+    def told() -> bool:  # many between two diagnostics
+        for _ in range(5):
+            pose = pose_message((100.0 * (next(places) % 2), 5.0, 0.2))
+            second.publish(stamped(shared, PoseStamped(pose=pose), "map"))
+            shared.spin(0.02)
+        return int(shared.diagnostics("bodies").get("jumps on /second/pose", 0)) > 0
+
+    shared.wait_for(told)
+    assert "the pose of 'second.pose' jumped by 100 m" in shared_node[1].output
+
+
 def test_poses_in_another_frame_are_transformed(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
     with changed(shared, {"bodies.timeout": 60.0}):
         flat_map(shared)
@@ -192,6 +251,35 @@ def test_frames_of_tf_are_bodies(probe: Probe) -> None:
 
         patch_near(probe, "robot1.base_link", 4.0, 1.0, publish_good)
         assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("looped", [True, False])
+def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe, looped: bool) -> None:
+    """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
+    with probe.running(parameters={"bodies.frames": ["rover=base_link"], "frame_id": "map"}) as process:
+        flat_map(probe)
+        moving, start, key = probe.publisher(TFMessage, "/tf"), monotonic(), "refused, /tf: stamp_backwards"
+        tracked: list[str] = []
+
+        def told_twice() -> bool:
+            message = transform(probe, "map", "base_link", 0.5 * ((monotonic() - start) % 3.0), 0.0)
+            at = 1_000_000.0 + (monotonic() - start) % 3.0
+            message.transforms[0].header.stamp = Time(sec=int(at), nanosec=int(at % 1 * 1e9)) if looped else Time()
+            moving.publish(message)
+            probe.spin(0.05)
+            found = probe.newest_diagnostics()
+            tracked.append(found["bodies"]["tracked"])
+            if looped:
+                return int(found["inputs"].get(key, 0)) >= 2
+            return int(found["connections"].get("without stamp on /tf", 0)) >= 20 and tracked[-1] == "1"
+
+        probe.wait_for(told_twice)
+        assert set(tracked[tracked.index("1") :]) == {"1"}
+        words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
+        assert words in process.output
+        if looped:
+            return
+        probe.wait_for(lambda: probe.diagnostics("bodies")["tracked"] == "0")
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,23 @@
 """``/clock`` over DDS: published by the node, followed by the node, and never both."""
 
+from itertools import count
+from time import monotonic
 from typing import Any
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
+from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, pose_message
+from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 from tests.node.shared import changed, refusal_at_start
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])
@@ -96,6 +103,87 @@ def test_with_use_sim_time_the_physics_follows_the_clock(probe: Probe) -> None:
         spun_on(lambda: fallen(states[-1]) > before + 0.2)
         probe.latest("/diagnostics")
         assert fallen(states[-1]) - before <= now[0] - 10.0 + 3 * STEP
+
+
+def test_what_waits_for_a_clock_that_nobody_publishes_says_so(probe: Probe) -> None:
+    with probe.running(parameters={"use_sim_time": True}) as process:
+        words = "waits for /clock, which nobody publishes"
+        probe.wait_for(lambda: probe.diagnostics("physics")["message"] == words)
+        assert process.output.count(f"the physics {words}") == 1
+        clock = probe.node.create_publisher(Clock, "/clock", 10)
+        time = count(1000)
+
+        def runs() -> bool:
+            clock.publish(Clock(clock=Time(sec=next(time) // 20)))
+            probe.spin(0.05)
+            return "clock" not in probe.newest_diagnostics()["physics"]["message"]
+
+        probe.wait_for(runs)
+        probe.wait_for(lambda: probe.diagnostics("physics")["message"] == "waits for /clock, which stands still")
+
+
+@pytest.mark.parametrize("straggles", [False, True])
+def test_nothing_of_before_stays_when_the_clock_goes_back(probe: Probe, straggles: bool) -> None:
+    """A recording in a loop with its clock: bodies of its end go after the time-out, and a message of its end that
+    arrives after the jump shuts no later ones out, on any topic."""
+    parameters = {
+        "use_sim_time": True, "bodies.timeout": 1.0, "bodies.frames": ["framed=base_link"], "frame_id": "map",
+        "bodies.odometry": ["driven=~/tracked_odometry"],
+    }  # fmt: skip
+    with probe.running(parameters=parameters):
+        clock, frames = probe.node.create_publisher(Clock, "/clock", 10), probe.publisher(TFMessage, "/tf")
+        odometry = probe.publisher(Odometry, "tracked_odometry")
+
+        def stamp(at: float) -> Time:
+            return Time(sec=int(at), nanosec=int(at % 1.0 * 1e9))
+
+        def send(at: float, *bodies: str) -> None:
+            message = TrackedBodyArray(bodies=[TrackedBody(id=name, radius=0.2) for name in bodies])
+            pose, moved = Odometry(), TransformStamped(child_frame_id="base_link")
+            for header in (message.header, pose.header, moved.header):
+                header.stamp, header.frame_id = stamp(at), "map"
+            probe.publishers["tracked_bodies"].publish(message)
+            odometry.publish(pose)
+            frames.publish(TFMessage(transforms=[moved]))
+            heights = np.full((21, 21), 0.01 * (at % 1.0))
+            probe.publishers["heightmap"].publish(heightmap_message(heights, resolution=0.5, stamp=stamp(at)))
+
+        def play(first: float, until: Any, *bodies: str) -> float:
+            """Plays from a time [s] on until the condition holds; the time reached [s]."""
+            at, start = first, monotonic()
+
+            def condition() -> Any:
+                nonlocal at
+                at = first + monotonic() - start
+                clock.publish(Clock(clock=stamp(at)))
+                send(at, *bodies)
+                probe.spin(0.02)
+                return until()
+
+            probe.wait_for(condition)
+            return at
+
+        def tracked() -> str:
+            return probe.newest_diagnostics()["bodies"]["tracked"]
+
+        def refused() -> int:
+            counts = probe.newest_diagnostics()["inputs"]
+            return sum(int(count) for key, count in counts.items() if "stamp_backwards" in key)
+
+        end = play(5000.0, lambda: tracked() == "4", "always", "ghost")
+        before, played = refused(), monotonic()
+        if straggles:
+            back = monotonic()
+            while monotonic() < back + 0.3:  # the node has the clock's new time
+                clock.publish(Clock(clock=stamp(1000.0 + monotonic() - back)))
+                probe.spin(0.02)
+            send(end, "always")
+        play(1000.3, lambda: monotonic() > played + 1.5 and tracked() == "3", "always")
+        updates = int(probe.newest_diagnostics()["terrain"]["updates of ''"])
+        lost = refused() - before
+        play(1010.0, lambda: int(probe.newest_diagnostics()["terrain"]["updates of ''"]) > updates + 20, "always")
+        assert tracked() == "3"
+        assert refused() - before == lost <= 8, probe.newest_diagnostics()["inputs"]
 
 
 def test_clock_is_simulated_time_and_so_are_the_stamps(shared: Probe) -> None:

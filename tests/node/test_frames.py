@@ -140,6 +140,36 @@ def test_memory_is_bounded_and_a_clock_set_back_starts_anew() -> None:
 
 
 @settings(deadline=None, max_examples=60)
+@given(st.permutations(range(8)))
+def test_transforms_may_come_in_any_order(order: list[int]) -> None:
+    sorted_ones, shuffled = FrameBuffer(), FrameBuffer()
+    for step in range(8):
+        assert sorted_ones.add("odom", "base", turned(0.0, step), 10.0 + 0.1 * step) == 0.0
+    for step in order:
+        assert shuffled.add("odom", "base", turned(0.0, step), 10.0 + 0.1 * step) == 0.0
+    for stamp in np.linspace(10.0, 10.7, 30).tolist():
+        assert shuffled.lookup("odom", "base", stamp) == sorted_ones.lookup("odom", "base", stamp)
+
+
+def test_the_last_transform_of_a_stamp_counts() -> None:
+    buffer = FrameBuffer()
+    for x in (1.0, 2.0):
+        buffer.add("odom", "base", turned(0.0, x), 10.0)
+    assert buffer.lookup("odom", "base")[0].translation[0] == 2.0
+
+
+def test_a_recording_that_starts_over_restarts_its_frame_and_says_so() -> None:
+    buffer = FrameBuffer()
+    for loop in range(3):
+        for step in range(50):
+            back = buffer.add("odom", "base", turned(0.0, step), 10.0 + 0.1 * step)
+            assert back == (pytest.approx(4.9) if loop and step == 0 else 0.0)
+            found, stamp = buffer.lookup("odom", "base")
+            assert stamp == 10.0 + 0.1 * step
+            assert found.translation[0] == step
+
+
+@settings(deadline=None, max_examples=60)
 @given(
     st.lists(
         st.tuples(st.integers(-(2**31), 2**31 - 1), st.text(max_size=9), st.text(max_size=9), transforms()), max_size=5

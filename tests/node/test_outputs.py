@@ -88,6 +88,7 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
     expected = MarkerArray()
     for got in received.markers:
         marker = Marker(header=HEADER, ns="patches", id=got.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+        marker.frame_locked = True  # shown in any Fixed Frame: RViz takes the newest transform, not that of the stamp
         marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
         marker.points = got.points
@@ -133,6 +134,12 @@ def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> N
     after = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two, 2), MarkerArray).markers
     assert sorted((m.id, m.action) for m in after) == [(0, Marker.DELETE), (1, Marker.ADD), (2, Marker.ADD)]
     again = deserialize_message(markers.write(HEADER, batches_for(2, [0.2], False), two, 2), MarkerArray).markers
+    clean = markers.write(HEADER, batches_for(2, [0.2], False), two, 2, clear=True)
+    first, *rest = deserialize_message(clean, MarkerArray).markers
+    assert (first.action, first.ns) == (Marker.DELETEALL, "patches")
+    assert sorted(m.id for m in rest) == [1, 2] and first.id not in (1, 2), "RViz reports ids that come twice"
+    [only] = deserialize_message(markers.cleared(HEADER), MarkerArray).markers
+    assert (only.action, only.ns, only.header) == (Marker.DELETEALL, "patches", HEADER)
     assert sorted((m.id, m.action) for m in again) == [(1, Marker.ADD), (2, Marker.ADD)]
 
 

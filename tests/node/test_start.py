@@ -1,6 +1,10 @@
 """What the node says at the start and at changes, and what it measures of itself from the first second on."""
 
+import importlib.metadata
+import math
+import re
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,11 +17,34 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.demo import rover, terrain_source
+from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import publishing
+from smartmesh_ros.node.parameters.declaring import checked
 from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
-from smartmesh_ros.testing import Probe, Process, executable
+from smartmesh_ros.node.parameters.refused_arguments import own_arguments
+from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
+from smartmesh_ros.node.sensor import terrain_sensor
+from smartmesh_ros.node.soil import soil_node
+from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.testing import TIMEOUT, Probe, Process, executable
+from tests.node.shared import made_with, refusal_at_start
 
 pytestmark = pytest.mark.usefixtures("executables")
+
+OTHER_NODES: dict[str, tuple[Any, Any]] = {
+    "terrain_source": (terrain_source.TerrainSource, terrain_source.SPECS),
+    "terrain_sensor": (terrain_sensor.TerrainSensor, terrain_sensor.SPECS),
+    "soil": (soil_node.SoilNode, soil_node.SPECS),
+    "fleet_front": (front.Front, front.SPECS),
+    "rover": (rover.Rover, rover.SPECS),
+}
+NODES = ("terrain_collider", *OTHER_NODES)
+MALFORMED = [
+    True, 0, -1, 2**62, 1e300, math.nan, "", "x", "/a b", [], [""], ["/a b"], ["//"], ["a", "a"], ["{"], [True], [1, 2],
+    [1.0, 0.0], [math.nan] * 3,
+]  # fmt: skip
 
 HUSKY = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 
@@ -37,7 +64,8 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
-        [line] = process.output.splitlines()
+        root, masses, line = process.output.splitlines()
+    assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "auto within 0.0005 m", "events", "parameters.yaml"):
         assert words in line
 
@@ -46,6 +74,25 @@ def test_help_is_still_printed(domain: int) -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:")
     assert result.stderr == ""
+
+
+def test_every_executable_ends_quietly_if_nobody_reads_its_output(domain: int) -> None:
+    """As `--help | head` does, and `smartmesh-fleet | head`."""
+    names = sorted(entry.name for entry in importlib.metadata.distribution("smartmesh_ros").entry_points)
+    commands = [[executable(name), "--help"] for name in names]
+    commands += [[executable(name), "--print-parameters"] for name in NODES]
+    commands += [[executable("smartmesh-demo"), "--seconds", "1000"]]
+    assert len(commands) >= 20
+    running = []
+    for command in commands:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        process.stdout.close()
+        running.append(process)
+    said = {}
+    for command, process in zip(commands, running, strict=True):
+        said[" ".join(map(str, command))] = process.communicate(timeout=TIMEOUT)[1], process.returncode
+    assert {name: what for name, what in said.items() if what != ("", 0)} == {}
 
 
 @pytest.mark.parametrize(
@@ -78,6 +125,102 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
         [line] = lines(process, "WARN")
         assert f"{file} has no effect: it is for /other_node" in line
         assert "240 Hz; " in process.output, "as rcl has it: the default"
+
+
+@pytest.mark.parametrize("name", [*NODES, "view"])
+def test_a_list_of_integers_and_doubles_is_refused_by_every_executable(domain: int, name: str) -> None:
+    rule = "physics.gravity:=[0, 0, -9.81]"
+    result = subprocess.run(
+        [executable(name), "--ros-args", "-p", rule], capture_output=True, text=True, check=False, timeout=TIMEOUT
+    )
+    assert result.returncode == 2
+    [line] = result.stderr.splitlines()
+    assert line.startswith("cannot start: ")
+    assert rule in line and "[0.0, 0.0, -9.81]" in line
+
+
+@pytest.mark.parametrize(
+    ("rule", "words"),
+    [
+        ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
+        ("-p physics.gravity:={x: 1}", "name:=value"),
+        ("-p physics.rate:=[240.0", "name:=value"),
+        ("-p physics.rate:=", "name:=value"),
+        ("-p physics.rate", "name:=value"),
+        ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),
+        ("--params-file", "path of a YAML file"),
+        ("--log-level loud", "loud"),
+        ("-r a:=:=b", "a:=:=b"),
+        ("--nonsense", "'--nonsense'"),
+    ],
+)
+def test_what_rcl_does_not_read_of_a_command_line_is_refused_with_the_reason(
+    capsys: pytest.CaptureFixture[str], rule: str, words: str
+) -> None:
+    option, _, value = rule.partition(" ")
+    with pytest.raises(SystemExit) as end:
+        own_arguments(["node", "--ros-args", option, *([value] if value else [])])
+    assert end.value.code == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert not re.search(r"/\S+\.c:|error not set", said), "places in rcl's sources"
+
+
+def test_parameter_files_that_rcl_does_not_read_are_refused_with_the_reason(tmp_path: Path) -> None:
+    for parameters, words in (
+        ({"physics.gravity": [0, 0, -9.81]}, "[0.0, 0.0, -9.81]"),
+        ({"bodies.spawn": ["{id: a}", 3]}, "of the same type"),
+        ({"use_sim_time": 3}, "use_sim_time"),
+        ({"start_type_description_service": "yes"}, "start_type_description_service"),
+    ):
+        assert words in refusal_at_start(parameters)
+    file = tmp_path / "bad.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    physics.gravity: [0.0, -9.81\n")
+    assert str(file) in refusal_at_start({}, ["--params-file", str(file)])
+
+
+@pytest.mark.parametrize("specs", [SPECS, *(specs for _, specs in OTHER_NODES.values())])
+def test_a_list_of_one_empty_text_is_the_empty_list(specs: Any) -> None:
+    """ROS cannot write an empty list in every place, so this is usual."""
+    lists = [spec.name for spec in specs if isinstance(spec.default, list) and not is_numeric(spec)]
+    for empty in ([""], [], None):
+        values = checked({**{spec.name: spec.default for spec in specs}, **dict.fromkeys(lists, empty)}, specs)
+        assert all(values[name] == [] for name in lists)
+
+
+def is_numeric(spec: Any) -> bool:
+    return any(isinstance(item, float) for item in spec.default)
+
+
+def test_the_collider_starts_with_each_of_its_lists_empty(domain: int) -> None:
+    lists = {spec.name: [""] for spec in SPECS if isinstance(spec.default, list) and not is_numeric(spec)}
+    assert len(lists) >= 6
+    with made_with(TerrainCollider, lists) as node:
+        settings = node.settings
+    assert settings.spawn == settings.urdf_folders == settings.peers == ()
+    assert settings.poses == settings.odometry == settings.frames == ()
+    assert "gravity" in refusal_at_start({"physics.gravity": [""]})
+
+
+@pytest.mark.parametrize("name", OTHER_NODES)
+def test_a_node_takes_or_refuses_any_value_of_any_parameter(domain: int, name: str) -> None:
+    """Some values are valid for some parameters; any other error than `InputError` would be a traceback."""
+    make, specs = OTHER_NODES[name]
+    defaults = {spec.name: spec.default for spec in specs}
+    for spec in specs:
+        for value in MALFORMED:
+            with suppress(InputError):
+                checked({**defaults, spec.name: value}, specs)
+                with made_with(make, {spec.name: value}):  # seldom, because it takes long
+                    pass
+
+
+def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:
+    defaults = {spec.name: spec.default for spec in SPECS}
+    for spec in SPECS:
+        for value in MALFORMED:
+            with suppress(InputError):
+                settings_from({**defaults, spec.name: value})
 
 
 def test_a_node_of_the_same_name_is_warned_about(shared: Probe, shared_node: tuple[Probe, Process]) -> None:

@@ -30,3 +30,9 @@ def test_where_the_velocity_is_curved_that_at_the_body_counts(x: float, y: float
     linear, angular = mesh_twist(PLACES, velocities, np.array([x, y, 0.3]), 0.5)
     facet = abs(x)  # between the vertices at 0 and 1 or -1
     assert abs((linear + np.cross(angular, [x, y, 0.0]))[2] - facet) < 0.12
+
+
+def test_vertices_as_far_away_as_numbers_reach_have_a_twist_of_numbers() -> None:
+    far = np.array([[0.0, 0.0, 0.0], [1e200, 0.0, 0.0], [0.0, 1e200, 0.0]])
+    linear, angular = mesh_twist(far, far, np.full(3, 5e199), 1e200)
+    assert np.isfinite(linear).all() and np.isfinite(angular).all()

@@ -161,6 +161,31 @@ def test_fused_noise_leaves_bodies_at_rest(kind: str) -> None:
         assert abs(world.state("body").position[2] - (0.0 if kind == "husky" else 0.15)) < 2.0 * sigma
 
 
+@pytest.mark.parametrize("kind", ["box", "husky"])
+@pytest.mark.parametrize("by", [0.03, -0.03])
+@pytest.mark.parametrize("maps", [1, 4, 40])
+def test_a_sleeping_body_follows_corrections_that_noise_could_explain(kind: str, by: float, maps: int) -> None:
+    """The fused heights follow the maps slowly, and too little for noise of 3 cm to wake the body; it rises with them,
+    and is never deeper than the tolerance, even if no further map comes."""
+    world, heightmap = on_ground(slope(0.0), noise=0.03)
+    with world:
+        spawn(world, kind)
+        world.step(480)
+        assert world.is_asleep("body")
+        height = world.state("body").position[2]
+        for _ in range(maps):
+            heightmap.replace(slope(0.0) + by, time=world.time)
+            world.step(48)
+        world.step(240)
+        change = heightmap.at([[0.013, 0.017]], world.time).heights[0]
+        assert abs(change) > (0.014 if maps == 1 else 0.02)
+        deepest = 1e-3 if kind == "box" else 2.5e-3  # wheels lie 2 mm deeper once a correction has moved them awake
+        assert world.state("body").position[2] - height == pytest.approx(change, abs=deepest)
+        world.wake()
+        world.step(240)
+        assert world.state("body").position[2] - height == pytest.approx(change, abs=deepest)
+
+
 def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> None:
     """Whose number among the tiles is another then."""
     motion = MotionConfig(changes="correction")

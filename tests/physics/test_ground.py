@@ -170,3 +170,58 @@ def test_bad_attachments_are_refused(client: Any) -> None:
         ground.attach(body)
     with pytest.raises(InputError, match="radius"):
         ground.attach(sphere(client, (3.0, 2.0, 1.0)), radius=-1.0)
+
+
+CAR = """<robot name="car"><link name="base_footprint"/>
+<joint name="up" type="fixed"><parent link="base_footprint"/><child link="base_link"/><origin xyz="0 0 0.1"/></joint>
+<link name="base_link"><inertial><mass value="5"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+</inertial><collision><geometry><box size="0.5 0.3 0.1"/></geometry></collision></link>
+{wheels}</robot>"""
+WHEEL = """<joint name="axle{n}" type="continuous"><parent link="base_link"/><child link="wheel{n}"/>
+<origin xyz="{x} {y} -0.03"/><axis xyz="0 1 0"/></joint><link name="wheel{n}"><inertial><mass value="0.5"/>
+<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial><collision>
+<origin rpy="1.570796 0 0"/><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>"""
+
+
+@pytest.fixture
+def car(client: Any, tmp_path: Any) -> int:
+    places = [(x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)]
+    wheels = "".join(WHEEL.format(n=n, x=x, y=y) for n, (x, y) in enumerate(places))
+    (tmp_path / "car.urdf").write_text(CAR.format(wheels=wheels))
+    return int(client.loadURDF(str(tmp_path / "car.urdf"), (3.0, 2.0, 0.05), flags=pb.URDF_USE_IMPLICIT_CYLINDER))
+
+
+def test_a_robot_is_attached_with_all_links_that_have_a_shape(client: Any, car: int) -> None:
+    """It stands on its wheels; its root has no shape."""
+    client.setGravity(0.0, 0.0, -9.81)
+    ground = Ground(client, HeightMap(np.zeros((41, 61)), resolution=0.1))
+    first = ground.attach(car)
+    links = [ground.followers[slot].link for slot in ground.followers.of(car)]
+    assert links == [0, 1, 2, 3, 4]
+    assert first.link == 0
+    for step in range(480):
+        ground.step(step / 240, 1 / 240)
+    assert client.getLinkState(car, 0)[0][2] == pytest.approx(0.13, abs=2e-3)
+    assert ground.rescues == 0
+    ground.detach(car)
+    assert not ground.followers.of(car)
+
+
+def test_a_link_without_a_shape_is_refused_and_the_links_that_have_one_are_named(client: Any, car: int) -> None:
+    ground = Ground(client, HeightMap(np.zeros((41, 61)), resolution=0.1))
+    with pytest.raises(InputError, match="base_footprint") as error:
+        ground.attach(car, -1)
+    for name in ("0 'base_link'", "1 'wheel0'", "4 'wheel3'"):
+        assert name in str(error.value)
+    ghost = client.createMultiBody(1.0)
+    with pytest.raises(InputError, match="no collision shape"):
+        ground.attach(ghost)
+    assert len(ground.followers) == 0
+
+
+def test_a_robot_one_link_of_which_is_attached_already_is_refused_whole(client: Any, car: int) -> None:
+    ground = Ground(client, HeightMap(np.zeros((41, 61)), resolution=0.1))
+    ground.attach(car, 2)
+    with pytest.raises(InputError, match="link 2 is attached already"):
+        ground.attach(car)
+    assert len(ground.followers) == 1

@@ -14,6 +14,7 @@ from smartmesh_ros.patches.supports import no_supports
 from smartmesh_ros.physics.colliders.table import moves_nowhere
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.terrain import Terrain
 
 GRAVITY = 9.81
 
@@ -42,8 +43,7 @@ def speed_along_a_gutter(*, edge_filter: bool) -> float:
     """Speed [m/s] of a frictionless ball after 8 s in a straight V gutter that it enters at 4 m/s."""
     heights = np.tile(0.05 * np.abs(np.arange(41) - 20)[:, None], (1, 361))
     heightmap = HeightMap(heights, resolution=0.1, origin=(-1.0, -2.0))
-    kind: PatchKind = "auto" if edge_filter else "heightfield"
-    config = WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(kind=kind, edge_filter=edge_filter))
+    config = WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(edge_filter=edge_filter))
     with World(heightmap, config) as world:
         state = BodyState((0.0, 0.0, 0.15 * math.hypot(1.0, 0.5)), linear=(4.0, 0.0, 0.0))
         world.spawn("ball", Sphere(0.15), 1.0, state)
@@ -282,7 +282,7 @@ def test_colliders_lie_along_ground_that_moves_steadily_with_few_changes(edge: i
     rng = np.random.default_rng(5)
     start, speed = rng.uniform(-0.05, 0.05, (40, 40)), rng.uniform(0.05, 0.35, (40, 40))
     heightmap = HeightMap(np.zeros((edge, edge)), resolution=0.25)
-    config = WorldConfig(physics=PhysicsConfig(rate=rate), patch=PatchConfig(kind="heightfield", tolerance=tolerance))
+    config = WorldConfig(physics=PhysicsConfig(rate=rate), patch=PatchConfig(tolerance=tolerance))
     with World(heightmap, config) as world:
         for index in range(9):
             x, y = 1.3 + 3.1 * (index % 3), 1.2 + 3.1 * (index // 3)
@@ -336,3 +336,20 @@ def test_a_ball_stays_on_a_seesaw_however_steep(kind: PatchKind, rate: float) ->
             slope, (x, _, z) = 0.8 * math.sin(3.0 * world.time), world.state("ball").position
             clearance = (z - slope * x) / math.hypot(1.0, slope) - 0.2
             assert step < 5 or abs(clearance) < 5e-4  # the ground's velocity is known after two maps
+
+
+@pytest.mark.parametrize("how", ["heights", "origin"])
+@pytest.mark.parametrize("speed", [0.2, 1.0, -1.0])
+def test_a_box_rides_on_a_lift_whose_maps_are_put(how: str, speed: float) -> None:
+    terrain = Terrain(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
+    with World(terrain) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
+        world.step(240)
+        for step in range(480):
+            if step % 4 == 0:
+                heights, z = (speed * step / 240, 0.0) if how == "heights" else (0.0, speed * step / 240)
+                full = np.full((41, 41), heights)
+                terrain.put("", HeightMap(full, resolution=0.1, origin=(-2.0, -2.0, z), time=world.time))
+            world.step()
+            if step >= 240:
+                assert world.state("box").position[2] - 0.15 == pytest.approx(speed * (step + 1) / 240, abs=1e-4)

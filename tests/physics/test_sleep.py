@@ -18,6 +18,7 @@ from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.physics.joints import JointCommand
+from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.sleeping import HUSKY
 from tests.examples import examples
@@ -53,6 +54,9 @@ def test_bodies_at_rest_sleep_without_colliders_and_keep_patches_contacts_and_wr
         assert {contact.body for contact in world.contacts()} == touching == {"ball", "box", "can"}
         for wrench, mass in zip(world.wrenches(), (2.0, 3.0, 4.0), strict=True):
             assert wrench.force == pytest.approx([0.0, 0.0, 9.81 * mass], abs=0.02 * 9.81 * mass)
+        world.step(2 * RATE)  # longer than unused colliders are kept
+        used = world.client.getNumBodies()
+        assert used == 3, "no collider is left in PyBullet's world"
         world.wake("box")
         world.step()
         assert asleep(world) == {"ball", "can"}
@@ -229,6 +233,68 @@ def test_two_runs_are_equal_to_the_bit_although_bodies_sleep_and_wake() -> None:
             return hashes
 
     assert run() == run()
+
+
+@pytest.mark.parametrize("gravity", [0.0057, 0.02])
+def test_a_body_that_is_released_where_gravity_is_weak_falls(gravity: float) -> None:
+    with flat_world(gravity=(0.0, 0.0, -gravity)) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 1.1)))
+        world.step(int(0.9 * math.sqrt(2.0 / gravity) * RATE))
+        assert world.state("ball").position[2] == pytest.approx(1.1 - 0.81, abs=2e-3)
+
+
+@pytest.mark.parametrize("gravity", [0.0057, 0.03])
+def test_a_body_that_is_thrown_up_where_gravity_is_weak_comes_back(gravity: float) -> None:
+    with flat_world(gravity=(0.0, 0.0, -gravity)) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.3), linear=(0.0, 0.0, 0.05)))
+        world.step(int((0.1 / gravity + 2.0 * math.sqrt(0.4 / gravity)) * RATE))
+        assert world.state("ball").position[2] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_ball_rolls_down_a_slope_where_gravity_is_weak() -> None:
+    """5/7 of what gravity has along the slope, from rest, and for so long as it takes for 1 m on the Earth's slope."""
+    gravity, angle = 0.02, math.radians(3.0)
+    slope = HeightMap(math.tan(angle) * SPACING * np.mgrid[:SIDE, :SIDE][1], resolution=SPACING, origin=(-3.0, -3.0))
+    seconds = math.sqrt(2.0 * 1.0 / (5.0 / 7.0 * gravity * math.sin(angle)))
+    with World(slope, WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, -gravity)))) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((2.0, 0.0, 5.0 * math.tan(angle) + 0.1 / math.cos(angle))))
+        world.step(int(seconds * RATE))
+        assert world.state("ball").position[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_bodies_sleep_where_gravity_is_weak_too() -> None:
+    with flat_world(gravity=(0.0, 0.0, -1.62)) as world:
+        world.spawn("box", BOX, 1.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(3 * RATE)
+        assert asleep(world) == {"box"}
+
+
+def test_a_body_that_nothing_supports_never_sleeps() -> None:
+    """It hovers because a force is applied in every step, as a rotor would, and falls as soon as that ends."""
+    with flat_world() as world:
+        world.spawn("drone", Box(0.3, 0.3, 0.1), 1.0, BodyState((0.0, 0.0, 1.0)))
+        uid = world.bodies["drone"].uid
+        for _ in range(2 * RATE):
+            x, y, z = world.state("drone").position
+            world.client.applyExternalForce(uid, -1, (0.0, 0.0, 9.81), (x, y, z), pb.WORLD_FRAME)
+            world.step()
+            assert not asleep(world)
+        assert world.state("drone").position[2] == pytest.approx(1.0, abs=1e-3)
+        world.step(RATE // 4)
+        assert world.state("drone").position[2] == pytest.approx(1.0 - 0.5 * 9.81 / 16.0, abs=0.01)
+
+
+@pytest.mark.parametrize("after", [0.0, 0.02])
+def test_a_body_at_its_apex_does_not_sleep_however_soon_others_do(after: float) -> None:
+    with World(
+        HeightMap(FLAT, resolution=SPACING, origin=(-3.0, -3.0)), WorldConfig(sleep=SleepConfig(after=after))
+    ) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.3), linear=(0.0, 0.0, 2.0)))
+        world.spawn("rests", BOX, 1.0, BodyState((1.0, 0.0, 0.1)))
+        for _ in range(RATE // 3):
+            world.step()
+            assert "ball" not in asleep(world)
+        assert asleep(world) == {"rests"}
 
 
 class SleepingBesideAwake(RuleBasedStateMachine):

@@ -92,7 +92,7 @@ def test_robots_rest_where_they_were_put(robot: str) -> None:
                 world.command("robot", joint, JointCommand(position=0.0))
             put = np.array(world.state("robot").position)
             world.step(480)
-            assert np.linalg.norm(np.array(world.state("robot").position) - put) < 5e-3
+            assert np.linalg.norm(np.array(world.state("robot").position) - put) < 6e-3
             assert world.rescues == 0
 
 
@@ -144,5 +144,13 @@ def test_over_holes_and_beside_the_map_it_is_refused(place: tuple[float, float],
 
 
 def test_without_terrain_it_is_refused() -> None:
-    with World(Terrain()) as world, pytest.raises(InputError, match="no ground"):
-        world.spawn("body", Sphere(0.1), 1.0, on_ground=True)
+    """In the words of a question about the ground: there is no hole, there is no map yet."""
+    with World(Terrain()) as world:
+        for spawn in (
+            lambda: world.spawn("body", Sphere(0.1), 1.0, on_ground=True),
+            lambda: world.spawn_robot("body", ROVER, on_ground=True, align=True),
+        ):
+            with pytest.raises(InputError, match="there is no terrain yet; ask again after the first map") as caught:
+                spawn()
+            assert caught.value.reason == "no_map"
+        assert not world.bodies and not world.client.getNumBodies()

@@ -91,13 +91,43 @@ def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules
         (SHAPE.format('<inertial><mass value="-1"/></inertial>'), "mass"),
         (SHAPE.format('<inertial><mass value="1e-300"/></inertial>'), "mass"),
         (SHAPE.format('<inertial><inertia ixx="1e300"/></inertial>'), "ixx"),
-        (SHAPE.format('<visual><origin xyz="0 0 1e200"/></visual>'), "xyz"),
+        (SHAPE.format('<collision><origin xyz="0 0 1e200"/></collision>'), "xyz"),
+        ('<robot name="r"><link name="a"/><link name="b"/></robot>', "no parent"),
         (MESH.format("nothing.obj"), "does not exist"),
     ],
 )
 def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         checked_urdf(text, rules)
+
+
+@pytest.mark.parametrize(
+    "visual",
+    [
+        '<visual><geometry><box size="0 0 0"/></geometry></visual>',
+        '<visual><geometry><sphere radius="0"/></geometry></visual>',
+        '<visual><geometry><cylinder radius="1e9" length="-1"/></geometry></visual>',
+    ],
+)
+def test_shapes_that_are_only_seen_may_have_any_size(rules: UrdfRules, visual: str) -> None:
+    """Upkie has visual boxes of size zero in its virtual links."""
+    assert checked_urdf(SHAPE.format(visual), rules)
+    with pytest.raises(InputError, match="must be"):
+        checked_urdf(SHAPE.format(visual.replace("visual", "collision")), rules)
+
+
+def test_a_light_frame_is_accepted(rules: UrdfRules) -> None:
+    """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
+    base = '<link name="a"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
+    base += 'iyz="0"/></inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
+    light = '<link name="b"><inertial><mass value="1e-07"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" '
+    light += 'iyz="0"/></inertial></link><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
+    text = f'<robot name="r">{base}{light}</robot>'
+    assert checked_urdf(text, rules) == text
+    with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0))) as world:
+        world.spawn_robot("robot", text, BodyState(), on_ground=True)
+        world.step(240)
+        assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_comment_is_no_entity(rules: UrdfRules) -> None:

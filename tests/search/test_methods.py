@@ -1,17 +1,21 @@
 """Every search finds what brute force finds, or is refused."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.search.best_first import best_first_cells, best_first_vertex, best_first_vertices
 from smartmesh_ros.search.brute_force import BruteForce, brute_force_cells
 from smartmesh_ros.search.grid import Cells, nearest_vertices, uniform_grid_vertices
-from smartmesh_ros.search.methods import require_search
+from smartmesh_ros.search.methods import SearchMethod, require_search
 from smartmesh_ros.search.ray_cast import ray_cast
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.mesh_shape import count_parts
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 
 
@@ -157,3 +161,60 @@ def test_where_best_first_is_wrong_it_is_refused(mesh: TriangleMesh) -> None:
         require_search("grid_traversal", mesh)
     require_search("brute_force", mesh)
     require_search("ray_cast", mesh)
+
+
+def parts_by_walking(triangles: np.ndarray) -> int:
+    """Parts of a mesh, by walking from triangle to triangle over common vertices."""
+    left, parts = [set(triangle) for triangle in triangles.tolist()], 0
+    while left:
+        parts += 1
+        part = left.pop()
+        while touching := [triangle for triangle in left if triangle & part]:
+            part = part.union(*touching)
+            left = [triangle for triangle in left if triangle not in touching]
+    return parts
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 30)] * 3).filter(lambda t: len(set(t)) == 3), min_size=1, max_size=25))
+def test_parts_of_a_mesh_are_counted(triangles: list[tuple[int, int, int]]) -> None:
+    table = np.array(triangles)
+    assert count_parts(table, 31) == parts_by_walking(table)
+
+
+def test_parts_of_a_long_strip_are_counted() -> None:
+    first = np.random.default_rng(0).permutation(4002)
+    strip = np.stack([first[:-2], first[1:-1], first[2:]], axis=1)
+    assert count_parts(strip, 4002) == 1
+    assert count_parts(np.concatenate([strip[:2000], strip[2003:]]), 4002) == 2
+
+
+def waves(*, shared: bool) -> TriangleMesh:
+    """Ground whose vertices are no even grid; not shared = three vertices for each triangle, as in STL files."""
+    r, c = np.divmod(np.arange(100), 10)
+    vertices = np.stack([c + 0.2 * np.sin(r), r + 0.0, 0.1 * np.sin(c)], axis=1)
+    triangles = grid_triangles(10, 10)
+    if shared:
+        return TriangleMesh(vertices, triangles)
+    return TriangleMesh(vertices[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3))
+
+
+def test_a_world_takes_a_mesh_of_any_grid_without_settings() -> None:
+    with World(waves(shared=True)) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((4.6, 4.2, 0.3)))
+        world.step(240)
+        height = world.ground_at([world.state("ball").position[:2]]).z[0]
+        assert world.state("ball").position[2] == pytest.approx(height + 0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("search", get_args(SearchMethod))
+def test_a_mesh_of_several_parts_is_refused_with_the_reason(search: SearchMethod) -> None:
+    """Whatever search, as a whole world, as the mesh of a tile, and before any body can fall through."""
+    rock = np.array([[4.0, 4.0, 0.2], [4.4, 4.0, 0.2], [4.2, 4.4, 0.2]])
+    floor = waves(shared=True)
+    split = waves(shared=False)
+    two = TriangleMesh(np.concatenate([floor.vertices, rock]), np.concatenate([floor.triangles, [[100, 101, 102]]]))
+    for mesh, parts in ((two, "2 parts"), (split, f"{len(split.triangles)} parts")):
+        with pytest.raises(InputError, match=parts) as error:
+            World(mesh, WorldConfig(patch=PatchConfig(search=search)))
+        assert "height map" in str(error.value)
+        assert "brute_force" not in str(error.value)

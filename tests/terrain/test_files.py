@@ -1,12 +1,16 @@
 """Terrain from files."""
 
 import sys
+import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import rasterio
 from PIL import Image
+from rasterio.control import GroundControlPoint
+from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from smartmesh_ros.errors import InputError
@@ -45,12 +49,143 @@ def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path) -> No
     assert np.isnan(at(raster, 112.5, 202.5))
 
 
-def write_tiff(path: Path, transform: Affine, crs: str = "EPSG:32633") -> Path:
-    with rasterio.open(
-        path, "w", driver="GTiff", height=3, width=4, count=1, dtype="float32", crs=crs, transform=transform, nodata=7.0
-    ) as target:
-        target.write(HEIGHTS, 1)
+def write_tiff(
+    path: Path,
+    transform: Affine | None,
+    crs: str | None = "EPSG:32633",
+    *,
+    heights: Any = HEIGHTS,
+    units: Any = None,
+    scaling: tuple[float, float] | None = None,
+    **options: Any,
+) -> Path:
+    rows, columns = heights.shape
+    given = {"count": 1, "dtype": "float32", "nodata": 7.0, "crs": crs, "transform": transform} | options
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # rasterio warns of files without georeference
+        with rasterio.open(path, "w", driver="GTiff", height=rows, width=columns, **given) as target:
+            for band in range(1, target.count + 1):
+                target.write(heights.astype(given["dtype"]), band)
+            if units is not None:
+                target.units = units
+            if scaling is not None:
+                target.scales, target.offsets = ((value,) for value in scaling)
     return path
+
+
+UTM, FEET, SURVEY = "EPSG:32633", 0.3048, 1200 / 3937  # [m]
+
+
+@pytest.mark.parametrize(
+    ("crs", "units", "scaling", "horizontal", "vertical", "level"),
+    [
+        ("EPSG:3089", None, None, SURVEY, SURVEY, 0.0),  # US survey feet; heights too, as nothing else is said
+        ("EPSG:2222", None, None, FEET, FEET, 0.0),  # international feet
+        ("EPSG:2227+5703", None, None, SURVEY, 1.0, 0.0),  # heights in metres
+        ("EPSG:32633+8228", None, None, 1.0, FEET, 0.0),  # heights in feet
+        (UTM, "ft", None, 1.0, FEET, 0.0),
+        (UTM, "US survey foot", None, 1.0, SURVEY, 0.0),
+        (UTM, "cm", None, 1.0, 0.01, 0.0),
+        (None, "Meter", None, 1.0, 1.0, 0.0),
+        ('LOCAL_CS["plan",UNIT["foot",0.3048]]', None, None, FEET, FEET, 0.0),
+        (UTM, None, (0.5, 100.0), 1.0, 0.5, 100.0),
+        ("EPSG:3089", "ft", (0.5, 100.0), SURVEY, 0.5 * FEET, 100.0 * FEET),
+        (UTM, None, (0.1, -1e7), 1.0, 0.1, -1e7),
+    ],
+)
+def test_units_scale_and_offset_of_a_geotiff_are_converted_to_metres(
+    tmp_path: Path, crs: str | None, units: str | None, scaling: Any, horizontal: float, vertical: float, level: float
+) -> None:
+    """The parameters then apply to metres."""
+    place = Affine.translation(5000.0, 3000.0) @ Affine.scale(30.0, -30.0)
+    file = write_tiff(
+        tmp_path / "dem.tif", place, crs, units=units and (units,), scaling=scaling, dtype="int16", nodata=7
+    )
+    raster = load(file, RasterConfig(scale=2.0, offset=-2.0 * level + 1.0))
+    assert raster.geometry.resolution == pytest.approx(30.0 * horizontal, rel=1e-9)
+    first = raster.geometry.to_world(2, 0)
+    assert first == pytest.approx((5015.0 * horizontal, 2985.0 * horizontal), rel=1e-9)
+    wanted = np.where(HEIGHTS == 7, np.nan, 2.0 * vertical * HEIGHTS + 1.0)[::-1]
+    assert raster.heights == pytest.approx(wanted, rel=1e-6, nan_ok=True)
+
+
+def test_transparency_marks_holes(tmp_path: Path) -> None:
+    file = write_tiff(tmp_path / "dem.tif", Affine.scale(2.0, -2.0), count=2, dtype="uint8", nodata=None)
+    with rasterio.open(file, "r+") as target:
+        target.colorinterp = (ColorInterp.gray, ColorInterp.alpha)
+        target.write(np.where(HEIGHTS == 5, 0, 255).astype(np.uint8), 2)
+    heights = load(file).heights[::-1]
+    assert np.array_equal(np.isnan(heights), HEIGHTS == 5)
+    assert np.array_equal(heights[HEIGHTS != 5], HEIGHTS[HEIGHTS != 5])
+
+
+def test_a_tiff_without_georeference_is_placed_as_an_image(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    config = RasterConfig(resolution=2.0, origin=(10.0, 20.0, 0.0), yaw=0.3, first_row="bottom", scale=0.5)
+    np.save(tmp_path / "dem.npy", HEIGHTS)
+    image, array = (
+        load(write_tiff(tmp_path / "dem.tif", None, None, nodata=None), config),
+        load(tmp_path / "dem.npy", config),
+    )
+    assert image.geometry == array.geometry
+    assert np.array_equal(image.heights, array.heights)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(("error", "is_taken"), [(13e-6, True), (1e-4, True), (1e-3, False)])
+def test_cells_may_be_as_oblong_as_their_samples_stay_in_place(tmp_path: Path, error: float, is_taken: bool) -> None:
+    heights = np.zeros((718, 300), np.float32)
+    place = Affine.translation(1e5, 2e6) @ Affine.rotation(20.0) @ Affine.scale(300.0, -300.0 * (1.0 + error))
+    file = write_tiff(tmp_path / "dem.tif", place, heights=heights)
+    if not is_taken:
+        with pytest.raises(InputError, match="not square"):
+            load(file)
+        return
+    geometry = load(file).geometry
+    for row, column in ((0, 0), (0, 299), (717, 0), (717, 299), (300, 100)):
+        off = geometry.to_world(717 - row, column) - np.array(place @ (column + 0.5, row + 0.5))
+        assert np.hypot(*off) <= 0.1 * 300.0
+
+
+@pytest.mark.parametrize("cell", [1 / 10800, 1 / 1200, 1 / 120, 1 / 60, 0.25])
+@pytest.mark.parametrize("suffix", [".asc", ".tif"])
+def test_degrees_without_a_coordinate_system_are_refused(tmp_path: Path, suffix: str, cell: float) -> None:
+    slope = 0.01 * 111_000 * cell  # of one in a hundred
+    check_degrees(tmp_path, suffix, cell, slope * np.arange(24.0).reshape(4, 6))
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".tif"])
+def test_flat_maps_in_seconds_of_arc_are_refused_too(tmp_path: Path, suffix: str) -> None:
+    check_degrees(tmp_path, suffix, 1 / 1200, np.zeros((4, 6)))
+
+
+def check_degrees(folder: Path, suffix: str, cell: float, heights: Any) -> None:
+    with pytest.raises(InputError, match="degrees"):
+        load(write_grid(folder / f"dem{suffix}", cell, (-105.56, 40.09), heights))
+    # The same in a plan's coordinates, far from those of the globe, is steep and not in degrees.
+    if cell > 1e-3:
+        assert load(write_grid(folder / f"far{suffix}", cell, (5e5, 4e6), heights)).geometry.rows == 4
+
+
+def write_grid(path: Path, cell: float, corner: tuple[float, float], heights: Any) -> Path:
+    rows, columns = heights.shape
+    if path.suffix == ".tif":
+        place = Affine.translation(corner[0], corner[1] + rows * cell) @ Affine.scale(cell, -cell)
+        return write_tiff(path, place, None, heights=heights, nodata=None)
+    head = f"ncols {columns}\nnrows {rows}\nxllcorner {corner[0]}\nyllcorner {corner[1]}\ncellsize {cell:.12g}\n"
+    path.write_text(head + "\n".join(" ".join(f"{value:.6f}" for value in row) for row in heights) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("cell", [0.002, 0.01, 0.05, 1.0])
+def test_small_maps_in_metres_without_a_coordinate_system_are_taken(tmp_path: Path, cell: float) -> None:
+    """Stairs of 17 cm, and gravel as steep as 60 degrees."""
+    x = np.arange(200) * cell
+    stairs = np.tile(0.17 * np.floor(x / 0.3), (50, 1))
+    gravel = 1.7 * cell * np.random.default_rng(1).uniform(size=(50, 200))
+    for heights in (stairs, gravel):
+        raster = load(write_grid(tmp_path / "dem.asc", cell, (0.0, 0.0), heights))
+        assert raster.heights[::-1] == pytest.approx(heights, abs=1e-5)
+        assert raster.geometry.resolution == pytest.approx(cell, rel=1e-9)
 
 
 def test_a_geotiff_may_be_turned(tmp_path: Path) -> None:
@@ -79,6 +214,18 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, monkeypatch: 
     write_tiff(tmp_path / "degrees.tif", square, "EPSG:4326")
     write_tiff(tmp_path / "oblong.tif", Affine.scale(2.0, -3.0))
     write_tiff(tmp_path / "upside_down.tif", Affine.scale(2.0, 2.0))
+    write_tiff(tmp_path / "sheared.tif", Affine.shear(10.0) @ square)
+    write_tiff(tmp_path / "earth_centred.tif", square, "EPSG:4978")
+    write_tiff(tmp_path / "depths.tif", square, "EPSG:32633+5715", GEOTIFF_VERSION="1.1")
+    write_tiff(tmp_path / "parsecs.tif", square, units=("parsec",))
+    write_tiff(tmp_path / "photo.tif", square, count=3, dtype="uint8")
+    write_tiff(tmp_path / "two.tif", square, count=2)
+    write_tiff(tmp_path / "complex.tif", square, dtype="complex64", nodata=None)
+    write_tiff(tmp_path / "no_place.tif", None)
+    corners = [GroundControlPoint(row, column, 2.0 * column, -2.0 * row) for row in (0, 3) for column in (0, 4)]
+    write_tiff(tmp_path / "points.tif", None, gcps=corners)
+    with rasterio.open(write_tiff(tmp_path / "palette.tif", square, dtype="uint8"), "r+") as target:
+        target.write_colormap(1, {0: (0, 0, 0, 255), 1: (255, 0, 0, 255)})
     for name, words in (
         ("absent.npy", "there is no file"),
         ("map.stl", "unknown file type"),
@@ -93,6 +240,16 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, monkeypatch: 
         ("degrees.tif", "reproject"),
         ("oblong.tif", "not square"),
         ("upside_down.tif", "top to bottom"),
+        ("sheared.tif", "not square"),
+        ("earth_centred.tif", "no horizontal axes"),
+        ("depths.tif", "grow downwards"),
+        ("parsecs.tif", "'parsec'"),
+        ("photo.tif", r"3 bands \(red, green, blue\)"),
+        ("two.tif", "2 bands"),
+        ("complex.tif", "real numbers"),
+        ("no_place.tif", "gdalwarp"),
+        ("points.tif", "gdalwarp"),
+        ("palette.tif", "numbers of colours"),
     ):
         with pytest.raises(InputError, match=words):
             load(tmp_path / name, max_samples=10_000)

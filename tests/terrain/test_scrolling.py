@@ -156,3 +156,49 @@ def test_the_track_of_a_steady_motion_finds_it_however_slow(
     else:
         moves = follow(at_rest(first, 0.0), went, 0.2, 0.25, 1e9)[0]
         assert not moves.moves or abs(spin) < 1e-3
+
+
+@pytest.mark.parametrize("how", ["heights", "origin"])
+@pytest.mark.parametrize("acceleration", [0.0, 3.0])
+def test_maps_that_are_put_move_as_replaced_heights_do(how: str, acceleration: float) -> None:
+    """A lift whose maps differ in their heights or in the origin's z; the time between maps varies."""
+    replaced = HeightMap(np.zeros((20, 20)))
+    terrain, time = Terrain(HeightMap(np.zeros((20, 20)))), 0.0
+    for count in range(1, 12):
+        time += 0.03 if count % 3 else 0.05
+        z = 0.4 * time + 0.5 * acceleration * time * time
+        replaced.replace(np.full((20, 20), z), time=time)
+        heights, z = (np.full((20, 20), z), 0.0) if how == "heights" else (np.zeros((20, 20)), z)
+        terrain.put("", HeightMap(heights, origin=(0.0, 0.0, z), time=time))
+        for later in (0.0, 0.01, 0.02):
+            expected, found = replaced.at([[4.5, 7.0]], time + later), terrain.at([[4.5, 7.0]], time + later)
+            assert found.heights == pytest.approx(expected.heights, abs=1e-6)
+            assert found.velocities == pytest.approx(expected.velocities, abs=1e-4)
+    assert found.velocities[0] == pytest.approx(0.4 + acceleration * time, rel=0.1)
+
+
+def test_a_map_that_is_put_elsewhere_rises_where_both_have_ground() -> None:
+    """Rising ground whose map travels with a robot by a cell a map."""
+    terrain = Terrain(HeightMap(np.zeros((20, 20))))
+    for step in range(1, 5):
+        terrain.put("", HeightMap(np.full((20, 20), 0.05 * step), origin=(float(step), 0.0), time=0.1 * step))
+    found = terrain.at([[10.0, 10.0], [23.0, 10.0]], 0.4)
+    assert found.heights == pytest.approx([0.2, 0.2], abs=1e-6)
+    assert found.velocities == pytest.approx([0.5, 0.0], abs=1e-3)
+
+
+def test_velocities_that_are_given_with_a_map_are_kept() -> None:
+    terrain = Terrain(HeightMap(np.zeros((20, 20))))
+    given_velocities = HeightMap(np.full((20, 20), 0.05), time=0.1, velocities=np.full((20, 20), -2.0))
+    terrain.put("", given_velocities)
+    assert terrain.at([[10.0, 10.0]], 0.1).velocities == pytest.approx([-2.0])
+
+
+def test_a_map_that_is_put_late_or_early_is_at_rest() -> None:
+    """As one that replaces heights after a long pause, or that has an earlier time."""
+    for time in (60.0, -1.0):
+        terrain = Terrain(HeightMap(np.zeros((20, 20))))
+        terrain.put("", HeightMap(np.full((20, 20), 0.05), time=0.1))
+        terrain.put("", HeightMap(np.full((20, 20), 1.0), time=time))
+        assert terrain.at([[10.0, 10.0]], time).heights == pytest.approx([1.0])
+        assert not terrain.at([[10.0, 10.0]], time).velocities.any()

@@ -232,7 +232,7 @@ def test_a_robot_has_its_name_above_it() -> None:
             sight = Sight(
                 poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
                 appearances={"rover": Appearance(BodyDescription.ROBOT, urdf=text)},
-                bases={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
+                bases={"b": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
             )
             scene = Scene(server)
             scene.show(Ground(), sight)
@@ -243,6 +243,22 @@ def test_a_robot_has_its_name_above_it() -> None:
             assert "/labels/rover" not in server.scene._handle_from_node_name
         finally:
             stop_server(server)
+
+
+def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
+    """The first has short names, the other prefixed ones."""
+    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
+    places = {"one": (3.0, 4.0), "two": (-1.0, 2.0)}
+    server = start_server("127.0.0.1", 0)
+    try:
+        poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
+        appearances = {name: Appearance(BodyDescription.ROBOT, urdf=urdf) for name in places}
+        sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
+        Scene(server).show(Ground(), sight)
+        for name, place in places.items():
+            assert np.allclose(server.scene._handle_from_node_name[f"/labels/{name}"].position[:2], place)
+    finally:
+        stop_server(server)
 
 
 def test_a_page_is_refreshed_by_the_thread_that_sends_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import (
@@ -45,6 +46,7 @@ from smartmesh_ros import machine_code
 from smartmesh_ros.node.demo import demo_pictures
 from smartmesh_ros.node.demo.demo_pictures import Snapshot
 from smartmesh_ros.node.inputs.conversions import map_from
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -241,11 +243,15 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
     options = parser.parse_args(args)
     use_large_message_profile()
-    with isolated_unless_chosen():
-        snapshots, lost, counts = run(options.seconds)
-    print("drawing ...", flush=True)
-    for path in demo_pictures.draw(snapshots, options.out):
-        print(f"wrote {path}")
+    Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
+    try:
+        with isolated_unless_chosen():
+            snapshots, lost, counts = run(options.seconds)
+        print("drawing ...", flush=True)
+        for path in demo_pictures.draw(snapshots, options.out):
+            print(f"wrote {path}")
+    except KeyboardInterrupt:
+        sys.exit("demo was interrupted")
     if lost:
         sys.exit(f"demo failed: {lost} bodies were lost")
     print(f"no body lost; received {counts}")
@@ -254,7 +260,7 @@ def main(args: list[str] | None = None) -> None:
 def run(seconds: float) -> tuple[list[Snapshot], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return snapshots to draw, the largest number of lost
     bodies, and the number of messages by output."""
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     demo = Demo()
     try:
         with node_process("terrain_source", SOURCE), node_process("terrain_collider", COLLIDER):

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
@@ -19,6 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.demo.terrain_source import heightmap_message
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.scenes import eight
 
@@ -32,11 +32,11 @@ SPECS = (
 PERIOD = 0.2
 
 
-class Rover(Node):
+class Rover(ParameterNode):
     """Publishes the ground when all nodes listen, spawns the robot on it, and steers the robot at each body state."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, SPECS, **node_options)
         values = declare(self, SPECS)
         self._frame_id, self._wanted = values["frame_id"], values["listeners"]
         try:

@@ -6,17 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.arrays import floats
-from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
+from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import ExecutorKind, run
 from smartmesh_ros.node.timing.clock import NodeClock
@@ -57,11 +55,11 @@ class SourceSettings:
     executor: ExecutorKind = "single_threaded"
 
 
-class TerrainSource(Node):
+class TerrainSource(ParameterNode):
     """Publishes a scene, centred on the frame's origin, on ``terrain_collider/heightmap`` and ``..._update``."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, SPECS, **node_options)
         values = declare(self, SPECS)
         self.settings = SourceSettings()
         self.pacer = Pacer(1.0 / values["rate"], "skip", NodeClock(self).pace)
@@ -88,10 +86,6 @@ class TerrainSource(Node):
         else:
             self._publish_region(self._scene.changed(time), now.to_msg())
         self._listeners = listeners
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right."""
-        return objection(self, parameter_list, SPECS) or super().set_parameters_atomically(parameter_list)
 
     handled = 0  # number of messages handled: the node has no subscriptions
 

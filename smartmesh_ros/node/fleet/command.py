@@ -1,6 +1,6 @@
 """``smartmesh-fleet``: several nodes on one moving terrain, their front, and bodies, without a ROS installation.
 
-A process that ends is restarted. Stop the fleet with Ctrl-C, or set --seconds.
+A process that ends is restarted. Stop the fleet with Ctrl-C or SIGTERM, or set --seconds.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from pathlib import Path
 from time import monotonic
 
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros import machine_code
 from smartmesh_ros.node.fleet.layout import WAVES, front_of
 from smartmesh_ros.node.fleet.plan import FleetPlan
 from smartmesh_ros.node.fleet.watcher import FleetWatcher
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 
@@ -61,8 +63,10 @@ class Watcher(FleetWatcher):
 @contextmanager
 def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """Run commands by name as processes for the length of the block; yield the processes."""
-    running = {name: subprocess.Popen(command) for name, command in commands.items()}
+    running: dict[str, subprocess.Popen[bytes]] = {}
     try:
+        for name, command in commands.items():
+            running[name] = subprocess.Popen(command)
         yield running
     finally:
         for process in running.values():
@@ -91,10 +95,11 @@ def restart_ended(running: dict[str, subprocess.Popen[bytes]], commands: dict[st
 
 def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
-    machine_code.prepare()  # once for all nodes, and outside the time limit for their start
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     watcher = Watcher()
+    Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
+        machine_code.prepare()  # once for all nodes, and outside the time limit for their start
         with tempfile.TemporaryDirectory() as name, processes(commands := commands_of(plan, Path(name))) as running:
             print(f"starting {plan.count} nodes ...", flush=True)
             watcher.wait_for(lambda: watcher.living() == plan.count, "fleet")

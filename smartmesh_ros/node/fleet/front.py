@@ -14,7 +14,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodyFailure, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
@@ -25,11 +24,14 @@ from smartmesh_ros.node.fleet import timing
 from smartmesh_ros.node.fleet.calls import Calls
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Ledger, LedgerConfig, Respawning
+from smartmesh_ros.node.fleet.peer_names import full_names
 from smartmesh_ros.node.fleet.peer_states import PeerReader
 from smartmesh_ros.node.fleet.polling import Polled
 from smartmesh_ros.node.fleet.requests import place_of, specification_of
+from smartmesh_ros.node.outputs.diagnostics import task_name
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
@@ -51,14 +53,14 @@ MAX_BODIES, MAX_NAME = 1_000_000, 65_535
 MOST_NAMED = 10
 
 
-class Front(Node):
+class Front(ParameterNode):
     """Assigns bodies to the nodes of a fleet and reports on all nodes."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(FRONT, **node_options)
+        super().__init__(FRONT, SPECS, **node_options)
         values = declare(self, SPECS)
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
-        self.ledger = Ledger(values["nodes"], config)
+        self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()
         self._calls = Calls(self, self.ledger.members, self._group)
         self._readers = {node: PeerReader() for node in self.ledger.members}
@@ -227,7 +229,9 @@ class Front(Node):
         elif waiting:
             level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
         pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        status = DiagnosticStatus(level=level, name=f"{self.get_name()}: nodes", message=text, values=pairs)
+        own = self.get_fully_qualified_name()
+        name = task_name(own, "nodes")
+        status = DiagnosticStatus(level=level, name=name, message=text, hardware_id=own, values=pairs)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

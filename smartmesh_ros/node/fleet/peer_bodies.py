@@ -74,9 +74,13 @@ class PeerBodies:
             self._discover()
 
     def forget_stamps(self) -> None:
-        """Accept any next stamp of each peer, after a reset."""
+        """Accept any next stamp of each peer, after a reset or when the clock was set; all heard peers count as heard
+        now."""
+        now = self._session.clock.pace()
         for peer in self._peers.values():
             peer.clock = StampClock()
+            peer.heard = None if peer.heard is None else now
+        self._last_refresh = math.inf
 
     def summaries(self) -> dict[str, str]:
         """Return the diagnostics text of each peer by name."""
@@ -128,9 +132,12 @@ class PeerBodies:
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)
-                if peer.clock.is_overtaken(stamp, math.inf):  # older than the message before
+                clock_now = session.clock_now()
+                if peer.clock.is_overtaken(stamp, clock_now, math.inf):  # older than the message before
+                    overtaken = InputError("overtaken", f"states of {name} arrived after newer ones")
+                    session.refusals.add(topic_of(name), overtaken)
                     return
-                placed = peer.clock.place(stamp, session.clock_now(), session.time_at)
+                placed = peer.clock.place(stamp, clock_now, session.time_at)
                 objections = self._session.world.guests.take(name, new.bodies, placed.time + new.ahead)
                 peer.clock.accept(placed)
         except InputError as error:

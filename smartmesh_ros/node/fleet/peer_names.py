@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.validate_topic_name import validate_topic_name
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from smartmesh_ros.errors import InputError
 
@@ -17,16 +17,23 @@ TOPIC = "body_states"
 def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
     """Return the entries of ``bodies.peers`` without duplicates. Raises `InputError` if an entry is no full node name,
     or if ``auto`` is not the only entry."""
+    if AUTO in entries:
+        if set(entries) != {AUTO}:
+            raise InputError("parameter", f"bodies.peers is {list(entries)}; it must be 'auto' alone, or names")
+        return (AUTO,)
+    return full_names("bodies.peers", entries)
+
+
+def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
+    """Return the entries of a parameter without duplicates. Raises `InputError` if an entry is no full node name."""
     names = tuple(dict.fromkeys(entries))
-    if AUTO in names and len(names) > 1:
-        raise InputError("parameter", f"bodies.peers is {list(names)}; it must be 'auto' alone, or names")
     for name in names:
+        if not name.startswith("/"):
+            raise InputError("parameter", f"{parameter} has entry {name!r}; a full name starts with '/'")
         try:
-            validate_topic_name(name)
+            validate_full_topic_name(name)
         except InvalidTopicNameException as error:
-            raise InputError("parameter", f"bodies.peers has entry {name!r}: {error}") from None
-        if name != AUTO and not name.startswith("/"):
-            raise InputError("parameter", f"bodies.peers has entry {name!r}; a full name starts with '/'")
+            raise InputError("parameter", f"{parameter} has entry {name!r}: {error}") from None
     return names
 
 

@@ -28,11 +28,10 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 class BodyInputs:
     """Applies messages about bodies to the world. ``transforms``: of the frames in which poses arrive."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, transforms: TransformInput) -> None:
+        self._session, self.transforms = session, transforms
         self._clocks: dict[str, StampClock] = {}
         self._pose_array_names: set[str] = set()
-        self.transforms = TransformInput(session)
         self._frames = FrameBodies(session, self.transforms)
 
         def most() -> int:
@@ -71,7 +70,7 @@ class BodyInputs:
         self._track(topic, message.header, [BodyInput(name, conversions.state_from(message.pose), 0.0)])
 
     def _on_odometry(self, name: str, topic: str, message: Odometry) -> None:
-        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0)])
+        self._track(topic, message.header, [BodyInput(name, conversions.odometry_from(message), 0.0, stated=True)])
 
     def _track(self, topic: str, header: Header, bodies: list[BodyInput]) -> None:
         session = self._session
@@ -88,10 +87,11 @@ class BodyInputs:
             require_possible(body.name, state)
             require_between(f"radius of {body.name!r}", radius, SIZES, "m")
         for body, state, radius in zip(bodies, states, radii, strict=True):
-            session.tracking.update(body.name, radius, state, placed.time)
+            session.track(topic, body._replace(state=state, radius=radius), placed.time)
         clock.accept(placed)
+        session.stamp_ages[topic] = clock.age
 
     def _on_joint_commands(self, message: JointState) -> None:
-        world = self._session.world
-        for robot, joint, command in joint_commands_from(message, world):
+        world, names = self._session.world, self._session.robot_names
+        for robot, joint, command in joint_commands_from(message, world, names.prefixes()):
             world.command(robot, joint, command)

@@ -67,11 +67,13 @@ class MeshUpdateInput(NamedTuple):
 
 
 class BodyInput(NamedTuple):
-    """A tracked body: its name, state and bounding radius [m], 0 = the default."""
+    """A tracked body: its name, state and bounding radius [m], 0 = the default. ``stated``: the state's velocity is
+    stated even if it is zero."""
 
     name: str
     state: BodyState
     radius: float
+    stated: bool = False
 
 
 def stamp_seconds(stamp: Any) -> float | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.conversions import BodyInput
+from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
@@ -20,7 +22,7 @@ class FrameBodies:
         self._session = session
         self._transforms = transforms
         self._clocks: dict[str, StampClock] = {}
-        self._stamps: dict[str, float] = {}
+        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each body
         self._version = -1
         self._due = 0.0
         if session.settings.frames:
@@ -29,7 +31,8 @@ class FrameBodies:
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on."""
         self._clocks.clear()
-        self._stamps.clear()
+        self._seen.clear()
+        self._due = 0.0
 
     def refresh(self) -> None:
         """Looks up every frame if a transform arrived or `PERIOD` has passed; reports failures once a `PERIOD`."""
@@ -52,12 +55,21 @@ class FrameBodies:
     def _follow(self, name: str, frame: str) -> None:
         session = self._session
         session.require_not_simulated(name)
+        if self._transforms.is_own(frame):
+            raise InputError(
+                "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
+                "that follows it would overlap the simulated one"
+            )  # fmt: skip
         pose, stamp = self._transforms.buffer.lookup(session.frame_id, frame)
-        if stamp is not None and stamp == self._stamps.get(name):
+        seen = self._seen.get(name)
+        if stamp is not None and (pose, stamp) == seen:
             return
+        if stamp is not None and seen is not None and stamp < seen[1]:  # the buffer has restarted a frame
+            self._clocks.pop(name, None)
         clock = self._clocks.setdefault(name, StampClock())
         placed = clock.place(stamp, session.clock_now(), session.pace_at)
-        session.tracking.update(name, session.settings.default_radius, BodyState(*pose), placed.time)
+        session.track(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
         clock.accept(placed)
+        session.stamp_ages[SOURCE] = clock.age
         if stamp is not None:
-            self._stamps[name] = stamp
+            self._seen[name] = pose, stamp

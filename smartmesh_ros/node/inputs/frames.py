@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -11,6 +11,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.quaternions import conjugate, product, rotate, slerp
 from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
 
+# A transform that is older than the newest of its child by more than this restarts the child's history, because the
+# clock of its source was set back or a recording started over [s].
+SET_BACK = 1.0
 # Age at which transforms are dropped [s], and most transforms to keep of one child.
 HISTORY = 10.0
 MOST_KEPT = 2000
@@ -54,6 +57,18 @@ class _Edge:
     stamps: list[float] = field(default_factory=list)
     transforms: list[Transform] = field(default_factory=list)
 
+    def insert(self, stamp: float, transform: Transform) -> None:
+        """Insert a transform by its stamp [s]; it replaces one of the same stamp."""
+        at = bisect_left(self.stamps, stamp)
+        if at < len(self.stamps) and self.stamps[at] == stamp:
+            self.transforms[at] = transform
+            return
+        self.stamps.insert(at, stamp)
+        self.transforms.insert(at, transform)
+        old = max(bisect_right(self.stamps, self.stamps[-1] - HISTORY) - 1, len(self.stamps) - MOST_KEPT, 0)
+        if old > len(self.stamps) // 4:  # in batches, because each deletion shifts the lists
+            del self.stamps[:old], self.transforms[:old]
+
 
 # Most frames in a buffer; more are refused.
 MOST_FRAMES = 10_000
@@ -70,8 +85,12 @@ class FrameBuffer:
         """Removes all moving transforms, after a clock jumped back."""
         self._edges = {child: edge for child, edge in self._edges.items() if not edge.stamps}
 
-    def add(self, parent: str, child: str, transform: Transform, stamp: float | None) -> None:
-        """Adds the pose of ``child`` in ``parent`` at ``stamp`` [s], None = static. Raises `InputError`."""
+    def add(self, parent: str, child: str, transform: Transform, stamp: float | None) -> float:
+        """Add the pose of ``child`` in ``parent`` at ``stamp`` [s], None = static. Raises `InputError`.
+
+        Transforms may arrive in any order; the last one of a stamp counts. Return the time by which the stamp is older
+        than the child's history, which it restarts [s]; 0 = it does not.
+        """
         if not parent or not child or parent == child:
             raise InputError("frame", f"a transform from {child!r} to {parent!r} needs two distinct frame names")
         if not all(math.isfinite(value) for part in transform for value in part):
@@ -86,17 +105,17 @@ class FrameBuffer:
         edge = self._edges.get(child)
         if edge is None and len(self._edges) >= MOST_FRAMES:
             raise InputError("size", f"there are {MOST_FRAMES} frames already; {child!r} is one too many")
-        if stamp is None:
-            edge = self._edges[child] = _Edge(parent, [], [transform])
-        elif edge is None or edge.parent != parent or not edge.stamps or stamp < edge.stamps[-1] - HISTORY:
-            self._edges[child] = _Edge(parent, [stamp], [transform])
-        elif stamp > edge.stamps[-1]:  # a late or repeated transform changes nothing
-            edge.stamps.append(stamp)
-            edge.transforms.append(transform)
-            old = max(bisect_right(edge.stamps, stamp - HISTORY) - 1, len(edge.stamps) - MOST_KEPT, 0)
-            if old > len(edge.stamps) // 4:  # in batches, because each deletion shifts the lists
-                del edge.stamps[:old], edge.transforms[:old]
         self.version += 1
+        if stamp is None:
+            self._edges[child] = _Edge(parent, [], [transform])
+        elif edge is None or edge.parent != parent or not edge.stamps:
+            self._edges[child] = _Edge(parent, [stamp], [transform])
+        elif stamp < edge.stamps[-1] - SET_BACK:
+            self._edges[child] = _Edge(parent, [stamp], [transform])
+            return edge.stamps[-1] - stamp
+        else:
+            edge.insert(stamp, transform)
+        return 0.0
 
     def lookup(self, target: str, source: str, stamp: float | None = None) -> tuple[Transform, float | None]:
         """Return the pose of ``source`` in ``target`` at ``stamp`` [s], and that stamp.
@@ -117,6 +136,10 @@ class FrameBuffer:
             stamp = min(moving, default=None)
         outward = self._chain(up, stamp)
         return (self._chain(down, stamp).inverse().then(outward) if down else outward), stamp
+
+    def ancestors(self, frame: str) -> list[str]:
+        """Return the frames above a frame, up to the root. Raises `InputError` if the frames form a cycle."""
+        return self._way(frame)[1:]
 
     def _way(self, frame: str) -> list[str]:
         """Return the frame and its ancestors, up to the root."""

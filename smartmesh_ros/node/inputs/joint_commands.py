@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
@@ -17,11 +19,13 @@ class CommandedJoint(NamedTuple):
     command: JointCommand
 
 
-def joint_commands_from(message: Any, world: World) -> list[CommandedJoint]:
+def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[CommandedJoint]:
     """Return the commands of a JointState; one unknown joint or invalid number refuses the whole message.
 
-    A joint is named ``<robot>/<joint>``, or ``<joint>`` if the world has one robot. ``position``, ``velocity`` and
-    ``effort`` each have one number per name, or none; `JointCommand` defines their combinations.
+    A joint is named ``<robot>/<joint>``, or ``<joint>`` if its robot is the only one or, by ``prefixes``, has names
+    without prefix. ``position``, ``velocity`` and ``effort`` each have one number per name, or none; NaN is no number
+    for this joint, as ros2_control's topic bridges send for interfaces that they do not command. `JointCommand` defines
+    the combinations. A joint that has nothing but NaN keeps its command.
     """
     names, count = list(message.name), len(message.name)
     if count == 0:
@@ -30,17 +34,18 @@ def joint_commands_from(message: Any, world: World) -> list[CommandedJoint]:
     for field, values in fields.items():
         if len(values) not in (0, count):
             raise InputError("length", f"{len(values)} of {field} for {count} joints; there must be as many, or none")
-    joints = _joints(names, world)
     commands = []
-    for index, (robot, joint) in enumerate(joints):
-        given = {field: values[index] for field, values in fields.items() if values}
-        commands.append(CommandedJoint(robot, joint, JointCommand(**given)))
+    for index, (robot, joint) in enumerate(_joints(names, world, prefixes)):
+        sent = {field: values[index] for field, values in fields.items() if values}
+        given = {field: value for field, value in sent.items() if not math.isnan(value)}
+        if given or not sent:
+            commands.append(CommandedJoint(robot, joint, JointCommand(**given)))
     return commands
 
 
-def _joints(names: list[str], world: World) -> list[tuple[str, str]]:
-    robots = {body.name: body.joints for body in world.bodies.values() if body.is_robot}
-    alone = next(iter(robots)) if len(robots) == 1 else ""
+def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str]]:
+    robots = {robot: world.bodies[robot].joints for robot in prefixes}
+    alone = next((robot for robot, prefix in prefixes.items() if not prefix or len(robots) == 1), "")
     found, unknown = [], []
     for name in names:
         robot, _, joint = name.partition("/")

@@ -7,7 +7,6 @@ from smartmesh_ros.node.inputs.bounds import require_tile_fits
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.scrolling import velocities_across
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -21,12 +20,9 @@ def take_map(
     """
     geometry, heights, variances = raster
     known = terrain.tiles.get(tile)
-    if isinstance(known, HeightMap):
-        if known.geometry == geometry:
-            known.replace(heights, time=time, velocities=velocities, variance=variances)
-            return
-        if velocities is None and not known.motion.corrects:
-            velocities = velocities_across(known, geometry, heights, time)
+    if isinstance(known, HeightMap) and known.geometry == geometry:
+        known.replace(heights, time=time, velocities=velocities, variance=variances)
+        return
     require_tile_fits(tile, geometry.size, terrain, settings)
     motion = settings.motion
     new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)

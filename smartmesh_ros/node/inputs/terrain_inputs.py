@@ -75,7 +75,7 @@ class TerrainInputs:
     def _on_map(self, data: bytes) -> None:
         new = conversions.map_from(data, self._session.settings.max_samples)
         start = new.start
-        if self._overtaken(start.tile, conversions.stamp_seconds(start)):
+        if self._overtaken("heightmap", start.tile, conversions.stamp_seconds(start)):
             return
         with self._ingesting(start.tile, conversions.stamp_seconds(start), start.frame_id) as placed:
             if new.geometry is None:
@@ -88,7 +88,7 @@ class TerrainInputs:
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
         stamp = conversions.stamp_seconds(message.header.stamp)
-        if self._overtaken("", stamp):
+        if self._overtaken(settings.input, "", stamp):
             return
         with self._ingesting("", stamp, message.header.frame_id) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
@@ -198,11 +198,14 @@ class TerrainInputs:
             check = None if method in ANYWHERE else partial(require_search_on, method)
             mesh.move(new.vertices, time=placed.time, indices=new.indices, velocities=new.velocities, check=check)
 
-    def _overtaken(self, tile: str, stamp: float | None) -> bool:
+    def _overtaken(self, topic: str, tile: str, stamp: float | None) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
         clock = self._clocks.get(tile)
-        late = clock is not None and clock.is_overtaken(stamp, self._session.settings.motion.max_interval)
-        self._session.overtaken += late
+        session = self._session
+        late = clock is not None and clock.is_overtaken(
+            stamp, session.clock_now(), session.settings.motion.max_interval
+        )
+        session.overtaken[topic] += late
         return late
 
     def _put(self, tile: str, mesh: MainMesh) -> None:
@@ -222,14 +225,19 @@ class TerrainInputs:
             session.require_frame(frame_id)
             require_name(tile, session.settings)
             clock = self._clocks.get(tile) or StampClock()
-            late = self._session.settings.motion.max_interval if update else 0.0
-            placed = clock.place(stamp, session.clock_now(), session.time_at, late)
-            if placed.lost and tile in self._terrain.tiles:
-                # Else the motion of the source during a stall of the loop would count as fast motion of the ground.
-                self._terrain.tiles[tile].shift_time(-placed.lost)
+            longest = self._session.settings.motion.max_interval
+            placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)
+            # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
+            # would a jump of its clock.
+            lost = longest if placed.fresh else placed.lost
+            if lost and tile in self._terrain.tiles:
+                self._terrain.tiles[tile].shift_time(-lost)
             yield placed
             clock.accept(placed)
             self._clocks[tile] = clock
+            session.stamp_ages[f"tile {tile!r}" if tile else "terrain"] = clock.age
+            if tile in self._terrain.tiles:
+                self._terrain.tiles[tile].delay = clock.delay
             session.frame_id = session.frame_id or frame_id or DEFAULT_FRAME
             session.last_map_time = monotonic()
             session.maps += 1

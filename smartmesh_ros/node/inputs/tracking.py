@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,18 +17,41 @@ from smartmesh_ros.terrain.grid import FloatArray
 MAX_INTERVAL = 0.5
 
 
+class _Velocity(NamedTuple):
+    """Linear [m/s] and angular [rad/s] velocity."""
+
+    linear: FloatArray
+    angular: FloatArray
+
+
 @dataclass
 class _LastPose:
-    state: BodyState
+    """``tracked``: the state with its velocity, with which the body moves on. ``time`` [s]: of the pose. ``heard`` [s]:
+    of its arrival. ``stated``: the source states velocities. ``change``: mean velocity since the pose before, None =
+    unknown."""
+
+    tracked: BodyState
     time: float
-    moving: bool
+    heard: float
+    stated: bool
+    change: _Velocity | None
+
+    @property
+    def moving(self) -> bool:
+        """True if the body moves on until its next pose."""
+        return any(self.tracked.linear) or any(self.tracked.angular)
 
 
 class Tracking:
-    """Feeds poses of tracked bodies into a world. Estimates velocities from successive poses if a message has none."""
+    """Feeds poses of tracked bodies into a world, and estimates velocities from successive poses if none are stated.
 
-    def __init__(self, world: World, timeout: float) -> None:
-        self.timeout = timeout
+    ``timeout`` [s]: bodies are removed after this long without a pose. ``max_velocity`` [m/s]: poses that change faster
+    have jumped. A jump gives no velocity, nor does any single change that the change before does not confirm: else a
+    correction of a standing body's pose would push what the body does not touch.
+    """
+
+    def __init__(self, world: World, timeout: float, max_velocity: float = FASTEST) -> None:
+        self.timeout, self.max_velocity = timeout, max_velocity
         self._world = world
         self._last_poses: dict[str, _LastPose] = {}
 
@@ -36,18 +60,42 @@ class Tracking:
         """Names of the tracked bodies."""
         return list(self._last_poses)
 
-    def update(self, name: str, radius: float, state: BodyState, time: float) -> None:
-        """Sets the state of ``name`` at ``time`` [s], on any clock that is the same for all poses of this body."""
+    def update(
+        self,
+        name: str,
+        radius: float,
+        state: BodyState,
+        time: float,
+        heard: float | None = None,
+        *,
+        stated: bool = False,
+    ) -> str:
+        """Set the state of ``name`` at ``time`` [s], on any clock that is the same for all poses of this body; return
+        what is wrong with the change of its pose, empty = nothing.
+
+        ``heard`` [s]: time of arrival on the clock of `expire`, None = ``time``. ``stated``: the source states
+        velocities, also that of a body at rest. A source that stated a velocity before does so too.
+        """
         last = self._last_poses.get(name)
-        tracked = state
-        if last is not None and not any(state.linear) and not any(state.angular):
-            interval = time - last.time
-            if 0.0 < interval <= MAX_INTERVAL:
-                linear, angular = _velocity(last.state, state, interval)
-                if max(map(abs, linear)) <= FASTEST and max(map(abs, angular)) <= FASTEST_SPIN:  # else the body jumped
-                    tracked = replace(state, linear=linear, angular=angular)
+        stated |= any(state.linear) or any(state.angular) or (last is not None and last.stated)
+        tracked, change, jump = state, None, ""
+        if last is not None and not stated and time == last.time:
+            tracked, change = replace(last.tracked, position=state.position, orientation=state.orientation), last.change
+        elif last is not None and not stated and 0.0 < time - last.time <= MAX_INTERVAL:
+            change = _velocity(last.tracked, state, time - last.time)
+            speed = max(_length(change.linear), radius * _length(change.angular))
+            if speed > self.max_velocity or _length(change.angular) > FASTEST_SPIN:
+                jump, change = self._jump(name, last.tracked, state, speed), last.change
+            else:
+                tracked = _with_velocity(state, change, last.change)
         self._world.track(name, radius, tracked)
-        self._last_poses[name] = _LastPose(state, time, any(tracked.linear) or any(tracked.angular))
+        self._last_poses[name] = _LastPose(tracked, time, time if heard is None else heard, stated, change)
+        return jump
+
+    def restart(self, time: float) -> None:
+        """Go on at ``time`` [s] of a clock that was set: all bodies count as heard now."""
+        for seen in self._last_poses.values():
+            seen.time, seen.heard, seen.change = -math.inf, time, None
 
     def forget(self, name: str) -> None:
         """Removes a tracked body."""
@@ -58,21 +106,47 @@ class Tracking:
         """Removes the bodies without a pose for the time-out, and returns their names. Stops bodies without a pose for
         `MAX_INTERVAL`."""
         for name, seen in self._last_poses.items():
-            if seen.moving and time - seen.time > MAX_INTERVAL and name in self._world.bodies:
+            if seen.moving and time - seen.heard > MAX_INTERVAL and name in self._world.bodies:
                 state = self._world.state(name)
                 self._world.track(name, self._world.bodies[name].radius, BodyState(state.position, state.orientation))
-                seen.moving = False
-        gone = [name for name, seen in self._last_poses.items() if time - seen.time > self.timeout]
+                seen.tracked = BodyState(seen.tracked.position, seen.tracked.orientation)
+        gone = [name for name, seen in self._last_poses.items() if time - seen.heard > self.timeout]
         for name in gone:
             self.forget(name)
         return gone
 
+    def _jump(self, name: str, before: BodyState, after: BodyState, speed: float) -> str:
+        distance = math.dist(before.position, after.position)
+        return (
+            f"the pose of {name!r} jumped by {distance:.3g} m, which is {speed:.3g} m/s at its surface; velocities are "
+            f"estimated up to bodies.max_velocity = {self.max_velocity:g} m/s"
+        )
 
-def _velocity(before: BodyState, after: BodyState, interval: float) -> tuple[Vector, Vector]:
-    """Return mean linear [m/s] and angular [rad/s] velocity between two poses ``interval`` [s] apart."""
+
+def _velocity(before: BodyState, after: BodyState, interval: float) -> _Velocity:
+    """Return the mean velocity between two poses ``interval`` [s] apart."""
     linear = (np.array(after.position) - np.array(before.position)) / interval
-    angular = _rotation_between(before.orientation, after.orientation) / interval
-    return tuple(linear.tolist()), tuple(angular.tolist())
+    return _Velocity(linear, _rotation_between(before.orientation, after.orientation) / interval)
+
+
+def _with_velocity(state: BodyState, change: _Velocity, before: _Velocity | None) -> BodyState:
+    """Return a state with the velocity of the last change of pose, as far as the change ``before`` confirms it."""
+    if before is not None:
+        change = _Velocity(_confirmed(change.linear, before.linear), _confirmed(change.angular, before.angular))
+    linear: Vector = tuple(change.linear.tolist())
+    angular: Vector = tuple(change.angular.tolist())
+    return replace(state, linear=linear, angular=angular)
+
+
+def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
+    """Return a velocity (3,), shortened to the component of the one ``before`` along it."""
+    square = float(velocity @ velocity)
+    share = float(velocity @ before) / square if square > 0.0 else 0.0
+    return velocity * min(max(share, 0.0), 1.0)
+
+
+def _length(vector: FloatArray) -> float:
+    return float(np.linalg.norm(vector))
 
 
 def _rotation_between(first: Quaternion, second: Quaternion) -> FloatArray:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Iterator
 from functools import partial
+from time import monotonic
 from typing import NamedTuple
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -14,6 +17,7 @@ from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session
 
 
@@ -35,12 +39,21 @@ def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
         yield stamp, parent, child, Transform((x, y, z), (qx, qy, qz, qw))
 
 
+# Own messages to recognise when they return [-]: those of a second at any rate.
+MOST_OWN = 1000
+# Time after which a moving frame that another node published is nobody's [s]; longer than a localisation's period.
+OTHERS_TIME = 5.0
+
+
 class TransformInput:
     """The frame buffer and its subscriptions, which `listen` creates. ``listening``: True once they exist."""
 
     def __init__(self, session: Session) -> None:
         self.buffer = FrameBuffer()
         self._session = session
+        self._own: set[str] = set()
+        self._others: dict[str, float] = {}  # steady time of their last message [s]; infinite for static frames
+        self._sent: deque[int] = deque(maxlen=MOST_OWN)
         self.listening = False
 
     def listen(self, what: str) -> None:
@@ -53,6 +66,18 @@ class TransformInput:
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._session.listen(kind, "/tf", partial(self._take, static=False), moving, raw=True, private=False)
         self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, raw=True, private=False)
+
+    def note_own(self, data: bytes) -> None:
+        """Notes a message that this node is about to publish on ``/tf``: rclpy does not tell who sent a message."""
+        self._sent.append(hash(data))
+
+    def is_others(self, frame: str) -> bool:
+        """Return True if another node publishes a frame."""
+        return monotonic() - self._others.get(frame, -math.inf) < OTHERS_TIME
+
+    def is_own(self, frame: str) -> bool:
+        """Return True if this node, and no other, publishes a frame."""
+        return frame in self._own and not self.is_others(frame)
 
     def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
         """Return the transform from ``frame_id`` to the terrain's frame, None if equal. Raises `InputError`."""
@@ -67,11 +92,35 @@ class TransformInput:
         return self.buffer.lookup(terrain, frame_id, stamp)[0]
 
     def _take(self, data: bytes, *, static: bool) -> None:
-        """Adds each transform on its own, so that a refused one does not affect the others."""
+        """Add each transform on its own, so that a refused one does not affect the others."""
+        topic = "/tf_static" if static else "/tf"
+        own, now = hash(data) in self._sent, math.inf if static else monotonic()
         for stamp, parent, child, transform in transforms_from(data):
             try:
                 require_name(child, self._session.settings)
-                time = None if static else conversions.stamp_seconds(stamp) or 0.0
-                self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
+                time = None if static else self._time_of(stamp, child)
+                back = self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
+                if own:
+                    self._own.add(child.strip("/"))
+                else:
+                    self._others[child.strip("/")] = max(now, self._others.get(child.strip("/"), now))
+                if back:
+                    raise InputError(
+                        "stamp_backwards",
+                        f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older, as if "
+                        "the clock of its source was set back or a recording started over",
+                    )
             except InputError as error:
-                self._session.refusals.add("/tf_static" if static else "/tf", error)
+                self._session.refusals.add(topic, error)
+
+    def _time_of(self, stamp: Stamp, child: str) -> float:
+        """Return a stamp [s]; that of a transform without one is now."""
+        seconds = conversions.stamp_seconds(stamp)
+        if seconds is not None:
+            return seconds
+        session = self._session
+        session.unstamped["/tf"] += 1
+        session.node.get_logger().warning(
+            f"transforms of {child!r} on /tf have no stamp, and hold when they arrive", throttle_duration_sec=LOG_PERIOD
+        )
+        return session.clock_now()

@@ -13,6 +13,8 @@ from smartmesh_ros.physics.world import World
 
 # A map older than this is stale [s].
 STALE = 2.0
+# Most inputs whose stamps are reported.
+MOST_AGES = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,22 +23,29 @@ class Health:
 
     ``map_age``: age of the last map or update [s], None before the first. ``maps``: number of accepted maps and
     updates. ``map_sources``: number of publishers on the terrain topics. ``overtaken``: number of maps that arrived
-    after a newer one. ``publishers``: number of connected publishers by topic. ``rival_clocks``: other publishers of
-    ``/clock``. ``rival_maps``: publishers whose maps disagree. ``map_warning``: suspected misuse of the maps, empty =
-    none. ``incompatible``: peers with incompatible QoS, by topic. ``peers``: state of each node whose bodies may be
-    guests here; ``silent_peers``: peers named by parameters without messages.
+    after a newer one, by topic. ``publishers``: number of connected publishers by topic. ``rival_clocks``: other
+    publishers of ``/clock``. ``rival_maps``: publishers whose maps disagree. ``map_warning``: suspected misuse of the
+    maps, empty = none. ``incompatible``: peers with incompatible QoS, by topic. ``clock_wait``: what of ``/clock`` the
+    physics waits for, empty = nothing. ``unstamped``: number of transforms without stamp, by topic. ``jumps``: number
+    of jumps of tracked bodies, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s].
+    ``peers``: state of each node whose bodies may be guests here; ``silent_peers``: peers named by parameters without
+    messages.
     """
 
     map_age: float | None
     maps: int
     map_sources: int
-    overtaken: int
+    overtaken: Counter[str]
     publishers: dict[str, int]
     real_time_factor: float
     deadline_misses: int
     paused: bool
+    clock_wait: str
     refusals: Counter[str]
     new_refusals: int
+    jumps: Counter[str]
+    unstamped: Counter[str]
+    stamp_ages: dict[str, float | None]
     rival_clocks: list[str]
     rival_maps: list[str]
     map_warning: str
@@ -46,7 +55,8 @@ class Health:
 
 
 def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticStatus]:
-    """Return one status per task: terrain, bodies, physics, inputs, connections."""
+    """Return one status per task of the node with a fully qualified name: terrain, bodies, physics, inputs,
+    connections."""
     return [
         _status(node_name, "terrain", *_terrain(world, health)),
         _status(node_name, "bodies", *_bodies(world, health)),
@@ -63,7 +73,8 @@ def _terrain(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         values[f"size of {name!r}"] = tile.description
         values[f"updates of {name!r}"] = tile.version
     values["publishers"] = health.map_sources
-    values["overtaken by a newer one"] = health.overtaken
+    values["overtaken by a newer one"] = health.overtaken.total()
+    values |= {f"overtaken on {topic}": count for topic, count in sorted(health.overtaken.items())}
     if health.map_age is None:
         return DiagnosticStatus.WARN, "no map yet", values
     values["age [s]"] = f"{health.map_age:.3f}"
@@ -98,6 +109,7 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         "without ground": len(world.followers) - remote - patches,
         "below ground": len(below),
         "put back onto the ground": world.rescues,
+        **{f"jumps on {topic}": count for topic, count in sorted(health.jumps.items())},
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
         "largest deviation [m]": f"{deviation:.6f}",
         "colliders replaced": world.ground.replacements,
@@ -123,6 +135,8 @@ def _physics(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     }
     if health.paused:
         return DiagnosticStatus.OK, "paused", values
+    if health.clock_wait:
+        return DiagnosticStatus.WARN, health.clock_wait, values
     if health.real_time_factor < 0.95:
         return DiagnosticStatus.WARN, f"slower than real time ({health.real_time_factor:.2f})", values
     return DiagnosticStatus.OK, "in real time", values
@@ -137,6 +151,9 @@ def _inputs(health: Health) -> tuple[bytes, str, dict[str, Any]]:
 
 def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in health.publishers.items()}
+    values |= {f"without stamp on {topic}": count for topic, count in sorted(health.unstamped.items())}
+    ages = [(source, age) for source, age in health.stamp_ages.items() if age is not None]
+    values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages[:MOST_AGES]}
     values |= {f"incompatible QoS on {topic}": peers for topic, peers in health.incompatible.items()}
     if health.rival_clocks:
         values["/clock is also published by"] = ", ".join(health.rival_clocks)
@@ -146,6 +163,12 @@ def _connections(health: Health) -> tuple[bytes, str, dict[str, Any]]:
     return DiagnosticStatus.OK, "no incompatible QoS", values
 
 
+def task_name(node_name: str, task: str) -> str:
+    """Return the name of a status, which differs for nodes of the same name in different namespaces."""
+    return f"{node_name.strip('/')}: {task}"
+
+
 def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(level=level, name=f"{node_name}: {task}", message=text, hardware_id="", values=pairs)
+    name = task_name(node_name, task)
+    return DiagnosticStatus(level=level, name=name, message=text, hardware_id=node_name, values=pairs)

@@ -26,12 +26,18 @@ KINDS = {
     "prisms": ColliderPatch.PRISMS,
     "whole": ColliderPatch.WHOLE,
 }
+# Id of the marker that deletes all others. RViz reports an error if an id comes twice in an array.
+NO_ID = -1
 # Colour of the patches (r, g, b, a).
 COLOUR = (0.95, 0.55, 0.15, 0.85)
 
 
 class PatchMarkers:
-    """``~/patches``: one TRIANGLE_LIST marker per patch with a constant id per body, and DELETE when the patch goes."""
+    """``~/patches``: one TRIANGLE_LIST marker per patch with a constant id per body, and DELETE when the patch goes.
+
+    The markers are ``frame_locked``: RViz places them by the newest transform to its Fixed Frame, and again at each
+    redraw. Else it would ask for the transform at the marker's stamp, which is newer than any that it has.
+    """
 
     def __init__(self, namespace: str = "patches") -> None:
         self._namespace = namespace
@@ -44,15 +50,25 @@ class PatchMarkers:
         self._sent = SentPatches()
 
     def write(
-        self, header: Header, batches: list[PatchBatch], names: list[str], epoch: int, *, only_changed: bool = False
+        self,
+        header: Header,
+        batches: list[PatchBatch],
+        names: list[str],
+        epoch: int,
+        *,
+        only_changed: bool = False,
+        clear: bool = False,
     ) -> bytes:
         """Return the MarkerArray of all patches (or of the changed ones), with DELETE for removed patches.
 
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
+        ``clear``: first delete all markers of the namespace, such as those of a node that ended.
         """
         self._assign_ids(names, epoch)
         message = self._message
         message.start("markers", MarkerArray)
+        if clear:
+            self._add_clearing(header)
         stamp = stamp_fields(header)
         # Patches of equal size form one group, planes and heightfields alike.
         ids: dict[int, list[IntArray]] = defaultdict(list)
@@ -78,6 +94,16 @@ class PatchMarkers:
         else:
             self._sent.forget()
         return message.finish()
+
+    def cleared(self, header: Header) -> bytes:
+        """Return the MarkerArray that deletes all markers of the namespace."""
+        self._message.start("markers", MarkerArray)
+        self._add_clearing(header)
+        return self._message.finish()
+
+    def _add_clearing(self, header: Header) -> None:
+        make = partial(_marker, self._namespace, header.frame_id, Marker.DELETEALL, 0)
+        self._message.add((header.frame_id, "all"), make, 1, {**stamp_fields(header), "id": NO_ID})
 
     def _assign_ids(self, names: list[str], epoch: int) -> None:
         """Assigns marker ids to new bodies."""
@@ -171,7 +197,7 @@ _TWIST_FIELDS = tuple(f"surface_twist.{part}.{axis}" for part in ("linear", "ang
 
 
 def _marker(namespace: str, frame_id: str, action: int, points: int) -> Marker:
-    marker = Marker(ns=namespace, type=Marker.TRIANGLE_LIST, action=action)
+    marker = Marker(ns=namespace, type=Marker.TRIANGLE_LIST, action=action, frame_locked=True)
     marker.header.frame_id = frame_id
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = COLOUR

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
@@ -23,10 +24,13 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.fleet.peer_bodies import PeerBodies
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs, robot_outputs
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
+from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.physics.states import SimulatedStates
 
@@ -36,6 +40,8 @@ ALL_PATCHES_PERIOD = 5.0
 DISCOVERY_TIME = 1.0
 # Outputs that show patches. They are published only after the patches were refreshed.
 PATCH_OUTPUTS = ("patches", "collider_patches")
+# Longest wait at the end until subscribers have the last message [s].
+LAST_WORDS = 0.5
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
 DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
 # Shortest time over which a real-time factor is measured [s].
@@ -69,26 +75,32 @@ class _Window:
         return length, self._factor, misses
 
 
-class _IncrementalMode:
-    """Decides which messages of an output may contain only the changes since the last message."""
+class _Audience:
+    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
+    have made subscribers forget some."""
 
     def __init__(self) -> None:
-        self._listeners = 0
-        self._all_until = -math.inf
+        self._counts = (0, 0)
+        self._new_until = -math.inf
         self._all_due = -math.inf
 
-    def only_changed(self, listeners: int) -> bool:
-        """Return True if the next message may contain only changes.
+    def count(self, subscribers: int, publishers: int) -> None:
+        """Note the numbers of subscribers and publishers."""
+        if (subscribers, publishers) != self._counts:
+            self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
 
-        New subscribers, and every `ALL_PATCHES_PERIOD` all subscribers, receive everything.
-        """
+    @property
+    def new(self) -> bool:
+        return monotonic() < self._new_until
+
+    def needs_all(self) -> bool:
+        """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
+        all subscribers, receive everything."""
         now = monotonic()
-        if listeners != self._listeners:
-            self._listeners, self._all_until = listeners, now + DISCOVERY_TIME
-        if self._all_until <= now < self._all_due:
-            return True
+        if self._new_until <= now < self._all_due:
+            return False
         self._all_due = now + ALL_PATCHES_PERIOD
-        return False
+        return True
 
 
 class _Output(NamedTuple):
@@ -99,7 +111,7 @@ class _Output(NamedTuple):
 class Publishing:
     """The node's outputs."""
 
-    def __init__(self, session: Session, peers: PeerBodies) -> None:
+    def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
         self._session, self._peers = session, peers
         self._node, self._world = session.node, session.world
         self._markers = patch_outputs.PatchMarkers(session.settings.marker_namespace)
@@ -108,6 +120,8 @@ class Publishing:
         self._body_states = body_outputs.BodyStates()
         self._contacts = body_outputs.Contacts()
         self._clock = ClockPublishing(session)
+        self._transforms = TransformOutputs(session, transforms)
+        self._clock_watch = ClockWatch(session)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -136,7 +150,7 @@ class Publishing:
         self._timing_window = _Window(session)
         self._diagnostics_window = _Window(session)
         self._refused_before = 0
-        self._increments = {name: _IncrementalMode() for name in PATCH_OUTPUTS}
+        self._audiences = {name: _Audience() for name in PATCH_OUTPUTS}
         self._shown = dict.fromkeys(PATCH_OUTPUTS, -1)  # the number of refreshes at the last message
 
     def publish(self, *, now: bool = False) -> None:
@@ -144,10 +158,18 @@ class Publishing:
         time = monotonic()
         self._publish(self._outputs, time, now=now)
         self._clock.publish(time)
+        self._transforms.publish(time, at_once=now)
         self._descriptions.publish()
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
             self._diagnostics.publisher.publish(self._diagnostics.make())
+
+    def close(self) -> None:
+        """Deletes the patches from the displays of subscribers, which keep them else."""
+        publisher = self._outputs["patches"].publisher
+        if publisher.get_subscription_count():
+            publisher.publish(self._markers.cleared(self._header()))
+            publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def restart_measuring(self) -> None:
         """Restarts the measurement of the real-time factor."""
@@ -187,14 +209,15 @@ class Publishing:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
     def _only_changed(self, output: str) -> bool:
-        listeners = self._outputs[output].publisher.get_subscription_count()
-        return self._session.settings.incremental and self._increments[output].only_changed(listeners)
+        publisher, audience = self._outputs[output].publisher, self._audiences[output]
+        audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
+        return self._session.settings.incremental and not audience.needs_all()
 
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
-            only_changed=only_changed,
+            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
@@ -214,11 +237,12 @@ class Publishing:
 
     def _make_joint_states(self) -> list[JointState]:
         """Return one message, or none if the world has no robot."""
-        return [robot_outputs.joint_states(self._header(), self._world)] if robot_outputs.robots(self._world) else []
+        prefixes = self._session.robot_names.prefixes()
+        return [robot_outputs.joint_states(self._header(), self._world, prefixes)] if prefixes else []
 
     def _make_odometry(self) -> list[Odometry]:
-        header, world = self._header(), self._world
-        return [robot_outputs.odometry(header, world, robot) for robot in robot_outputs.robots(world)]
+        header, world, names = self._header(), self._world, self._session.robot_names
+        return [robot_outputs.odometry(header, world, robot, prefix) for robot, prefix in names.prefixes().items()]
 
     def _make_contact_wrenches(self) -> ContactWrenchArray:
         return robot_outputs.contact_wrenches(self._header(), self._world)
@@ -247,6 +271,7 @@ class Publishing:
             real_time_factor=factor,
             deadline_misses=session.pacer.misses,
             paused=session.paused,
+            clock_wait=self._clock_watch.check(),
             refusals=session.refusals.counts,
             peers=self._peers.summaries(),
             silent_peers=self._peers.silent(),
@@ -261,8 +286,13 @@ class Publishing:
                 session.names,
             ),
             new_refusals=refused - self._refused_before,
+            jumps=session.jumps,
+            unstamped=session.unstamped,
+            stamp_ages=session.stamp_ages,
         )
         self._refused_before = refused
-        message = DiagnosticArray(status=diagnostics.statuses(self._node.get_name(), self._world, health))
+        message = DiagnosticArray(
+            status=diagnostics.statuses(self._node.get_fully_qualified_name(), self._world, health)
+        )
         message.header.stamp = self._session.stamp_now()
         return message

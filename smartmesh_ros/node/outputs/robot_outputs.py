@@ -13,21 +13,10 @@ from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World
 
 
-def robots(world: World) -> list[str]:
-    """Return the names of the robots, in order of spawning."""
-    return [body.name for body in world.bodies.values() if body.is_robot]
-
-
-def joint_states(header: Header, world: World) -> JointState:
-    """Return the states of all joints, named ``<robot>/<joint>``, or ``<joint>`` if the world has one robot.
-
-    The short names are those that robot_state_publisher expects.
-    """
-    names = robots(world)
-    found = []
-    for robot in names:
-        prefix = f"{robot}/" if len(names) > 1 else ""
-        found += [(prefix + joint.name, joint) for joint in world.joints(robot)]
+def joint_states(header: Header, world: World, prefixes: dict[str, str]) -> JointState:
+    """Return the states of all joints of the robots in ``prefixes``, which maps robots to the prefixes of their
+    names."""
+    found = [(prefix + joint.name, joint) for robot, prefix in prefixes.items() for joint in world.joints(robot)]
     return JointState(
         header=Header(stamp=header.stamp),  # joints have no frame
         name=[name for name, _ in found],
@@ -37,11 +26,13 @@ def joint_states(header: Header, world: World) -> JointState:
     )
 
 
-def odometry(header: Header, world: World, robot: str) -> Odometry:
-    """Return the true pose of a robot's root link in the terrain's frame, and its twist in the frame ``robot``."""
+def odometry(header: Header, world: World, robot: str, prefix: str) -> Odometry:
+    """Return the true pose of a robot's root link in the terrain's frame, and its twist in the frame of that link,
+    ``<prefix><link>``."""
     state = world.base_state(robot)
     back = conjugate(state.orientation)
-    message = Odometry(header=header, child_frame_id=robot)
+    root = world.client.getBodyInfo(world.bodies[robot].uid)[0].decode()
+    message = Odometry(header=header, child_frame_id=prefix + root)
     message.pose.pose = pose_message(state)
     message.twist.twist = Twist(
         linear=_vector(rotate(back, state.linear)), angular=_vector(rotate(back, state.angular))

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.qos_overrides import PREFIX, require_override
 
 
 class Spec(NamedTuple):
@@ -38,8 +39,10 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
         except ParameterException as error:
             bounds = f"; it must be {spec.low} to {spec.high}" if spec.low is not None else ""
             raise InputError("parameter", f"{error}{bounds}") from None
-    for name in sorted(node._parameter_overrides):
-        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
+    for name, override in sorted(node._parameter_overrides.items()):
+        if name.startswith(PREFIX):
+            require_override(name, override.value)
+        elif not node.has_parameter(name):
             node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{_nearest(name, specs)}")
     return checked(current_values(node, specs), specs)
 
@@ -99,6 +102,8 @@ def _checked(spec: Spec, value: Any) -> Any:
         raise InputError("parameter", f"{spec.name} is {value!r}; it must be of type {wanted.__name__}")
     if isinstance(value, list):
         kind = float if spec.default and isinstance(spec.default[0], float) else str
+        if kind is str and value == [""]:
+            value = []  # the usual way to write an empty list, whose type ROS does not know
         value = [float(item) if kind is float and type(item) is int else item for item in value]
         if any(type(item) is not kind for item in value):
             raise InputError("parameter", f"{spec.name} is {value!r}; every entry must be of type {kind.__name__}")

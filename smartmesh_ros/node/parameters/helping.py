@@ -8,9 +8,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.utilities import remove_ros_args
-
 from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 
 WIDTH = 100
 OPTIONS = {
@@ -25,8 +24,7 @@ def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] 
 
     Exits with 2 at an unknown argument, because the node would start with settings other than those intended.
     """
-    given = sys.argv if args is None else [name, *args]
-    for argument in remove_ros_args(given)[1:]:
+    for argument in own_arguments(sys.argv if args is None else [name, *args]):
         if argument in ("-h", "--help"):
             print(help_text(name, about, specs))
         elif argument == "--print-parameters":

@@ -34,6 +34,7 @@ class PublishRates:
     joint_states: float = 60.0
     odometry: float = 60.0
     contact_wrenches: float = 60.0
+    tf: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +88,10 @@ class Settings:
     output_depth: int = 10
     incremental: bool = False
     marker_namespace: str = "patches"
+    robot_prefix: bool = False
     body_timeout: float = 1.0
     default_radius: float = 0.25
+    max_velocity: float = 10.0
     spawn: tuple[str, ...] = ()
     deadline: DeadlinePolicy = "catch_up"
     executor: ExecutorKind = "events"

@@ -57,12 +57,14 @@ SPECS = (
     ),
     Spec(
         "physics.friction", _PHYSICS.friction,
-        "Coulomb friction coefficient of simulated bodies spawned after the change.",
+        "Coulomb friction coefficient of simulated bodies, and of links of robots without <contact>, spawned after the "
+        "change.",
         0.0, 10.0,
     ),
     Spec(
         "physics.restitution", _PHYSICS.restitution,
-        "Coefficient of restitution of simulated bodies spawned after the change.",
+        "Coefficient of restitution of simulated bodies, and of links of robots without <contact>, spawned after the "
+        "change.",
         0.0, 1.0,
     ),
     Spec("physics.guard", _PHYSICS.guard, "Put bodies that are below the ground back onto it."),
@@ -136,7 +138,8 @@ SPECS = (
     ),
     Spec(
         "terrain.max_interval", _D.motion.max_interval,
-        "Longest time between two maps from which velocity is estimated [s].",
+        "Longest time between two maps from which velocity is estimated, and longest delay of maps over which the "
+        "ground is extrapolated [s].",
         0.001, 60.0,
     ),
     Spec(
@@ -227,6 +230,12 @@ SPECS = (
         0.01, 3600.0,
     ),
     Spec(
+        "bodies.max_velocity", _D.max_velocity,
+        "Highest velocity of a tracked body that is estimated from successive poses [m/s]; a faster change counts as a "
+        "jump, without velocity, and is reported.",
+        0.01, 1000.0,
+    ),
+    Spec(
         "bodies.default_radius", _D.default_radius,
         "Radius of tracked bodies whose messages give none [m].",
         0.001, 100.0,
@@ -309,6 +318,18 @@ SPECS = (
     ),
     Spec("publish.depth", _D.output_depth, "Queue depth of each output.", 1, 10_000, read_only=True),
     Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
+    Spec(
+        "publish.robot_prefix", _D.robot_prefix,
+        "Joints and frames of every robot are named <robot>/<name>. false: those of the first robot have the names of "
+        "its URDF, as robot_state_publisher expects. Names do not change while their robot is there.",
+        read_only=True,
+    ),
+    Spec(
+        "publish.tf", _D.publish.tf,
+        "Rate of the frames of simulated bodies and robots on /tf [Hz]; 0 = never. Frames that other nodes publish are "
+        "left out.",
+        0.0, 1000.0,
+    ),
     Spec("publish.odometry", _D.publish.odometry, "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
     Spec("publish.contact_wrenches", _D.publish.contact_wrenches, "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
     Spec(
@@ -345,12 +366,14 @@ _SETTINGS = {
     "longest_urdf": "bodies.longest_urdf",
     "urdf_folders": "bodies.urdf_folders",
     "body_timeout": "bodies.timeout",
+    "max_velocity": "bodies.max_velocity",
     "default_radius": "bodies.default_radius",
     "spawn": "bodies.spawn",
     "output_durability": "publish.durability",
     "output_depth": "publish.depth",
     "incremental": "publish.incremental",
     "marker_namespace": "publish.marker_namespace",
+    "robot_prefix": "publish.robot_prefix",
 }
 
 

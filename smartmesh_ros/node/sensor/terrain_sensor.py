@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from smartmesh_msgs.srv import CastRays
@@ -23,6 +22,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
 from smartmesh_ros.node.sensor.sensor_messages import camera_info, cloud_message, depth_image
@@ -92,11 +92,11 @@ def sensor_of(values: dict[str, Any]) -> RangeSensor:
     return made
 
 
-class TerrainSensor(Node):
+class TerrainSensor(ParameterNode):
     """Looks at the ground, at a fixed rate."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, SPECS, **node_options)
         values = declare(self, SPECS)
         self.sensor = sensor_of(values)
         self._frame, self._through = values["frame"], values["through"]

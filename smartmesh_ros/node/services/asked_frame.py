@@ -16,10 +16,13 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.clock import stamp_of
 from smartmesh_ros.physics.quaternions import rotate
+from smartmesh_ros.physics.standing import NO_TERRAIN
 from smartmesh_ros.terrain.grid import FloatArray
 
 # Largest difference between the instant of a question and now [s].
 FARTHEST = 1.0
+# Most bodies that a refusal names.
+MOST_NAMED = 10
 # Tilt of a frame's z axis that counts as rounding [-].
 LEVEL = 1e-6
 
@@ -77,7 +80,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
     if session.paused:
         raise InputError("paused", "the physics is paused, and its time with it; call ~/pause with data: false first")
     if not session.world.terrain.tiles:
-        raise InputError("no_map", "there is no terrain yet; ask again after the first map")
+        raise InputError("no_map", NO_TERRAIN)
     stamp = conversions.stamp_seconds(header.stamp)
     if stamp is None:
         time, instant = session.world.time, stamp_of(_stamp_of_world(session))
@@ -103,9 +106,10 @@ def _transform(session: Session, transforms: TransformInput, frame_id: str, stam
     try:
         return transforms.to_terrain(frame_id, stamp) or IDENTITY
     except InputError as error:
-        if listening or not transforms.listening:
-            raise
-        raise InputError("frame", f"{error}; the node has just subscribed to /tf, so ask again") from None
+        names = [name for name in session.world.bodies if name]
+        there = f"the bodies are {', '.join(names[:MOST_NAMED])}" if names else "there are no bodies"
+        again = "" if listening or not transforms.listening else "; the node has just subscribed to /tf, so ask again"
+        raise InputError("frame", f"no body is called {frame_id!r} ({there}), and as a frame: {error}{again}") from None
 
 
 def _stamp_of_world(session: Session) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from smartmesh_msgs.msg import BodyFailure
@@ -14,6 +15,7 @@ from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.node.inputs import bounds, conversions
 from smartmesh_ros.node.refusals import shortened
 from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.node.services.turns import in_turns
 from smartmesh_ros.node.session import Session
 
 # Number of failures that a response's message quotes. The list of failures in the response is complete.
@@ -25,9 +27,9 @@ class BodyServices:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        session.answer(SpawnBody, "spawn_body", self._on_spawn)
+        session.serve_eagerly(SpawnBody, "spawn_body", self._on_spawn)
         session.answer(RemoveBody, "remove_body", self._on_remove)
-        session.serve(SpawnBodies, "spawn_bodies", self._on_spawn_all)
+        session.serve_eagerly(SpawnBodies, "spawn_bodies", self._on_spawn_all)
         session.serve(RemoveBodies, "remove_bodies", self._on_remove_all)
 
     def remove(self, name: str) -> None:
@@ -37,38 +39,64 @@ class BodyServices:
         else:
             self._session.world.remove(name)
 
-    def _spawn(self, body: Any) -> None:
-        """Add one body. Raises `InputError`, and adds nothing, if the body is refused."""
-        session = self._session
-        state = conversions.state_from(body.pose, body.twist)
-        standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
+    async def _ready(self, body: Any) -> Callable[[], None]:
+        """Return the action that adds a body, and that raises `InputError` and adds nothing if the world refuses the
+        body. A robot is prepared before. Raises `InputError`."""
+        session, world = self._session, self._session.world
         bounds.require_name(body.id, session.settings)
-        bounds.require_room([body.id], session.world.bodies, session.settings)
-        if body.urdf:
-            urdf = checked_urdf(with_package_paths(body.urdf), bounds.urdf_rules(session.settings))
-            session.world.spawn_robot(body.id, urdf, state, **standing)
-        else:
-            session.world.spawn(body.id, conversions.shape_from(body.shape), body.mass, state, **standing)
+        bounds.require_room([body.id], world.bodies, session.settings)
+        state = conversions.state_from(body.pose, body.twist)
+        if not body.urdf:
+            shape = conversions.shape_from(body.shape)
+            standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
+            return lambda: world.spawn(body.id, shape, body.mass, state, **standing)
+        rules = bounds.urdf_rules(session.settings)
+        robot = await session.robots.prepared(lambda: checked_urdf(with_package_paths(body.urdf), rules))
+        if not body.on_ground:
+            return lambda: world.spawn_robot(body.id, robot, state)
+        stance = await in_turns(world.stance_of_robot(body.id, robot, state, align=body.align), session.lock)
+        return lambda: world.spawn_robot(body.id, robot, stance.on(world.ground_at, body.clearance))
 
-    def _on_spawn(self, request: SpawnBody.Request) -> str:
-        self._spawn(request)
-        return ""
+    def _add(self, name: str, action: Callable[[], None]) -> None:
+        """Do the action that adds a body. Raises `InputError` if there is no room."""
+        bounds.require_room([name], self._session.world.bodies, self._session.settings)
+        action()
+
+    async def _on_spawn(self, request: SpawnBody.Request, response: SpawnBody.Response) -> SpawnBody.Response:
+        session = self._session
+        try:
+            action = await self._ready(request)
+            with session.lock:
+                self._add(request.id, action)
+            response.success = True
+        except InputError as error:
+            session.refusals.add("spawn_body", error)
+            response.message = shortened(str(error))
+        return response
+
+    async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> SpawnBodies.Response:
+        world, added = self._session.world, []
+        tasks: list[tuple[str, Any, Callable[[Any], None]]] = []
+
+        def add(name: str, action: Callable[[], None]) -> None:
+            self._add(name, action)
+            added.append(name)
+
+        for body in request.bodies:
+            try:
+                tasks.append((body.id, await self._ready(body), partial(add, body.id)))
+            except InputError as error:
+                tasks.append((body.id, error, _refuse))
+        with self._session.lock:
+            failures = _failures_of(tasks)
+            for name in added if failures else ():
+                world.remove(name)
+        self._finish("spawn_bodies", response, failures, len(request.bodies))
+        return response
 
     def _on_remove(self, request: RemoveBody.Request) -> str:
         self.remove(request.id)
         return ""
-
-    def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
-        world, added = self._session.world, []
-
-        def add(body: Any) -> None:
-            self._spawn(body)
-            added.append(body.id)
-
-        failures = _failures_of((body.id, body, add) for body in request.bodies)
-        for name in added if failures else ():
-            world.remove(name)
-        self._finish("spawn_bodies", response, failures, len(request.bodies))
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
         world, counts = self._session.world, Counter(request.ids)
@@ -95,6 +123,10 @@ class BodyServices:
             words = f"{len(failures)} of {count} bodies are refused, so nothing was changed: {quoted}{more}"
             response.message = shortened(words)
             self._session.refusals.add(service, InputError("batch", words))
+
+
+def _refuse(error: InputError) -> None:
+    raise error
 
 
 def _failures_of(tasks: Iterable[tuple[str, Any, Callable[[Any], None]]]) -> list[BodyFailure]:

@@ -3,9 +3,14 @@ reset."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn
+from smartmesh_ros.node.services.robot_files import with_package_paths
+from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn, state_of
+from smartmesh_ros.node.services.turns import Work, in_turns
 from smartmesh_ros.node.session import Session
+from smartmesh_ros.physics.robots.prepared import PreparedRobot, prepare_robot
 
 
 class InitialBodies:
@@ -15,6 +20,7 @@ class InitialBodies:
         self._session = session
         self._entries: dict[str, Entry] = {}
         self._waiting: list[str] = []
+        self._standing: set[str] = set()  # robots that are being put onto the ground
         for text in session.settings.spawn:
             entry = entry_from_text(text)
             if entry.name in self._entries:
@@ -27,7 +33,10 @@ class InitialBodies:
         return set(self._entries)
 
     def add(self, entry: Entry) -> None:
-        """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain."""
+        """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain.
+        Raises `InputError`, and changes nothing, if the body is refused."""
+        if entry.urdf and entry.robot is None:
+            entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
         waiting = not spawn(self._session.world, entry)
         self._entries[entry.name] = entry
         self._waiting = [name for name in self._waiting if name != entry.name]
@@ -42,15 +51,37 @@ class InitialBodies:
         """Spawn the bodies that waited for terrain."""
         waiting, self._waiting = self._waiting, []
         for name in waiting:
+            entry = self._entries[name]
+            if entry.robot is not None and entry.on_ground and state_of(self._session.world, entry) is not None:
+                self._standing.add(name)
+                self._session.turns.add(Work(self._stand(entry, entry.robot)), lambda _: None)
+                continue
             try:
-                if not spawn(self._session.world, self._entries[name]):
+                if not spawn(self._session.world, entry):
                     self._waiting.append(name)
             except InputError as error:
                 self._session.refusals.add("bodies.spawn", error)
 
+    async def _stand(self, entry: Entry, robot: PreparedRobot) -> None:
+        """Spawn a robot on the ground, in turns."""
+        session = self._session
+        world = session.world
+        try:
+            state = state_of(world, entry)
+            if state is None:
+                self._waiting.append(entry.name)
+                return
+            stance = await in_turns(world.stance_of_robot(entry.name, robot, state, align=entry.align), session.lock)
+            with session.lock:
+                world.spawn_robot(entry.name, robot, stance.on(world.ground_at, entry.clearance))
+        except InputError as error:
+            session.refusals.add("bodies.spawn", error)
+        finally:
+            self._standing.discard(entry.name)
+
     def restore(self) -> None:
         """Spawn again the initial bodies that were removed."""
         for name in self._entries:
-            if name not in self._session.world.bodies and name not in self._waiting:
+            if not any(name in known for known in (self._session.world.bodies, self._waiting, self._standing)):
                 self._waiting.append(name)
         self.on_terrain()

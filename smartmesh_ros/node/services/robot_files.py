@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from xml.etree import ElementTree
-
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.robots.description import is_text, xml_of
+from smartmesh_ros.physics.robots.files import package_folder
 
 
 def robot_name(urdf: str) -> str:
     """Return the robot's name in a URDF text, or "". Raises `InputError` if the text is no URDF."""
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise InputError("urdf", f"the robot is not XML ({error}); xacro files must be expanded first") from None
-    if root.tag != "robot":
-        raise InputError("urdf_format", f"the robot is a <{root.tag}>; it must be URDF, a <robot>")
-    return root.get("name") or ""
+    return xml_of(urdf).get("name") or ""
 
 
 def urdf_text(urdf: str) -> str:
     """Return the text of a URDF file; text is returned as is. Raises `InputError` if the file cannot be read."""
-    if urdf.lstrip().startswith("<"):
+    if is_text(urdf):
         return urdf
     try:
         return Path(urdf).read_text()
@@ -34,12 +27,14 @@ def urdf_text(urdf: str) -> str:
 
 def with_package_paths(urdf: str) -> str:
     """Return a URDF text or path with ``package://<package>`` and ``file://`` replaced by folders. Raises `InputError`
-    that names the package if one is not installed."""
+    that names the package of a path if it is not installed; in a text only the packages of collision meshes matter,
+    when the robot is loaded."""
 
     def folder(match: re.Match[str]) -> str:
-        try:
-            return str(get_package_share_directory(match[1]))
-        except (PackageNotFoundError, ValueError):
-            raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced") from None
+        if (found := package_folder(match[1])) is not None:
+            return str(found)
+        if is_text(urdf):
+            return match[0]
+        raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
 
     return re.sub(r"package://([^/\"'<>\s]+)", folder, urdf).replace("file://", "")

@@ -128,21 +128,26 @@ class SimulationServices:
             if hasattr(services, name):
                 serve(getattr(services, name), service, act, reasons)
 
-    def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], None], reasons: dict[str, str]) -> None:
-        """Serve ``~/service`` by ``act``. ``reasons``: result code by reason of an `InputError` of ``act``."""
+    def _serve(self, kind: Any, service: str, act: Callable[[Any, Any], Any], reasons: dict[str, str]) -> None:
+        """Serve ``~/service`` by ``act``, which may return an awaitable. ``reasons``: result code by reason of
+        an `InputError` of ``act``."""
         session, results = self._session, self._results
 
-        def handle(request: Any, response: Any) -> None:
+        async def handle(request: Any, response: Any) -> Any:
             try:
-                act(request, response)
+                with session.lock:
+                    rest = act(request, response)
+                if rest is not None:
+                    await rest
                 code, words = results.RESULT_OK, ""
             except InputError as error:
                 session.refusals.add(service, error)
                 code, words = self._code(error, reasons, kind.Response), str(error)
             if hasattr(response, "result"):
                 response.result.result, response.result.error_message = code, words
+            return response
 
-        session.serve(kind, service, handle)
+        session.serve_eagerly(kind, service, handle)
 
     def _code(self, error: InputError, reasons: dict[str, str], codes: Any) -> int:
         """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
@@ -200,15 +205,15 @@ class SimulationServices:
             spawned=bool(scope & request.SCOPE_SPAWNED),
         )
 
-    def _spawn(self, request: Any, response: Any) -> None:
-        response.entity_name = self._spawn_entity(request)
+    async def _spawn(self, request: Any, response: Any) -> None:
+        response.entity_name = await self._spawn_entity(request)
 
-    def _spawn_all(self, request: Any, response: Any) -> None:
+    async def _spawn_all(self, request: Any, response: Any) -> None:
         failed = 0
         for wanted in request.spawn_requests:
             result = self._messages.SpawnResult()
             try:
-                result.entity_name = self._spawn_entity(wanted)
+                result.entity_name = await self._spawn_entity(wanted)
                 result.result.result = self._results.RESULT_OK
             except InputError as error:
                 failed += 1
@@ -218,24 +223,26 @@ class SimulationServices:
         if failed:
             raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")
 
-    def _spawn_entity(self, request: Any) -> str:
+    async def _spawn_entity(self, request: Any) -> str:
         """Spawn the entity of a request, and return its name. Raises `InputError`."""
         session = self._session
         given = _urdf_of(getattr(request, "entity_resource", request))
-        urdf = checked_urdf(given, bounds.urdf_rules(session.settings))
         if request.entity_namespace:
             raise InputError("unsupported", "entity_namespace is not supported; leave it empty")
         session.require_frame(request.initial_pose.header.frame_id)
         state = conversions.state_from(request.initial_pose.pose)
-        name = request.name or robot_name(urdf_text(urdf))
-        if request.allow_renaming:
-            name = self._free_name(name)
-        bounds.require_name(name, session.settings)
-        bounds.require_room([name], session.world.bodies, session.settings)
-        session.world.spawn_robot(name, urdf, state)
-        body = session.world.bodies[name]
-        body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
-        session.world.move(name, body.initial)
+        rules = bounds.urdf_rules(session.settings)
+        robot = await session.robots.prepared(lambda: checked_urdf(given, rules))
+        name = request.name or robot_name(urdf_text(robot.given))
+        with session.lock:
+            if request.allow_renaming:
+                name = self._free_name(name)
+            bounds.require_name(name, session.settings)
+            bounds.require_room([name], session.world.bodies, session.settings)
+            session.world.spawn_robot(name, robot, state)
+            body = session.world.bodies[name]
+            body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
+            session.world.move(name, body.initial)
         return name
 
     def _free_name(self, wanted: str) -> str:

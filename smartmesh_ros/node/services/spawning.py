@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.physics.robots.prepared import PreparedRobot
 from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.physics.state import BodyState, Vector
 from smartmesh_ros.physics.world import World
@@ -38,12 +39,18 @@ class Entry:
     shape: Shape | None = None
     mass: float = 1.0
     urdf: str = ""
+    robot: PreparedRobot | None = None  # of ``urdf``
     xyz: Vector | None = None
     xy: tuple[float, float] = (0.0, 0.0)
     above: float | None = None
     clearance: float = 0.0
     align: bool = False
     yaw: float = 0.0
+
+    @property
+    def on_ground(self) -> bool:
+        """True if the ground determines the height of the lowest point."""
+        return self.xyz is None and self.above is None
 
 
 def entry_from_text(text: str) -> Entry:
@@ -70,21 +77,27 @@ def entry_from_text(text: str) -> Entry:
         raise InputError("spawn", f"bodies.spawn entry {text!r}: mass and yaw must be numbers") from None
 
 
-def spawn(world: World, entry: Entry) -> bool:
-    """Spawn the body of an entry. Return False if the terrain does not cover its place yet. Raises `InputError` if the
-    world refuses the body."""
+def state_of(world: World, entry: Entry) -> BodyState | None:
+    """Return the state of an entry, which the ground may lift; None if the terrain does not cover its place yet."""
     position = entry.xyz
     if position is None:
         x, y = entry.xy
         height = float(world.terrain.at([[x, y]], world.time).heights[0])
         if math.isnan(height):
-            return False
+            return None
         position = (x, y, height + (entry.above or 0.0))
-    on_ground = entry.xyz is None and entry.above is None
-    state = BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
-    standing: dict[str, Any] = {"on_ground": on_ground, "clearance": entry.clearance, "align": entry.align}
+    return BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
+
+
+def spawn(world: World, entry: Entry) -> bool:
+    """Spawn the body of an entry. Return False if the terrain does not cover its place yet. Raises `InputError` if the
+    world refuses the body."""
+    state = state_of(world, entry)
+    if state is None:
+        return False
+    standing: dict[str, Any] = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
     if entry.shape is None:
-        world.spawn_robot(entry.name, entry.urdf, state, **standing)
+        world.spawn_robot(entry.name, entry.robot or entry.urdf, state, **standing)
     else:
         world.spawn(entry.name, entry.shape, entry.mass, state, **standing)
     return True

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
-from typing import Any, NamedTuple
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple, TypeVar
+
+Found = TypeVar("Found")
 
 
 class NextTurn:
@@ -12,6 +15,25 @@ class NextTurn:
 
     def __await__(self) -> Generator[None, None, None]:
         yield
+
+
+class Waiting:
+    """``await Waiting()`` ends a turn of work that waits for another thread: the node need not hurry with the next."""
+
+    def __await__(self) -> Generator[bool, None, None]:
+        yield True
+
+
+async def in_turns(parts: Generator[None, None, Found], lock: AbstractContextManager[Any]) -> Found:
+    """Do the parts of some work in a turn each, with the ``lock`` held, and return its result."""
+    while True:
+        try:
+            with lock:
+                next(parts)
+        except StopIteration as end:
+            found: Found = end.value
+            return found
+        await NextTurn()
 
 
 def parts_of(count: int, size: int) -> Iterator[slice]:
@@ -37,17 +59,18 @@ class Turns:
         self._waiting.append((work.steps, send))
 
     def advance(self) -> bool:
-        """Do one turn of the work that waits longest. Return False if there is none."""
-        if not self._waiting:
-            return False
-        steps, send = self._waiting.popleft()
-        try:
-            steps.send(None)
-        except StopIteration as end:
-            send(end.value)
-        else:
+        """Do one turn of the work that waits longest. Return False if there is none, or all waits for other threads."""
+        for _ in range(len(self._waiting)):
+            steps, send = self._waiting.popleft()
+            try:
+                waits = steps.send(None)
+            except StopIteration as end:
+                send(end.value)
+                return True
             self._waiting.append((steps, send))
-        return True
+            if not waits:
+                return True
+        return False
 
     def close(self) -> None:
         """Give up all work."""

@@ -13,6 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.conversions import state_from
 from smartmesh_ros.physics.bodies import Body, BodyFactory
 from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.physics.robots.prepared import prepare_robot
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies, PressingBody
 
@@ -68,11 +69,11 @@ class MessageBodies:
         self._given.keep(body.id for body in message.bodies)
 
     def take_joints(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
-        """Take the positions [rad, m] and velocities of joints, named ``<robot>/<joint>``, or ``<joint>`` if there is
-        one robot."""
+        """Take the positions [rad, m] and velocities of joints, named ``<robot>/<joint>``, or ``<joint>`` for the robot
+        without prefix."""
         for name, robot in self._robots.items():
             for joint, index in robot.joints.items():
-                key = f"{name}/{joint}" if len(self._robots) > 1 else joint
+                key = f"{name}/{joint}" if f"{name}/{joint}" in positions else joint
                 if key in positions:
                     self._client.resetJointState(robot.uid, index, positions[key], velocities.get(key, 0.0))
 
@@ -93,7 +94,8 @@ class MessageBodies:
     def _load(self, name: str, body: BodyDescription) -> None:
         if self._client is None:
             self._client = BulletClient(pb.DIRECT)
-        made = BodyFactory(self._client, PhysicsConfig()).robot(name, body.urdf_file or body.urdf, BodyState())
+        prepared = prepare_robot(body.urdf_file or body.urdf)
+        made = BodyFactory(self._client, PhysicsConfig()).robot(name, prepared, BodyState())
         self._robots[name] = made
         self._links = BulletBodies(self._client)
         for robot in self._robots.values():

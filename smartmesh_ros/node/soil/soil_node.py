@@ -15,9 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from nav_msgs.msg import OccupancyGrid
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, Heightmap, HeightmapUpdate, TrackedBodyArray
@@ -26,8 +23,9 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.conversions import map_from, region_from, stamp_seconds
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.node.parameters.declaring import Spec, declare, objection
+from smartmesh_ros.node.parameters.declaring import Spec, declare
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.soil.message_bodies import MessageBodies
@@ -71,11 +69,11 @@ EARLY = 0.1
 ECHOES = 1000
 
 
-class SoilNode(Node):
+class SoilNode(ParameterNode):
     """Presses the soil at each message of contacts."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, SPECS, **node_options)
         values = declare(self, SPECS)
         self.refusals = Refusals(self.get_logger())
         file = Path(values["soils_file"]) if values["soils_file"] else KNOWN
@@ -104,10 +102,6 @@ class SoilNode(Node):
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self._grid_map_kind, self._grid_maps = kind, self.create_publisher(kind, "~/grid_map", latched)
             self.create_timer(1.0 / values["grid_map_rate"], self._publish_grid_map)
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right."""
-        return objection(self, parameter_list, SPECS) or super().set_parameters_atomically(parameter_list)
 
     def destroy_node(self) -> None:
         """Destroy the node and its copies of robots."""

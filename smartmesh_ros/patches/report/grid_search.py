@@ -45,7 +45,7 @@ class GridSearch:
         ``positions_w`` (n, 3) [m]: origins of the rays of the ray-cast search; ``before``: the patches that its rays
         are cast at.
         """
-        if method == "grid_traversal":
+        if method in ("auto", "grid_traversal"):
             return nearest_vertices(geometry, grid)
         if method == "brute_force":
             return brute_force_cells(geometry, grid)

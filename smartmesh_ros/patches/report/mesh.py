@@ -71,8 +71,7 @@ class MeshPatches:
     ) -> IntArray:
         """Return the nearest vertices by the configured method."""
         method, mesh = config.search, self.mesh
-        if method == "grid_traversal":
-            assert mesh.shape.grid is not None
+        if method in ("auto", "grid_traversal") and mesh.shape.grid is not None:
             return uniform_grid_vertices(mesh.shape.grid, positions_w)
         if method == "best_first":
             if self._table is None:
@@ -167,6 +166,9 @@ def mesh_twist(
     middle, linear = (share * offsets).sum(axis=0), (share * velocities).sum(axis=0)
     arm, swing = offsets - middle, velocities - linear
     inertia = (share * arm * arm).sum() * np.eye(3) - (share * arm).T @ arm
+    moment = (share * np.cross(arm, swing)).sum(axis=0)
+    if not (np.isfinite(inertia).all() and np.isfinite(moment).all()):  # vertices as far away as numbers reach
+        return np.nan_to_num(linear), np.zeros(3)
     # Points along a line leave one rotation undetermined; lstsq sets it to zero.
-    angular = np.linalg.lstsq(inertia, (share * np.cross(arm, swing)).sum(axis=0), rcond=1e-9)[0]
+    angular = np.linalg.lstsq(inertia, moment, rcond=1e-9)[0]
     return linear - np.cross(angular, middle), angular

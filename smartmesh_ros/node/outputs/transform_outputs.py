@@ -1,0 +1,162 @@
+"""``/tf``: frames of the bodies that this node simulates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
+from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.transform_input import TransformInput
+from smartmesh_ros.node.outputs.array_message import ArrayMessage, stamp_fields
+from smartmesh_ros.node.outputs.cdr import text_rows
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.physics.link_frames import LinkFrames
+
+TOPIC, PARAMETER = "/tf", "publish.tf"
+# Time after subscribing in which frames of other nodes may not have arrived [s]; nothing is published before.
+LISTENING_TIME = 1.0
+_FIELDS = (
+    *(f"transform.translation.{axis}" for axis in "xyz"),
+    *(f"transform.rotation.{axis}" for axis in "xyzw"),
+)
+
+
+class Frame(NamedTuple):
+    """A frame and its pose in the frame ``parent``."""
+
+    parent: str
+    child: str
+    pose: Transform
+
+
+class TransformOutputs:
+    """Publishes the frames of simulated bodies and of the links of robots at the rate ``publish.tf``.
+
+    A frame that another node publishes is left to that node, because a frame has one parent. So are the terrain's frame
+    and those above it.
+    """
+
+    def __init__(self, session: Session, transforms: TransformInput) -> None:
+        self._session, self._transforms = session, transforms
+        self._message = ArrayMessage()
+        self._publisher: Any = None
+        self._kind: Any = None
+        self._robots: dict[str, tuple[Body, LinkFrames]] = {}
+        self._left_out: set[str] = set()
+        self._due, self._listened, self._stamp = 0.0, 0.0, (0, 0)
+        require_transforms(session.settings.publish.tf)
+
+    def publish(self, now: float, *, at_once: bool) -> None:
+        """Publish the frames if they are due at the steady time ``now`` [s], or ``at_once``."""
+        session, rate = self._session, self._session.settings.publish.tf
+        if not rate:
+            self._close()
+            return
+        if self._publisher is None:
+            self._open(now)
+        if now < self._listened or not (at_once or now >= self._due) or not session.frame_id:
+            return
+        self._due = max(self._due + 1.0 / rate, now)
+        header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
+        stamp = header.stamp.sec, header.stamp.nanosec
+        if stamp == self._stamp:  # the clock stands still; listeners warn of a frame that comes twice at one time
+            return
+        self._stamp = stamp
+        with session.world.stopwatch.stage("publish"):
+            frames = self._own_frames(header.frame_id)
+            if frames:
+                data = self._written(header, frames)
+                self._transforms.note_own(data)
+                self._publisher.publish(data)
+
+    def _open(self, now: float) -> None:
+        self._kind = require_transforms(1.0)
+        self._publisher = self._session.node.create_publisher(self._kind, TOPIC, 100)
+        self._transforms.listen(PARAMETER)
+        self._listened = now + LISTENING_TIME
+
+    def _close(self) -> None:
+        if self._publisher is not None:
+            self._session.node.destroy_publisher(self._publisher)
+            self._publisher = None
+
+    def _own_frames(self, terrain: str) -> list[Frame]:
+        """Return the frames to publish, each child once."""
+        taken = {terrain, *self._above(terrain)}
+        left_out, frames = set(), []
+        for frame in self._frames(terrain):
+            if frame.child in taken or self._transforms.is_others(frame.child):
+                left_out.add(frame.child)
+            elif frame.child:
+                taken.add(frame.child)
+                frames.append(frame)
+        if new := sorted(left_out - self._left_out):
+            self._left_out |= left_out
+            self._session.node.get_logger().info(
+                f"{PARAMETER} leaves out frames that others publish, or that are above the terrain's: {', '.join(new)}"
+            )
+        return frames
+
+    def _above(self, terrain: str) -> list[str]:
+        try:
+            return self._transforms.buffer.ancestors(terrain)
+        except InputError:  # a cycle of other nodes' frames
+            return []
+
+    def _frames(self, terrain: str) -> Iterator[Frame]:
+        """Yield the frames of all simulated bodies: a body's, at its centre of mass, has its name; a robot's links have
+        theirs, and the robot's name is a second name of its root link."""
+        world = self._session.world
+        prefixes = self._session.robot_names.prefixes()
+        self._robots = {name: known for name, known in self._robots.items() if world.bodies.get(name) is known[0]}
+        for name, body in world.bodies.items():
+            if not body.simulated:
+                continue
+            state = world.base_state(name)
+            pose = Transform(state.position, state.orientation)
+            if not body.is_robot:
+                yield Frame(terrain, name, pose)
+                continue
+            if name not in self._robots:
+                self._robots[name] = body, LinkFrames(world.client, body.uid)
+            links = self._robots[name][1].read()
+            names = [(prefixes[name] + link.name).strip("/") for link in links]
+            yield Frame(terrain, names[0], pose)
+            for link, child in zip(links[1:], names[1:], strict=True):
+                yield Frame(names[link.parent], child, Transform(link.translation, link.rotation))
+            if name not in names:
+                yield Frame(names[0], name, IDENTITY)
+
+    def _written(self, header: Header, frames: list[Frame]) -> bytes:
+        """Return the TFMessage."""
+        message, stamp = self._message, stamp_fields(header)
+        message.start("frames", self._kind)
+        groups: dict[tuple[int, int], list[Frame]] = {}
+        for frame in frames:
+            groups.setdefault((len(frame.parent.encode()), len(frame.child.encode())), []).append(frame)
+        for lengths, group in groups.items():
+            numbers = np.array([(*frame.pose.translation, *frame.pose.rotation) for frame in group])
+            fields: dict[str, Any] = dict(zip(_FIELDS, numbers.T, strict=True)) | stamp
+            fields["header.frame_id"] = text_rows([frame.parent for frame in group])
+            fields["child_frame_id"] = text_rows([frame.child for frame in group])
+            parent, child = ("x" * length for length in lengths)
+            message.add(
+                lengths,
+                lambda: TransformStamped(header=Header(frame_id=parent), child_frame_id=child),  # noqa: B023
+                len(group),
+                fields,
+            )
+        return message.finish()
+
+
+def require_transforms(rate: float) -> Any:
+    """Return the class TFMessage if it is needed for a rate of ``publish.tf`` [Hz]. Raises `InputError` if its package
+    is not installed."""
+    return require_message("tf2_msgs", "TFMessage", PARAMETER) if rate else None

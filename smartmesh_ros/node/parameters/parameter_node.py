@@ -1,0 +1,40 @@
+"""A node whose parameters are a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from smartmesh_ros.node.parameters.declaring import Spec, objection
+from smartmesh_ros.node.parameters.qos_overrides import with_overrides
+from smartmesh_ros.node.parameters.refused_arguments import refused_arguments
+
+
+class ParameterNode(Node):
+    """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
+
+    Its topics take ``qos_overrides``.
+    """
+
+    def __init__(self, name: str, specs: Sequence[Spec], **options: Any) -> None:
+        self._specs = specs
+        with refused_arguments():
+            super().__init__(name, **options)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters like rclpy, with refusals that say what would be right."""
+        return objection(self, parameter_list, self._specs) or super().set_parameters_atomically(parameter_list)
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
+        """Create a publisher like rclpy, with the QoS that parameters give it."""
+        chosen = with_overrides(self, "publisher", topic, qos_profile)
+        return super().create_publisher(msg_type, topic, **chosen, **options)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **options: Any) -> Any:
+        """Create a subscription like rclpy, with the QoS that parameters give it."""
+        chosen = with_overrides(self, "subscription", topic, qos_profile)
+        return super().create_subscription(msg_type, topic, callback, **chosen, **options)

@@ -1,0 +1,1 @@
+"""Robot descriptions (URDF): checked as a whole, and prepared for PyBullet outside the simulation's loop."""
