@@ -1,4 +1,4 @@
-"""Bodies of every shape on moving ground for some seconds, with what users do to a world meanwhile: for `make sanitize`.
+"""Bodies of every shape on moving ground for some seconds, with what users do to a world: for `make sanitize`.
 
 Usage: python scripts/mixed_scenes.py SECONDS
 """
