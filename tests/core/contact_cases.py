@@ -15,7 +15,7 @@ from smartmesh_ros.core import _core
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 AT_REST = np.zeros((2, 3))
-# Sides of the polygon that stands for a circle where coal's cylinders have no depth [-]. Its error is 0.1 mm at a radius
+# Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
 # of a metre.
 SIDES = 200
 # Samples of level ground around the random ones, so that no shape reaches beyond the map's edge.
