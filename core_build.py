@@ -1,8 +1,8 @@
 """Builds smartmesh_ros.core._core, the C++ core, for setup.py.
 
-Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from its
-own package. Objects are kept in build/core under a digest of what they are made of, so that `colcon build` and a build in
-place compile once.
+Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
+its own package. Objects are kept in build/core under a digest of what they are made of, so that `colcon build` and a
+build in place compile once.
 """
 
 from __future__ import annotations

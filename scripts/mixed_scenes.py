@@ -1,4 +1,4 @@
-"""Bodies of every shape on moving ground for some seconds, with what users do to a world meanwhile: for `make sanitize`.
+"""Bodies of every shape on moving ground for some seconds, with what users do to a world: for `make sanitize`.
 
 Usage: python scripts/mixed_scenes.py SECONDS
 """
@@ -71,7 +71,9 @@ class Scene:
     def attach(self, body: int, link: int = -1) -> None:
         shape = self.client.createCollisionShape(pb.GEOM_SPHERE, radius=0.01)
         proxy = self.client.createMultiBody(0, shape, useMaximalCoordinates=1)
-        self.proxies[self.ground.attach(body, link, proxy)] = proxy
+        slot = max(self.proxies, default=-1) + 1
+        self.ground.attach(slot, body, link, proxy)
+        self.proxies[slot] = proxy
 
     def fill(self) -> None:
         self.proxies: dict[int, int] = {}  # by slot
@@ -87,7 +89,8 @@ class Scene:
             self.attach(body)
         robot = self.client.loadURDF(f"{pybullet_data.getDataPath()}/husky/husky.urdf", [0.0, 0.0, 0.6])
         for link in range(-1, self.client.getNumJoints(robot)):
-            self.attach(robot, link)
+            if self.client.getCollisionShapeData(robot, link):
+                self.attach(robot, link)
 
     def disturb(self) -> None:
         """Does one of the things that users do to a world."""
@@ -106,7 +109,7 @@ class Scene:
             self.client.removeBody(self.proxies.pop(slot))
             self.ground.detach(slot)
         else:
-            self.ground.enable(next(iter(self.proxies)), bool(self.rng.integers(2)))
+            self.ground.enable(self.rng.integers(2, size=1 + max(self.proxies)).astype(bool))
 
     def run(self) -> None:
         for step in range(STEPS):

@@ -16,7 +16,7 @@ constexpr double FLAT = 0.3;
 // Steps of the search for the nearest point of an ellipse.
 constexpr int ELLIPSE_STEPS = 40;
 
-// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which its distance
+// Finds the point of the quarter (r cos, r narrow sin), angles from 0 to a right one, of an ellipse at which the distance
 // from the point (x, y), x >= 0, is least. False if there is none between other quarters.
 bool nearest_on_ellipse(double r, double narrow, double x, double y, double& angle) {
   const double bend = r * (1.0 - narrow * narrow);
@@ -159,7 +159,8 @@ class CylinderTouch {
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
     if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_ground + n * distance, axis_, distance})) return;
+    const Crossing crossing{on_ground + n * distance, axis_, distance};
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 
@@ -190,7 +191,8 @@ class CylinderTouch {
     const bool outside = narrow * c * dx + s * dy > 0.0, is_clear = std::hypot(dx, dy) > 1e-9;
     if (is_clear && (outside || narrow * c + s < 1e-9)) n = -unit(wide * dx + high * dy);
     add_rim(k, edge, wide * c + up * s, n);
-    if (narrow < CONE_TOLERANCE) add_rim(k, edge, wide * c - up * s, n);  // an edge across the cap crosses its rim twice
+    // An edge across the cap crosses its rim twice.
+    if (narrow < CONE_TOLERANCE) add_rim(k, edge, wide * c - up * s, n);
   }
 
   // `radial`: direction of the point of the rim from its centre.

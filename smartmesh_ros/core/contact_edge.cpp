@@ -11,6 +11,8 @@ namespace smartmesh {
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
+  const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
+  if (norm(on_ground - pose.at) > shape.reach) return false;  // an edge that overlaps the shape is inside it there
   Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {

@@ -165,7 +165,8 @@ class Quickhull {
   }
 
   // Adds the loop around the members of a group; the members themselves if they have more than one edge around them.
-  void add_loops(const std::vector<int>& members, const std::vector<int>& group, std::vector<std::vector<int>>& loops) const {
+  void add_loops(const std::vector<int>& members, const std::vector<int>& group,
+                 std::vector<std::vector<int>>& loops) const {
     std::map<int, int> next;
     std::size_t sides = 0;
     for (int f : members) {

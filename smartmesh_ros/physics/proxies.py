@@ -1,7 +1,7 @@
 """Ground proxies: PyBullet bodies that stand for the ground near one body each, in DIRECT clients.
 
-The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of the
-two from the map, in each ``stepSimulation``. Nothing here runs in a step.
+The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of
+the two from the map, in each ``stepSimulation``. Nothing here runs in a step.
 """
 
 from __future__ import annotations

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
+import pybullet_data
 
 from smartmesh_ros.core import _core
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 AT_REST = np.zeros((2, 3))
-# Sides of the polygon that stands for a circle where coal's cylinders have no depth [-]. Its error is 0.1 mm at a radius of
-# a metre.
+# Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
+# of a metre.
 SIDES = 200
 # Samples of level ground around the random ones, so that no shape reaches beyond the map's edge.
 RIM = 6
-SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel")
+SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel", "lattice", "mesh")
 
 
 def request() -> Any:
@@ -65,6 +67,21 @@ def wheel(radius: float, width: float, sides: int = 32) -> np.ndarray:
     return np.concatenate([np.column_stack([rim, np.full(sides, z)]) for z in (-0.5 * width, 0.5 * width)])
 
 
+def lattice() -> np.ndarray:
+    """Points inside, on the faces and on the edges of a box."""
+    ways = np.linspace(-1.0, 1.0, 5)
+    return np.stack(np.meshgrid(ways, 0.6 * ways, 0.4 * ways), axis=-1).reshape(-1, 3)
+
+
+@cache
+def mesh() -> np.ndarray:
+    """Points of a robot's body, many of them nearly in one plane: the husky's of PyBullet."""
+    data = (Path(pybullet_data.getDataPath()) / "husky/meshes/base_link.stl").read_bytes()
+    triangles = np.frombuffer(data[84:], [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    points = np.unique(triangles["corners"].reshape(-1, 3).astype(np.float64), axis=0)
+    return np.asarray(points - points.mean(axis=0))
+
+
 @dataclass(frozen=True)
 class Body:
     """A shape of the core and the same of coal's; ``deep``: coal's for depths. ``reach`` [m]: from its origin."""
@@ -98,6 +115,10 @@ def body(name: str, size: float, rng: np.random.Generator) -> Body:
         deep = coal_hull(wheel(a, 2.0 * b, SIDES))
         core = _core.Shape.cylinder(a, b)
         return Body(core, coal.Cylinder(a, 2.0 * b), deep, float(np.hypot(a, b)), np.array([a, a, b]))
+    if name in ("lattice", "mesh"):
+        points = (lattice() @ random_rotation(rng).T) if name == "lattice" else mesh()
+        single = np.unique((points * (size / np.abs(points).max())).astype(np.float32), axis=0)
+        return body_of_points(single.astype(np.float64))
     if name == "hull":
         return body_of_points(rng.normal(size=(int(rng.integers(4, 30)), 3)) * (a, b, c) * 0.5)
     turn = random_rotation(rng) if name == "turned wheel" else np.eye(3)

@@ -1,8 +1,11 @@
 """Contacts of the core against the library coal: distances, depths, and ways out of the ground.
 
 Depths: coal gives the shortest way out of each facet alone, which may lead sideways past the facet's edge. Where a body
-overlaps several facets the shortest way out of all of them is longer. So coal's depth is a lower bound; on convex ground,
-which is one convex solid, it is the depth itself.
+overlaps several facets the shortest way out of all of them is longer. So coal's depth is a lower bound; on convex
+ground, which is one convex solid, it is the depth itself.
+
+On steep thin ridges about one pose in 5,000 of shapes with corners still overlaps the ground without a contact that
+says so, or has one that is too deep: `make contacts` finds and lists them, so it fails for those shapes.
 """
 
 from __future__ import annotations
