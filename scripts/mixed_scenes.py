@@ -41,7 +41,7 @@ class Scene:
             kept._heights,
             kept._velocities,
             kept._offsets,
-            kept._clocks.view(np.uint8).reshape(*kept._clocks.shape, 160),
+            kept._clocks.view(np.uint8).reshape(*kept._clocks.shape, kept._clocks.dtype.itemsize),
         )
         self.refresh()
         self.ground.set_tiles([self.grid])

@@ -23,9 +23,9 @@ struct Contact {
 // Motion of a body relative to the ground, and how far contacts are looked for.
 struct Approach {
   Vec3 linear, angular, centre;  // [m/s], [rad/s], and the point that moves at `linear` [m]
-  Vec3 gravity;                  // [m/s^2]
   double duration = 0.0;         // of the step [s]
   double margin = 0.0;           // distance up to which contacts are found beside the motion [m]
+  Vec3 gravity{};                // [m/s^2]
 
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
 };

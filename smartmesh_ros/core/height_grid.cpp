@@ -22,7 +22,7 @@ double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0
 GridPose HeightGrid::pose_at(double time) const {
   double px = x, py = y, turned = yaw, slide_x = 0.0, slide_y = 0.0, spin = 0.0;
   if (track.interval != 0.0) {
-    const Phase phase = phase_of(time, track.time, track.interval, 0.0, mode);
+    const Phase phase = phase_of(time, track.time, track.interval, 0.0, mode, clocks[0].delay);
     const double turn = track.spin * phase.along, along = phase.along * chord(turn);
     const double c = std::cos(0.5 * turn), s = std::sin(0.5 * turn);
     px += along * (track.x * c - track.y * s);
@@ -37,12 +37,15 @@ GridPose HeightGrid::pose_at(double time) const {
 }
 
 bool HeightGrid::moves(double time) const {
-  const auto goes_on = [&](double last, double interval) { return time < last + REST_AFTER * interval; };
-  if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(track.time, track.interval)) return true;
+  const auto goes_on = [&](double last, double lifetime, double delay) {
+    return lifetime > 0.0 && time < last + REST_AFTER * (lifetime + delay);
+  };
+  if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(track.time, track.interval, clocks[0].delay))
+    return true;
   const int blocks = ((rows + BLOCK - 1) >> BLOCK_SHIFT) * block_columns;
   for (int k = 0; k < blocks; ++k) {
     if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0
-                              : clocks[k].known > 0 && goes_on(clocks[k].time, clocks[k].lifetime))
+                              : clocks[k].known > 0 && goes_on(clocks[k].time, clocks[k].lifetime, clocks[k].delay))
       return true;
   }
   return false;

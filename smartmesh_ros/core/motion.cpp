@@ -16,14 +16,16 @@ constexpr double FOREVER = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-Phase phase_of(double time, double last, double lifetime, double lag, Mode mode) {
+Phase phase_of(double time, double last, double lifetime, double lag, Mode mode, double delay) {
   double age = time - last;
-  const double late_after = LATE_AFTER * lifetime;
+  const double late_after = LATE_AFTER * (lifetime + delay);
   if (!(lifetime > 0.0)) return {};
   if (mode == Mode::Hold) return {0.0, 0.0, age <= late_after ? 1.0 : 0.0, 0.0, 0.0, FOREVER};
   if (mode == Mode::Interpolate) {
     const double span = lag > 0.0 ? 2.0 * lag : lifetime;  // time between the last two maps
-    return {std::min(std::max(age - span, -span), 0.0), 0.0, age < span ? 1.0 : 0.0, 0.0, 0.0, FOREVER};
+    age -= delay;
+    const double rate = age >= 0.0 && age < span ? 1.0 : 0.0;
+    return {std::min(std::max(age - span, -span), 0.0), 0.0, rate, 0.0, 0.0, FOREVER};
   }
   if (age <= late_after) {
     age = std::max(age, -lifetime);
@@ -37,7 +39,7 @@ Phase phase_of(double time, double last, double lifetime, double lag, Mode mode)
 
 Phase block_phase(const Clock& clock, double time, Mode mode) {
   if (clock.known == 0) return {};
-  Phase phase = phase_of(time, clock.time, clock.lifetime, clock.time - clock.middle, mode);
+  Phase phase = phase_of(time, clock.time, clock.lifetime, clock.time - clock.middle, mode, clock.delay);
   if (clock.known < KEPT || mode != Mode::Extrapolate) {
     phase.bend = phase.bend_rate = phase.curve = 0.0;
     return phase;

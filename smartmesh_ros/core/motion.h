@@ -14,12 +14,12 @@ enum class Mode : int { Hold = 0, Extrapolate = 1, Interpolate = 2, Correct = 3 
 // Update times of a block of samples, with the layout of the NumPy type CLOCK in terrain/motion.py, which explains the
 // fields.
 struct Clock {
-  double time, opened, lifetime, middle, middle_1, middle_2;
+  double time, opened, lifetime, delay, middle, middle_1, middle_2;
   std::int64_t known, newest;
   double intervals[INTERVALS_KEPT];
   std::int64_t count, updates;
 };
-static_assert(sizeof(Clock) == 160, "the layout of CLOCK in terrain/motion.py");
+static_assert(sizeof(Clock) == 168, "the layout of CLOCK in terrain/motion.py");
 
 // Coefficients of the motion at one instant. Height above the last map: velocity * along + acceleration * bend. Its
 // rate: velocity * rate + acceleration * bend_rate. That rate changes by acceleration * curve per second and ends after
@@ -35,8 +35,9 @@ struct Motion {
 };
 
 // Returns the phase at `time` [s] of ground whose last map came at `last` [s]. `lifetime` [s]: expected time until the
-// next map. `lag` [s]: the velocity holds at this time before the last map.
-Phase phase_of(double time, double last, double lifetime, double lag, Mode mode);
+// next map. `lag` [s]: the velocity holds at this time before the last map. `delay` [s]: expected age of the next map on
+// arrival.
+Phase phase_of(double time, double last, double lifetime, double lag, Mode mode, double delay);
 
 // Returns the phase of a block at `time` [s].
 Phase block_phase(const Clock& clock, double time, Mode mode);

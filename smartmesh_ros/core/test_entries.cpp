@@ -71,7 +71,7 @@ Table contacts_of(const Convex& shape, const Points& pose, const Heights& height
   for (std::size_t k = 0; k < 3; ++k) at.turn.row[k] = row_of(pose, k);
   at.at = row_of(pose, 3);
   const Approach approach{row_of(motion, 0), row_of(motion, 1), at.at, checked(duration, "the duration"),
-                          checked(margin, "the margin")};
+                          checked(margin, "the margin"), Vec3{}};
   std::vector<Contact> contacts;
   ContactSearch().run(shape, at, surface, 0.0, approach, contacts);
   auto* found = new double[std::max<std::size_t>(1, contacts.size() * COLUMNS)];
