@@ -68,9 +68,7 @@ class PatchConfig:
     [Hz]: refreshes of the patches per second; 0 = in every step. New maps add refreshes, up to twice this rate, unless
     the world runs behind real time. ``edge_filter``: suppress ghost collisions at the inner edges of patches; for
     balls only where the ground is at rest. ``carry_velocity``: colliders move with the ground's velocity, so that
-    contacts see it. ``from_map``: where ``kind`` is *auto*, work out contacts from the map itself, in the C++ core, in
-    place of colliders. It needs a DIRECT client, height maps and the core (``python core_build.py``); elsewhere the
-    colliders of *auto* serve. It will become what *auto* means.
+    contacts see it.
     """
 
     search: SearchMethod = "auto"
@@ -81,7 +79,6 @@ class PatchConfig:
     rate: float = 60.0
     edge_filter: bool = True
     carry_velocity: bool = True
-    from_map: bool = False
 
     def __post_init__(self) -> None:
         for name, kinds in (("search", SearchMethod), ("collect", CollectMethod), ("kind", PatchKind)):

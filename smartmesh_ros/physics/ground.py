@@ -54,6 +54,9 @@ class Ground:
     each step, or `update` before some steps and `go_on` before the others. Fast bodies are then not clamped before
     impact, and bodies below the ground are not put back. Bodies that are not attached do not collide with the terrain.
     ``gravity`` [m/s^2]: acceleration that predicts the motion of falling bodies; `step` reads it from PyBullet.
+    ``from_map``: where ``config.kind`` is *auto*, work out contacts from the map itself, in the C++ core, in place of
+    colliders. It needs a DIRECT client, height maps and the core (``python core_build.py``); elsewhere the colliders of
+    *auto* serve. It will become what *auto* means.
     """
 
     def __init__(
@@ -64,9 +67,11 @@ class Ground:
         stopwatch: Stopwatch | None = None,
         *,
         gravity: float = 9.81,
+        from_map: bool = False,
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
+        self.from_map = from_map
         for mesh in self.terrain.tiles.values():
             require_usable(self.config, mesh)
         self.stopwatch = stopwatch or Stopwatch()
@@ -356,7 +361,7 @@ class Ground:
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
         wanted = (
-            self.config.from_map
+            self.from_map
             and not self.no_proxies
             and self.config.kind == "auto"
             and self.config.rings == 0

@@ -47,12 +47,13 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
     """Settings of a world: its physics, its patches, when bodies ``sleep``, and remote bodies (``guests``), which other
-    nodes simulate."""
+    nodes simulate. ``from_map``: as of `Ground`."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     patch: PatchConfig = field(default_factory=PatchConfig)
     guests: GuestConfig = field(default_factory=GuestConfig)
     sleep: SleepConfig = field(default_factory=SleepConfig)
+    from_map: bool = False
 
 
 class World:
@@ -85,7 +86,9 @@ class World:
         self.client: Any = BulletClient(pb.DIRECT)
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
-        self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
+        self.ground = Ground(
+            self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity, from_map=self.config.from_map
+        )
         self.stepper = self.ground.stepper
         self.stepper.counts, self.stepper.drop_lost = self._counts, self._drop_lost
         self._factory = BodyFactory(self.client, self.config.physics)
@@ -109,6 +112,7 @@ class World:
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.guests.config = config.guests
+        self.ground.from_map = config.from_map
         self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
     @property

@@ -1,4 +1,4 @@
-"""Contacts worked out from the map itself (`PatchConfig.from_map`)."""
+"""Contacts worked out from the map itself (``from_map`` of `Ground` and `WorldConfig`)."""
 
 import math
 from typing import Any
@@ -24,7 +24,6 @@ from smartmesh_ros import (
 from smartmesh_ros.physics.shapes import Shape
 
 DT = 1.0 / 240.0
-FROM_MAP = PatchConfig(from_map=True)
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
 SHAPES: list[tuple[Shape, tuple[float, ...], float]] = [
     (Sphere(0.2), (0.0, 0.0, 0.0, 1.0), 0.2),
@@ -41,7 +40,7 @@ def flat(spacing: float = 0.05, cells: int = 201) -> HeightMap:
 
 
 def world_of(heightmap: HeightMap, **physics: Any) -> World:
-    world = World(heightmap, WorldConfig(patch=FROM_MAP, physics=PhysicsConfig(**physics)))
+    world = World(heightmap, WorldConfig(from_map=True, physics=PhysicsConfig(**physics)))
     world.refresh()
     assert world.ground.exact
     return world
@@ -152,7 +151,7 @@ def ball(client: Any) -> int:
 
 
 def test_the_users_own_steps_are_enough(client: Any) -> None:
-    body, ground = ball(client), Ground(client, flat(), FROM_MAP)
+    body, ground = ball(client), Ground(client, flat(), from_map=True)
     ground.attach(body)
     ground.update(0.0, DT)
     for _ in range(480):
@@ -161,7 +160,7 @@ def test_the_users_own_steps_are_enough(client: Any) -> None:
 
 
 def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
-    body, ground = ball(client), Ground(client, flat(), FROM_MAP)
+    body, ground = ball(client), Ground(client, flat(), from_map=True)
     ground.attach(body)
     ground.step(0.0, DT)
     del ground
@@ -175,8 +174,13 @@ def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
 def test_the_kind_of_contacts_may_change_under_a_body() -> None:
     with world_of(flat()) as world:
         world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
-        for patch in (FROM_MAP, PatchConfig(), FROM_MAP, PatchConfig(kind="heightfield")):
-            world.configure(WorldConfig(patch=patch))
+        for config in (
+            WorldConfig(from_map=True),
+            WorldConfig(),
+            WorldConfig(from_map=True),
+            WorldConfig(patch=PatchConfig(kind="heightfield")),
+        ):
+            world.configure(config)
             world.step(120)
-            assert world.ground.exact == patch.from_map
+            assert world.ground.exact == config.from_map
             assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
