@@ -29,13 +29,19 @@ class CylinderTouch {
   }
 
   void run() {
-    for (const Facet& facet : patch_.facets) touch_facet(facet);
+    for (const Facet& facet : patch_.facets) touch_facet(facet, facet.normal, false);
+    for (const Facet& facet : patch_.sheets) {
+      touch_facet(facet, facet.normal, true);
+      touch_facet(facet, -facet.normal, true);
+    }
     for (int k = 0; k < 2; ++k) touch_flat(k);
     for (const Peak& peak : patch_.peaks) touch_peak(peak);
+    const std::size_t first = contacts_.size();
     for (const Edge& edge : patch_.edges) {
       touch_side(edge);
       for (int k = 0; k < 2; ++k) touch_rim(k, edge);
     }
+    if (!patch_.sheets.empty()) leave_by_nearest(first, 0.0, contacts_);
   }
 
  private:
@@ -47,40 +53,58 @@ class CylinderTouch {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The lowest point of each rim over a facet.
-  void touch_facet(const Facet& facet) {
+  // The lowest point of each rim over a facet, in the direction of one of its normals.
+  void touch_facet(const Facet& facet, const Vec3& normal, bool is_sheet) {
     const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
                &c = patch_.points[facet.corner[2]];
-    const Vec3 across = facet.normal - axis_ * dot(facet.normal, axis_);
+    const Vec3 across = normal - axis_ * dot(normal, axis_);
     const double tilt = norm(across);
     if (tilt < 1e-6) return;  // the points around the rim will do
     for (int k = 0; k < 2; ++k) {
       const Vec3 low = cap_[k] - across * (shape_.radius / tilt);
-      const double distance = dot(facet.normal, low - a);
+      const double distance = dot(normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
-      const Vec3 foot = low - facet.normal * distance;
-      if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-        const double closing = -dot(facet.normal, velocity), gap = std::max(distance, 0.0);
-        if (!(closing * approach_.duration > gap)) continue;
-        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
+      const Vec3 foot = low - normal * distance;
+      if (is_sheet) {
+        double share;
+        if (distance < 0.0 ? !goes_through(pose_.at, low, facet, patch_, share)
+                           : !comes_over(foot, normal, distance, 0.0, velocity, approach_.duration, facet, patch_))
           continue;
+      } else if (!inside_triangle(foot, a, b, c, normal, 0.0)) {
+        const double closing = -dot(normal, velocity), gap = std::max(distance, 0.0);
+        if (!(closing * approach_.duration > gap)) continue;
+        if (!inside_triangle(foot + (velocity + normal * closing) * (gap / closing), a, b, c, normal, 0.0)) continue;
       }
-      add(foot, facet.normal, distance, name_of(BodyFeature::Rim, k),
+      add(foot, normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
   }
 
+  bool is_outside(const Vec3& p) const {
+    const Vec3 q = p - pose_.at;
+    const double along = dot(q, axis_);
+    return std::abs(along) > shape_.half || norm(q - axis_ * along) > shape_.radius;
+  }
+
   // Four points around a rim whose cap lies nearly flat on the ground.
   void touch_flat(int k) {
-    if (patch_.facets.empty()) return;
     const Vec3 outward = k ? axis_ : -axis_;
-    const Vec3 up = patch_.facets[patch_.facets.size() / 2].normal;
-    if (dot(outward, up) > 0.0 || norm(cross(outward, up)) > FLAT) return;
+    const bool on_sheet = std::any_of(patch_.sheets.begin(), patch_.sheets.end(), [&](const Facet& facet) {
+      return norm(cross(outward, facet.normal)) <= FLAT;
+    });
+    bool on_facet = false;
+    if (!patch_.facets.empty()) {
+      const Vec3 up = patch_.facets[patch_.facets.size() / 2].normal;
+      on_facet = dot(outward, up) <= 0.0 && norm(cross(outward, up)) <= FLAT;
+    }
+    if (!on_sheet && !on_facet) return;
     for (int j = 0; j < 4; ++j) {
       const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -shape_.radius : shape_.radius);
-      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at)};
-      touch_facets(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
+      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at};
+      const int name = name_of(BodyFeature::Rim, 2 + 4 * k + j);
+      if (on_facet) touch_facets(point, name, patch_, approach_.duration, contacts_);
+      if (on_sheet) touch_sheets(point, name, patch_, approach_.duration, contacts_);
     }
   }
 
@@ -114,8 +138,9 @@ class CylinderTouch {
     double s, t;
     if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(axis_, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
     const Vec3 on_ground = p + (q - p) * t;
+    const Vec3 outward = edge.is_of_mesh() ? cap_[0] + (cap_[1] - cap_[0]) * s - on_ground : edge.outward;
+    if (dot(n, outward) < 0.0) n = -n;
     const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
     if (distance > reach_at(on_ground) || distance < -shape_.radius || !in_cone(patch_, edge, n)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
@@ -146,13 +171,13 @@ class CylinderTouch {
     }
     if (!(t > 0.0 && t < 1.0) || std::abs(s) > 1e-3 * shape_.radius) return;
     Vec3 n = unit(cross(tangent, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
     // The rim is touched from directions between those of its cap and of its side.
     const Vec3 radial = cross(tangent, axis_);
+    if (dot(n, edge.is_of_mesh() ? -outward - radial : edge.outward) < 0.0) n = -n;
     if (dot(n, outward) > 0.0 || dot(n, radial) > 0.0 || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    if (distance < -shape_.radius) return;
+    if (distance < -shape_.radius || (distance < 0.0 && edge.is_of_mesh() && is_outside(on_ground))) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 

@@ -44,7 +44,7 @@ GroundPoint grid_ground(const HeightGrid& grid, GridPoint place, double time, do
   return ground;
 }
 
-GroundPoint Surface::at(double x, double y, double time, double ahead) const {
+GroundPoint Surface::tiles_at(double x, double y, double time, double ahead) const {
   for (const HeightGrid* grid : tiles) {
     const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
     if (beyond(*grid, place) > EDGE) continue;
@@ -52,6 +52,22 @@ GroundPoint Surface::at(double x, double y, double time, double ahead) const {
     if (!std::isnan(ground.height)) return ground;
   }
   return tiles.size() > 1 ? bridged(x, y, time, ahead) : GroundPoint{NONE, 0.0};
+}
+
+MeshPoint Surface::meshes_at(double x, double y, double z, double time, double ahead) const {
+  MeshPoint highest{NONE, {}, {}};
+  for (const MeshSurface* mesh : meshes) {
+    const MeshPoint ground = mesh->below(x, y, z, time, ahead);
+    if (!(ground.height <= highest.height) && !std::isnan(ground.height)) highest = ground;
+  }
+  return highest;
+}
+
+GroundPoint Surface::at(double x, double y, double time, double ahead, double z) const {
+  const GroundPoint tile = tiles_at(x, y, time, ahead);
+  if (meshes.empty()) return tile;
+  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
+  return mesh.height <= tile.height || std::isnan(mesh.height) ? tile : GroundPoint{mesh.height, mesh.velocity.z};
 }
 
 GroundPoint Surface::bridged(double x, double y, double time, double ahead) const {
@@ -77,6 +93,12 @@ GroundPoint Surface::bridged(double x, double y, double time, double ahead) cons
 
 void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
   patch.clear();
+  if (!tiles.empty()) gather_tiles(bounds, time, reach, patch);
+  for (std::size_t k = 0; k < meshes.size(); ++k)
+    meshes[k]->gather(bounds, time, reach, static_cast<int>(k), scratch_, patch);
+}
+
+void Surface::gather_tiles(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
   const HeightGrid* finest = nullptr;
   int met = 0;
   for (const HeightGrid* grid : tiles) {
@@ -119,20 +141,23 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = at(p.x, p.y, time, 1e-9).height;
+      window_.at(r, c) = tiles_at(p.x, p.y, time, 1e-9).height;
     }
   }
 }
 
-GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead) const {
-  const GroundPoint here = at(x, y, time, ahead);
+GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead, double z) const {
+  const GroundPoint here = tiles_at(x, y, time, ahead);
+  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
   GroundMotion motion;
+  if (!(mesh.height <= here.height) && !std::isnan(mesh.height))
+    return {true, {x, y, mesh.height}, mesh.velocity, mesh.turn};
   if (std::isnan(here.height)) return motion;
   motion.known = true;
   motion.foot = {x, y, here.height};
   motion.linear = {0.0, 0.0, here.velocity};
   const auto slope = [&](double dx, double dy) {
-    const GroundPoint low = at(x - dx, y - dy, time, ahead), high = at(x + dx, y + dy, time, ahead);
+    const GroundPoint low = tiles_at(x - dx, y - dy, time, ahead), high = tiles_at(x + dx, y + dy, time, ahead);
     if (std::isnan(low.height) || std::isnan(high.height)) return 0.0;
     return (high.velocity - low.velocity) / (2.0 * half);
   };
