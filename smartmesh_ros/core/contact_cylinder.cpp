@@ -13,6 +13,9 @@ namespace {
 // Sine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
 // lowest. Raising it finds the same points of a standing cylinder at a larger tilt.
 constexpr double FLAT = 0.3;
+// Share by which points of a rim are nearer to the middle when facets of meshes are tried, so that a facet that ends where
+// the rim stands is not over it.
+constexpr double SHRUNK = 1e-4;
 // Steps of the search for the nearest points of a rim and an edge.
 constexpr int RIM_STEPS = 6;
 
@@ -67,9 +70,9 @@ class CylinderTouch {
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
       const Vec3 foot = low - normal * distance;
       if (is_sheet) {
-        double share;
-        if (distance < 0.0 ? !goes_through(pose_.at, low, facet, patch_, share)
-                           : !comes_over(foot, normal, distance, 0.0, velocity, approach_.duration, facet, patch_))
+        if (distance < 0.0 ? !is_behind(low, facet)
+                           : !comes_over(foot + (pose_.at - low) * SHRUNK, normal, distance, velocity,
+                                         approach_.duration, facet, patch_) || is_hidden(low))
           continue;
       } else if (!inside_triangle(foot, a, b, c, normal, 0.0)) {
         const double closing = -dot(normal, velocity), gap = std::max(distance, 0.0);
@@ -79,6 +82,15 @@ class CylinderTouch {
       add(foot, normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
+  }
+
+  bool is_behind(const Vec3& p, const Facet& facet) const {
+    double share;
+    return goes_through(pose_.at, p, facet, patch_, share);
+  }
+
+  bool is_hidden(const Vec3& p) const {
+    return std::any_of(patch_.sheets.begin(), patch_.sheets.end(), [&](const Facet& f) { return is_behind(p, f); });
   }
 
   bool is_outside(const Vec3& p) const {

