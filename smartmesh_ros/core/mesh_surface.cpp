@@ -24,7 +24,7 @@ class VertexReader {
         still_(phase_.along == 0.0 && phase_.bend == 0.0) {}
 
   Vec3 position(int v) const {
-    const Vec3 p{now(0, v), now(1, v), now(2, v)};
+    const Vec3& p = mesh_.points_[v];
     if (still_) return p;
     return p + Vec3{displacement(motion(0, v), phase_), displacement(motion(1, v), phase_),
                     displacement(motion(2, v), phase_)};
@@ -41,7 +41,6 @@ class VertexReader {
   }
 
  private:
-  double now(int axis, int v) const { return mesh_.now[static_cast<std::size_t>(axis) * mesh_.vertices + v]; }
   double velocity(int slot, int axis, int v) const {
     return mesh_.velocities[(static_cast<std::size_t>(slot) * 3 + axis) * mesh_.vertices + v];
   }
@@ -176,15 +175,15 @@ void MeshScratch::begin(std::size_t vertices, std::size_t edge_count) {
 }
 
 void MeshSurface::update() {
-  std::vector<Vec3> points(vertices);
   const std::size_t n = vertices;
-  for (std::size_t v = 0; v < n; ++v) points[v] = {now[v], now[n + v], now[2 * n + v]};
+  points_.resize(n);
+  for (std::size_t v = 0; v < n; ++v) points_[v] = {now[v], now[n + v], now[2 * n + v]};
   const bool is_new = topology_.facets.empty();
-  const bool parted = !is_new && !holds_together(topology_, points);
-  if (is_new || parted) topology_ = topology_of(points, triangles, triangle_count);
+  const bool parted = !is_new && !holds_together(topology_, points_);
+  if (is_new || parted) topology_ = topology_of(points_, triangles, triangle_count);
   std::vector<Bounds> boxes;
   for (std::size_t f = 0; f < topology_.facets.size(); ++f)
-    boxes.push_back(box_of(topology_, static_cast<int>(f), points));
+    boxes.push_back(box_of(topology_, static_cast<int>(f), points_));
   if (is_new || parted) tree_.build(boxes);
   else tree_.refit(boxes);
   speed_ = acceleration_ = 0.0;

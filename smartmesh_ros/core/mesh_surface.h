@@ -53,6 +53,7 @@ struct MeshSurface {
   friend class VertexReader;
   double drift(double time) const;
 
+  std::vector<Vec3> points_;  // positions at the last update, vertex by vertex
   MeshTopology topology_;
   BoxTree tree_;
   double speed_ = 0.0, acceleration_ = 0.0;  // largest of a vertex along an axis [m/s], [m/s^2]

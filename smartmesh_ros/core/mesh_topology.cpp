@@ -50,7 +50,9 @@ class Builder {
                static_cast<std::size_t>(k[2]) * 83492791u;
       }
     };
-    std::unordered_map<Key, std::vector<int>, Hash> cells;
+    std::unordered_map<Key, int, Hash> last;  // vertex in a cell; `before` leads from it to the others
+    std::vector<int> before(points_.size(), -1);
+    last.reserve(points_.size());
     const auto place = [&](double x, int side) {
       return static_cast<std::int64_t>(std::floor((x + side * mesh_.tolerance) / cell));
     };
@@ -61,14 +63,17 @@ class Builder {
       for (std::int64_t x = place(p.x, -1); x <= place(p.x, 1); ++x)
         for (std::int64_t y = place(p.y, -1); y <= place(p.y, 1); ++y)
           for (std::int64_t z = place(p.z, -1); z <= place(p.z, 1); ++z) {
-            const auto found = cells.find({x, y, z});
-            if (found == cells.end()) continue;
-            for (int other : found->second)
+            const auto found = last.find({x, y, z});
+            for (int other = found == last.end() ? -1 : found->second; other >= 0; other = before[other])
               if (norm(points_[other] - p) <= mesh_.tolerance) same = std::min(same, other);
           }
       first_[v] = same;
-      if (same == v) cells[{place(p.x, 0), place(p.y, 0), place(p.z, 0)}].push_back(v);
-      else mesh_.joints.push_back({v, {same, same}});
+      if (same == v) {
+        const auto [cell_of_v, is_new] = last.try_emplace({place(p.x, 0), place(p.y, 0), place(p.z, 0)}, v);
+        if (!is_new) before[v] = cell_of_v->second, cell_of_v->second = v;
+      } else {
+        mesh_.joints.push_back({v, {same, same}});
+      }
     }
   }
 
