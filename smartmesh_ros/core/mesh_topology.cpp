@@ -163,12 +163,20 @@ class Builder {
     fill(pairs, points_.size(), mesh_.neighbours);
   }
 
-  static void fill(std::vector<std::pair<int, int>>& pairs, std::size_t count, Lists& lists) {
-    std::sort(pairs.begin(), pairs.end());
-    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    lists.start.assign(count + 1, 0);
-    for (const auto& pair : pairs) ++lists.start[pair.first + 1], lists.items.push_back(pair.second);
-    for (std::size_t k = 0; k < count; ++k) lists.start[k + 1] += lists.start[k];
+  // Makes a list of each vertex or facet `pair.first`, ascending and without repetitions.
+  static void fill(const std::vector<std::pair<int, int>>& pairs, std::size_t count, Lists& lists) {
+    std::vector<int> start(count + 1, 0), items(pairs.size());
+    for (const auto& pair : pairs) ++start[pair.first + 1];
+    for (std::size_t k = 0; k < count; ++k) start[k + 1] += start[k];
+    std::vector<int> next(start.begin(), start.end() - 1);
+    for (const auto& pair : pairs) items[next[pair.first]++] = pair.second;
+    lists.start.assign(1, 0);
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto begin = items.begin() + start[k], end = items.begin() + start[k + 1];
+      std::sort(begin, end);
+      lists.items.insert(lists.items.end(), begin, std::unique(begin, end));
+      lists.start.push_back(static_cast<int>(lists.items.size()));
+    }
   }
 
   const std::vector<Vec3>& points_;
