@@ -13,8 +13,8 @@ namespace {
 // Sine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
 // lowest. Raising it finds the same points of a standing cylinder at a larger tilt.
 constexpr double FLAT = 0.3;
-// Share by which points of a rim are nearer to the middle when facets of meshes are tried, so that a facet that ends where
-// the rim stands is not over it.
+// Share by which points of a rim are nearer to the middle when facets of meshes are tried, so that a facet that ends
+// where the rim stands does not touch the rim.
 constexpr double SHRUNK = 1e-4;
 // Steps of the search for the nearest points of a rim and an edge.
 constexpr int RIM_STEPS = 6;
@@ -70,9 +70,10 @@ class CylinderTouch {
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
       const Vec3 foot = low - normal * distance;
       if (is_sheet) {
+        const MovingPoint point{low + (pose_.at - low) * SHRUNK, velocity, 0.0, 0.0, pose_.at};
         if (distance < 0.0 ? !is_behind(low, facet)
-                           : !comes_over(foot + (pose_.at - low) * SHRUNK, normal, distance, velocity,
-                                         approach_.duration, facet, patch_) || is_hidden(low))
+                           : !comes_over(point, normal, dot(normal, point.at - a), approach_.duration, facet, patch_) ||
+                                 is_hidden(low))
           continue;
       } else if (!inside_triangle(foot, a, b, c, normal, 0.0)) {
         const double closing = -dot(normal, velocity), gap = std::max(distance, 0.0);

@@ -20,7 +20,8 @@ Vec3 outward_of(const Edge& ground, const PolyEdge& edge, const Pose& pose, cons
   return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
 }
 
-// Returns true if an edge of a mesh cannot be behind a shape's edge at `q` (in the shape's frame): it is beyond the shape.
+// Returns true if a point of an edge of a mesh, `q` (in the shape's frame), lies outside the shape: the edge has then not
+// penetrated the shape.
 bool is_outside(const Polytope& core, const Vec3& q) {
   return std::any_of(core.faces.begin(), core.faces.end(),
                      [&](const PolyFace& face) { return dot(face.normal, q) > face.offset + BESIDE; });

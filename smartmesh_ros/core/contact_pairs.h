@@ -20,18 +20,20 @@ inline int name_of(BodyFeature kind, int number) { return (static_cast<int>(kind
 // Returns a name of the ground's points `a`, `b` and `c`, or of fewer (-1).
 int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
 
-// Adds the contacts of a point with facets alone. Returns false if the point lies below the ground or behind sheets, and
-// has no other contacts then.
-bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
-bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
+// Adds the contacts of a point with facets alone. Returns false if the point lies below the ground or has penetrated
+// sheets; it then has no contacts with edges and peaks.
+bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration,
+                  std::vector<Contact>& contacts);
+bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration,
+                  std::vector<Contact>& contacts);
 
-// Returns true if the way from `inside` a shape to its point `at` goes through a facet; `share` [0 to 1] is the share of
-// the way to there.
+// Returns true if the way from `inside` a shape to its point `at` goes through a facet; `share` [0 to 1] is the share
+// of the way to there.
 bool goes_through(const Vec3& inside, const Vec3& at, const Facet& facet, const Patch& patch, double& share);
 
-// Returns true if a point at `foot` beside a facet [m], with the unit normal `n` towards it, is over the facet or comes
-// to be within the step. `gap` [m]: to the facet's plane.
-bool comes_over(const Vec3& foot, const Vec3& n, double gap, const Vec3& velocity, double duration, const Facet& facet,
+// Returns true if a point is over a facet or will be when it reaches the facet within the step. `distance` [m]: to the
+// facet's plane, along the unit normal `n` towards the point.
+bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, const Facet& facet,
                 const Patch& patch);
 
 // Removes, of the contacts from number `first` on, those by which an edge of a mesh would leave a shape by a longer way

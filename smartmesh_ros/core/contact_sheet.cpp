@@ -1,9 +1,9 @@
 // Facets of meshes, which are touched from both sides.
 //
-// A shape is at that side of a facet where it reaches the facet from its inside: its point has gone through the facet if
-// the straight way from the shape's centre, which is all inside the shape, goes through the facet. Any other point is
-// outside, at the side where it is. So a body on a table, under it and beside it are told apart without knowing which side
-// of the table is its outside, or how thick the table is.
+// The straight way from a shape's centre to a point of the shape lies inside the shape. If the way goes through a
+// facet, the point has penetrated the facet, and leaves it at the side of the centre. Otherwise the point has not, and
+// is touched from the side where the point is. So bodies on a table, under it and beside it are right without knowing
+// which side of a facet is its outside, or how thick the table is.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -15,8 +15,8 @@ namespace smartmesh {
 
 namespace {
 
-// Distance beside a facet at which a point still counts as over it, as a share of its distance to the facet: facets whose
-// angle is below the limit of MeshSurface have no edge between them.
+// Distance beside a facet at which a point still counts as over the facet, as a share of its distance to the facet: two
+// facets whose angle is below the limit of MeshSurface have no edge between them.
 constexpr double SLACK = 1e-5;
 // Cosine of the angle between two directions from which on they are different ways out of a shape.
 constexpr double SAME_WAY = 0.7;
@@ -55,18 +55,19 @@ bool goes_through(const Vec3& inside, const Vec3& at, const Facet& facet, const 
   return inside_triangle(inside + (at - inside) * share, a, b, c, facet.normal, SLACK * std::abs(to));
 }
 
-bool comes_over(const Vec3& foot, const Vec3& n, double gap, const Vec3& velocity, double duration, const Facet& facet,
+bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, const Facet& facet,
                 const Patch& patch) {
   const Vec3 &a = patch.points[facet.corner[0]], &b = patch.points[facet.corner[1]], &c = patch.points[facet.corner[2]];
-  if (inside_triangle(foot, a, b, c, facet.normal, SLACK * std::abs(gap))) return true;
-  const double closing = -dot(n, velocity);
+  const Vec3 foot = point.at - n * distance;
+  if (inside_triangle(foot, a, b, c, facet.normal, SLACK * distance)) return true;
+  const double closing = -dot(n, point.velocity), gap = distance - point.radius;
   if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  return inside_triangle(foot + (velocity + n * closing) * (gap / closing), a, b, c, facet.normal, 0.0);
+  return inside_triangle(foot + (point.velocity + n * closing) * (gap / closing), a, b, c, facet.normal, 0.0);
 }
 
 bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
-  // The point is lifted out of what it is behind. Facets that are hidden below others are then out of its way.
+  // The point is lifted out of the facets that it penetrates. Facets that are hidden below them are then not over it.
   MovingPoint lifted = point;
   const Facet* behind[MOST_BEHIND];
   int count = 0;
@@ -83,10 +84,11 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     behind[count++] = facet;
   }
   for (const Facet& facet : patch.sheets) {
-    const double from_plane = dot(facet.normal, lifted.at - patch.points[facet.corner[0]]), distance = std::abs(from_plane);
+    const double from_plane = dot(facet.normal, lifted.at - patch.points[facet.corner[0]]);
+    const double distance = std::abs(from_plane);
     if (distance > point.radius + point.reach || std::find(behind, behind + count, &facet) != behind + count) continue;
-    const Vec3 n = from_plane < 0.0 ? -facet.normal : facet.normal, foot = lifted.at - n * distance;
-    if (comes_over(foot, n, distance - point.radius, point.velocity, duration, facet, patch))
+    const Vec3 n = from_plane < 0.0 ? -facet.normal : facet.normal;
+    if (comes_over(lifted, n, distance, duration, facet, patch))
       add_contact(lifted, name, n, distance, facet, patch, contacts);
   }
   return count == 0;

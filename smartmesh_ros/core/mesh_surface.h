@@ -42,9 +42,10 @@ struct MeshSurface {
   // Must be called once at first, and after the arrays have changed.
   void update();
 
-  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. `number`: of the
-  // mesh, for the names of points.
-  void gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch, Patch& patch) const;
+  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. `number`: of
+  // the mesh, for the names of points.
+  void gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
+              Patch& patch) const;
 
   // Returns the highest ground at (x, y) that is not above `z` [m], at `time` [s].
   MeshPoint below(double x, double y, double z, double time, double ahead) const;

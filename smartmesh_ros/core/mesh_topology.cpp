@@ -12,8 +12,8 @@ namespace smartmesh {
 
 namespace {
 
-// Distance up to which two places are the same, as a share of the size of the mesh. Single precision would need 1e-7, but
-// vertices that were written once and read twice are equal to the bit.
+// Distance up to which two places are the same, as a share of the size of the mesh. Raising it joins parts that were
+// rounded differently, but also parts that are apart.
 constexpr double SAME_PLACE = 1e-9;
 // Sine of the smallest angle of a facet with an area.
 constexpr double FLAT = 1e-9;
@@ -159,7 +159,11 @@ class Builder {
   void find_neighbours() {
     std::vector<std::pair<int, int>> pairs;
     const auto add = [&](int a, int b) { pairs.push_back({a, b}), pairs.push_back({b, a}); };
-    for (const Side& side : sides_) add(side.low, side.high), add(side.low, side.opposite), add(side.high, side.opposite);
+    for (const Side& side : sides_) {
+      add(side.low, side.high);
+      add(side.low, side.opposite);
+      add(side.high, side.opposite);
+    }
     fill(pairs, points_.size(), mesh_.neighbours);
   }
 

@@ -28,8 +28,8 @@ struct Joint {
   int vertex, ends[2];
 };
 
-// Vertices at one place count as one, the first of them. An edge is divided where vertices of other facets lie on it, so
-// that parts which only abut have common edges.
+// Vertices at one place count as one, the first of them. An edge is divided where vertices of other facets lie on it,
+// so that parts which only abut have common edges.
 struct MeshTopology {
   std::vector<std::array<int, 3>> facets;  // corners; facets without area are left out
   std::vector<MeshEdge> edges;

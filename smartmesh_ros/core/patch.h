@@ -19,7 +19,8 @@ struct Facet {
 struct Edge {
   int end[2];
   int opposite[2];
-  Vec3 outward;  // mean of the normals of its facets, not of unit length; zero for meshes, whose outside is where the body is
+  // Mean of the normals of its facets, not of unit length; zero for meshes, whose outside is where the body is.
+  Vec3 outward;
 
   bool is_of_mesh() const { return !(norm2(outward) > 0.0); }
 };

@@ -18,7 +18,8 @@ struct GroundPoint {
 constexpr double ABOVE_ALL = 1e300;
 
 // Velocity of the ground near a point, as that of a rigid body: `linear` [m/s] at the ground under the point, `angular`
-// [rad/s] from the gradient of the vertical velocity, or of the mesh's facet there. `foot` [m]: the ground under the point.
+// [rad/s] from the gradient of the vertical velocity, or of the mesh's facet there. `foot` [m]: the ground under the
+// point.
 struct GroundMotion {
   bool known = false;
   Vec3 foot, linear, angular;
@@ -32,8 +33,8 @@ class Surface {
   // Fills `patch` with the ground inside `bounds` at `time` [s], as far as it is in `reach`.
   void gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch);
 
-  // Returns the highest ground at (x, y) at `time` [s], with mean velocities over the time `ahead` [s]. Ground of meshes
-  // above `z` [m] does not count. Gaps of up to a cell between two tiles are bridged.
+  // Returns the highest ground at (x, y) at `time` [s], with mean velocities over the time `ahead` [s]. Ground of
+  // meshes above `z` [m] does not count. Gaps of up to a cell between two tiles are bridged.
   GroundPoint at(double x, double y, double time, double ahead, double z = ABOVE_ALL) const;
 
   // Returns the motion of the ground under a point over the time `ahead` [s]; the gradient of height maps is taken over

@@ -71,7 +71,9 @@ class GroundWorld:
     def __exit__(self, *_: object) -> None:
         self.client.disconnect()
 
-    def add(self, shape: Shape, at: Sequence[float], *, turn: Sequence[float] = (0, 0, 0), friction: float = 0.5) -> int:
+    def add(
+        self, shape: Shape, at: Sequence[float], *, turn: Sequence[float] = (0, 0, 0), friction: float = 0.5
+    ) -> int:
         """Return a body of 1 kg with its centre at a point [m]."""
         body = self.client.createMultiBody(
             1.0, self.client.createCollisionShape(**shape.arguments), basePosition=list(at),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 Parts = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
@@ -38,10 +39,8 @@ def box(low: Sequence[float], high: Sequence[float]) -> Parts:
     return corners.astype(np.float64), triangles
 
 
-def sheet(
-    size: float, cells: int, height: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = None
-) -> Parts:
-    """Return a square open surface of ``size`` [m] around the origin, in cells x cells squares cut as height maps are."""
+def sheet(size: float, cells: int, height: Heights | None = None) -> Parts:
+    """Return a square open surface of ``size`` [m] around the origin, of cells x cells squares cut as height maps."""
     x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, cells + 1)] * 2)
     z = np.zeros_like(x) if height is None else height(x, y)
     i = np.arange(x.size).reshape(x.shape)

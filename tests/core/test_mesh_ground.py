@@ -19,7 +19,9 @@ RESTING = 1.2e-5
 STILL = 1e-3
 
 
-def rest_heights(ground: Parts, places: list[tuple[float, float, float]], shape: Shape, seconds: float = 2.0) -> list[float]:
+def rest_heights(
+    ground: Parts, places: list[tuple[float, float, float]], shape: Shape, seconds: float = 2.0
+) -> list[float]:
     """Return how high bodies rest above the places over which they were dropped from 2 cm [m]."""
     with GroundWorld(TriangleMesh(*ground)) as world:
         bodies = [world.add(shape, (x, y, z + shape.height + 0.02)) for x, y, z in places]
@@ -67,7 +69,6 @@ def test_bodies_stay_inside_a_closed_box(shape: Shape, turned: bool) -> None:
         for _ in range(30):
             world.run(0.1)
             for body in bodies:
-                low, high = np.array(world.client.getAABB(body))
                 centre = world.position(body)
                 assert np.abs(centre[:2]).max() < 0.5 and 0.0 < centre[2] < 1.0
                 if shape is BALL:
@@ -151,7 +152,9 @@ def test_a_turntable_turns_a_box() -> None:
         box = world.add(BOX, (0.5, 0.0, 0.06))
         for k in range(60):
             angle = spin * k / 20
-            turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+            turn = np.array(
+                [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+            )
             now = vertices @ turn.T
             mesh.move(now, time=k / 20, velocities=np.cross([0.0, 0.0, spin], now))
             world.tiles[0].update()
@@ -162,7 +165,10 @@ def test_a_turntable_turns_a_box() -> None:
 
 
 def test_parts_that_part_are_two_from_then_on() -> None:
-    left, right = mesh_parts.box((-1.0, -1.0, -0.5), (0.0, 1.0, 0.0)), mesh_parts.box((0.0, -1.0, -0.5), (1.0, 1.0, 0.0))
+    left, right = (
+        mesh_parts.box((-1.0, -1.0, -0.5), (0.0, 1.0, 0.0)),
+        mesh_parts.box((0.0, -1.0, -0.5), (1.0, 1.0, 0.0)),
+    )
     vertices, triangles = mesh_parts.joined(left, right)
     mesh = TriangleMesh(vertices, triangles)
     lifted = vertices + np.where(np.arange(len(vertices)) >= 8, 0.3, 0.0)[:, None] * [0.0, 0.0, 1.0]
@@ -226,7 +232,8 @@ def test_arrays_that_are_no_mesh_are_refused() -> None:
         ("vertices", np.zeros((2, 9)), "shape"), ("vertices", holes, "finite"),
         ("velocities", np.zeros((3, 3, 8)), "velocities"), ("clock", clock[:, :80].copy(), "clock"),
         ("triangles", mesh.triangles + 1, "counted from 0"), ("triangles", -mesh.triangles, "counted from 0"),
-        ("triangles", np.zeros((0, 3), np.int64), "triangles"), ("triangles", mesh.triangles[:, :2].copy(), "triangles"),
+        ("triangles", np.zeros((0, 3), np.int64), "triangles"),
+        ("triangles", mesh.triangles[:, :2].copy(), "triangles"),
     ]:  # fmt: skip
         with pytest.raises(ValueError, match=what):
             _core.Mesh(**{**good, name: value})
