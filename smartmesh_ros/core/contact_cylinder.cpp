@@ -167,7 +167,12 @@ class CylinderTouch {
     if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach_at(cap_[k]) + norm(approach_.angular) * shape_.radius *
                                                                                   approach_.duration)
       return;
-    for (int start = 0; start < 2; ++start) touch_rim_from(k, edge, p, q, outward, start ? 0.0 : 1.0);
+    // The search starts where the edge crosses the side seen along the axis, or is nearest to it.
+    const Vec3 from = p - cap_[k], way = q - p, w = from - axis_ * dot(from, axis_), u = way - axis_ * dot(way, axis_);
+    const double uu = norm2(u), uw = dot(u, w), root = uw * uw - uu * (norm2(w) - shape_.radius * shape_.radius);
+    const double middle = uu > 0.0 ? -uw / uu : 0.0, aside = uu > 0.0 && root > 0.0 ? std::sqrt(root) / uu : 0.0;
+    touch_rim_from(k, edge, p, q, outward, middle - aside);
+    if (aside > 0.0) touch_rim_from(k, edge, p, q, outward, middle + aside);
   }
 
   void touch_rim_from(int k, const Edge& edge, const Vec3& p, const Vec3& q, const Vec3& outward, double t) {
