@@ -46,6 +46,7 @@ COSTS = {
     "studies/test_accuracy.py": 13,
     "node/test_body_inputs.py": 12,
     "physics/test_colliders.py": 12,
+    "core/test_mesh_ground.py": 12,
     "studies/test_bench.py": 12,
     "node/test_soil.py": 11,
     "node/test_testing.py": 11,

@@ -14,8 +14,10 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   for (std::size_t k = 0; k < core.vertices.size(); ++k)
     touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
+  const std::size_t first = contacts.size();
   for (std::size_t k = 0; k < core.edges.size(); ++k)
     touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
+  if (!patch.sheets.empty()) leave_by_nearest(first, shape.radius, contacts);
 }
 
 }  // namespace smartmesh

@@ -13,6 +13,9 @@ namespace {
 // Sine of the angle between a cap and the ground below which four points around the cap's rim may touch, not only the
 // lowest. Raising it finds the same points of a standing cylinder at a larger tilt.
 constexpr double FLAT = 0.3;
+// Share by which points of a rim are nearer to the middle when facets of meshes are tried, so that a facet that ends
+// where the rim stands does not touch the rim.
+constexpr double SHRUNK = 1e-4;
 // Steps of the search for the nearest points of a rim and an edge.
 constexpr int RIM_STEPS = 6;
 
@@ -29,13 +32,19 @@ class CylinderTouch {
   }
 
   void run() {
-    for (const Facet& facet : patch_.facets) touch_facet(facet);
+    for (const Facet& facet : patch_.facets) touch_facet(facet, facet.normal, false);
+    for (const Facet& facet : patch_.sheets) {
+      touch_facet(facet, facet.normal, true);
+      touch_facet(facet, -facet.normal, true);
+    }
     for (int k = 0; k < 2; ++k) touch_flat(k);
     for (const Peak& peak : patch_.peaks) touch_peak(peak);
+    const std::size_t first = contacts_.size();
     for (const Edge& edge : patch_.edges) {
       touch_side(edge);
       for (int k = 0; k < 2; ++k) touch_rim(k, edge);
     }
+    if (!patch_.sheets.empty()) leave_by_nearest(first, 0.0, contacts_);
   }
 
  private:
@@ -47,40 +56,68 @@ class CylinderTouch {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The lowest point of each rim over a facet.
-  void touch_facet(const Facet& facet) {
+  // The lowest point of each rim over a facet, in the direction of one of its normals.
+  void touch_facet(const Facet& facet, const Vec3& normal, bool is_sheet) {
     const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
                &c = patch_.points[facet.corner[2]];
-    const Vec3 across = facet.normal - axis_ * dot(facet.normal, axis_);
+    const Vec3 across = normal - axis_ * dot(normal, axis_);
     const double tilt = norm(across);
     if (tilt < 1e-6) return;  // the points around the rim will do
     for (int k = 0; k < 2; ++k) {
       const Vec3 low = cap_[k] - across * (shape_.radius / tilt);
-      const double distance = dot(facet.normal, low - a);
+      const double distance = dot(normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
-      const Vec3 foot = low - facet.normal * distance;
-      if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-        const double closing = -dot(facet.normal, velocity), gap = std::max(distance, 0.0);
-        if (!(closing * approach_.duration > gap)) continue;
-        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
+      const Vec3 foot = low - normal * distance;
+      if (is_sheet) {
+        const MovingPoint point{low + (pose_.at - low) * SHRUNK, velocity, 0.0, 0.0, pose_.at};
+        if (distance < 0.0 ? !is_behind(low, facet)
+                           : !comes_over(point, normal, dot(normal, point.at - a), approach_.duration, facet, patch_) ||
+                                 is_hidden(low))
           continue;
+      } else if (!inside_triangle(foot, a, b, c, normal, 0.0)) {
+        const double closing = -dot(normal, velocity), gap = std::max(distance, 0.0);
+        if (!(closing * approach_.duration > gap)) continue;
+        if (!inside_triangle(foot + (velocity + normal * closing) * (gap / closing), a, b, c, normal, 0.0)) continue;
       }
-      add(foot, facet.normal, distance, name_of(BodyFeature::Rim, k),
+      add(foot, normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
   }
 
+  bool is_behind(const Vec3& p, const Facet& facet) const {
+    double share;
+    return goes_through(pose_.at, p, facet, patch_, share);
+  }
+
+  bool is_hidden(const Vec3& p) const {
+    return std::any_of(patch_.sheets.begin(), patch_.sheets.end(), [&](const Facet& f) { return is_behind(p, f); });
+  }
+
+  bool is_outside(const Vec3& p) const {
+    const Vec3 q = p - pose_.at;
+    const double along = dot(q, axis_);
+    return std::abs(along) > shape_.half || norm(q - axis_ * along) > shape_.radius;
+  }
+
   // Four points around a rim whose cap lies nearly flat on the ground.
   void touch_flat(int k) {
-    if (patch_.facets.empty()) return;
     const Vec3 outward = k ? axis_ : -axis_;
-    const Vec3 up = patch_.facets[patch_.facets.size() / 2].normal;
-    if (dot(outward, up) > 0.0 || norm(cross(outward, up)) > FLAT) return;
+    const bool on_sheet = std::any_of(patch_.sheets.begin(), patch_.sheets.end(), [&](const Facet& facet) {
+      return norm(cross(outward, facet.normal)) <= FLAT;
+    });
+    bool on_facet = false;
+    if (!patch_.facets.empty()) {
+      const Vec3 up = patch_.facets[patch_.facets.size() / 2].normal;
+      on_facet = dot(outward, up) <= 0.0 && norm(cross(outward, up)) <= FLAT;
+    }
+    if (!on_sheet && !on_facet) return;
     for (int j = 0; j < 4; ++j) {
       const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -shape_.radius : shape_.radius);
-      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at)};
-      touch_facets(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
+      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at};
+      const int name = name_of(BodyFeature::Rim, 2 + 4 * k + j);
+      if (on_facet) touch_facets(point, name, patch_, approach_.duration, contacts_);
+      if (on_sheet) touch_sheets(point, name, patch_, approach_.duration, contacts_);
     }
   }
 
@@ -114,8 +151,9 @@ class CylinderTouch {
     double s, t;
     if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(axis_, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
     const Vec3 on_ground = p + (q - p) * t;
+    const Vec3 outward = edge.is_of_mesh() ? cap_[0] + (cap_[1] - cap_[0]) * s - on_ground : edge.outward;
+    if (dot(n, outward) < 0.0) n = -n;
     const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
     if (distance > reach_at(on_ground) || distance < -shape_.radius || !in_cone(patch_, edge, n)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
@@ -129,7 +167,12 @@ class CylinderTouch {
     if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach_at(cap_[k]) + norm(approach_.angular) * shape_.radius *
                                                                                   approach_.duration)
       return;
-    for (int start = 0; start < 2; ++start) touch_rim_from(k, edge, p, q, outward, start ? 0.0 : 1.0);
+    // The search starts where the edge crosses the side seen along the axis, or is nearest to it.
+    const Vec3 from = p - cap_[k], way = q - p, w = from - axis_ * dot(from, axis_), u = way - axis_ * dot(way, axis_);
+    const double uu = norm2(u), uw = dot(u, w), root = uw * uw - uu * (norm2(w) - shape_.radius * shape_.radius);
+    const double middle = uu > 0.0 ? -uw / uu : 0.0, aside = uu > 0.0 && root > 0.0 ? std::sqrt(root) / uu : 0.0;
+    touch_rim_from(k, edge, p, q, outward, middle - aside);
+    if (aside > 0.0) touch_rim_from(k, edge, p, q, outward, middle + aside);
   }
 
   void touch_rim_from(int k, const Edge& edge, const Vec3& p, const Vec3& q, const Vec3& outward, double t) {
@@ -146,13 +189,13 @@ class CylinderTouch {
     }
     if (!(t > 0.0 && t < 1.0) || std::abs(s) > 1e-3 * shape_.radius) return;
     Vec3 n = unit(cross(tangent, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
     // The rim is touched from directions between those of its cap and of its side.
     const Vec3 radial = cross(tangent, axis_);
+    if (dot(n, edge.is_of_mesh() ? -outward - radial : edge.outward) < 0.0) n = -n;
     if (dot(n, outward) > 0.0 || dot(n, radial) > 0.0 || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    if (distance < -shape_.radius) return;
+    if (distance < -shape_.radius || (distance < 0.0 && edge.is_of_mesh() && is_outside(on_ground))) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 

@@ -86,9 +86,11 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration};
+  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration,
+                          pose.to_world(shape.centre)};
   const int name = name_of(BodyFeature::Vertex, vertex);
   if (!touch_facets(point, name, patch, approach.duration, contacts)) return;
+  if (!patch.sheets.empty() && !touch_sheets(point, name, patch, approach.duration, contacts)) return;
   const double most = point.radius + point.reach;
   const auto add = [&](const Vec3& foot, int ground, const auto& feature) {
     const Vec3 away = at - foot;

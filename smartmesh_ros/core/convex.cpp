@@ -17,7 +17,10 @@ void set_bounds(Convex& shape) {
     shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
     shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
   }
-  for (const Vec3& corner : shape.core.vertices) shape.bounds.add(corner);
+  for (const Vec3& corner : shape.core.vertices) {
+    shape.bounds.add(corner);
+    shape.centre = shape.centre + corner * (1.0 / shape.core.vertices.size());
+  }
   shape.bounds = shape.bounds.grown(shape.radius);
   shape.reach = 0.0;
   for (const Vec3& corner : shape.core.vertices) shape.reach = std::max(shape.reach, norm(corner) + shape.radius);

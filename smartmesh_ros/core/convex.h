@@ -43,6 +43,7 @@ struct Convex {
   double half = 0.0;
   Bounds bounds;      // in the shape's frame, grown by the radius
   double reach = 0.0; // largest distance of a point of the shape from its origin
+  Vec3 centre;        // a point inside, mean of the core's vertices
 };
 
 Convex ball(double radius);

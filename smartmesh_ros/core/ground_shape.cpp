@@ -7,10 +7,13 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
   Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
   Patch patch;
   surface_->gather(bounds, *time_, Everything{}, patch);
-  for (std::size_t k = 0; k < patch.facets.size(); ++k) {
-    btVector3 corners[3];
-    for (int j = 0; j < 3; ++j) corners[j] = to_bullet(patch.points[patch.facets[k].corner[j]]) - origin;
-    callback->processTriangle(corners, 0, static_cast<int>(k));
+  int number = 0;
+  for (const auto* facets : {&patch.facets, &patch.sheets}) {
+    for (const Facet& facet : *facets) {
+      btVector3 corners[3];
+      for (int j = 0; j < 3; ++j) corners[j] = to_bullet(patch.points[facet.corner[j]]) - origin;
+      callback->processTriangle(corners, 0, number++);
+    }
   }
 }
 

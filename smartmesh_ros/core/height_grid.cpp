@@ -11,9 +11,6 @@ namespace smartmesh {
 namespace {
 
 constexpr int BLOCK = 1 << BLOCK_SHIFT;
-// Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
-constexpr double REST_AFTER = 4.5;
-
 // Returns the length of a chord over the length of its arc, for an arc of `turn` [rad].
 double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0.5 * turn); }
 

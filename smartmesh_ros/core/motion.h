@@ -8,6 +8,8 @@ namespace smartmesh {
 // Number of velocities stored for each sample, and of update intervals stored for each block.
 constexpr int KEPT = 3;
 constexpr int INTERVALS_KEPT = 10;
+// Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
+constexpr double REST_AFTER = 4.5;
 
 enum class Mode : int { Hold = 0, Extrapolate = 1, Interpolate = 2, Correct = 3 };
 
