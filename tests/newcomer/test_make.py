@@ -34,7 +34,7 @@ def checkout(tmp_path: Path) -> Path:
     shutil.copytree(ROOT / "requirements", tmp_path / "requirements")
     for name in ("msg_defs/cmake", "smartmesh_ros", "launch", "config", "resource", "tests/interfaces", "scripts"):
         (tmp_path / name).mkdir(parents=True)
-    for name in ("setup.py", "setup.cfg", "package.xml", "tests/interfaces/package.xml"):
+    for name in ("setup.py", "core_build.py", "setup.cfg", "package.xml", "tests/interfaces/package.xml"):
         (tmp_path / name).touch()
     tools = tmp_path / ".venv" / "bin"
     tools.mkdir(parents=True)
