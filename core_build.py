@@ -1,4 +1,4 @@
-"""Builds smartmesh_ros.core._core, the C++ core, for setup.py.
+"""Builds smartmesh_ros.core._core, the C++ core, in place.
 
 Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
 its own package. Objects are kept in build/core under a digest of what they are made of, so that `colcon build` and a
@@ -17,14 +17,9 @@ import tarfile
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
-
-from setuptools import Extension
-from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).resolve().parent
 CORE = Path("smartmesh_ros/core")
-NAME = "smartmesh_ros.core._core"
 # The classes of Bullet have the layout of this release in every PyBullet that the core accepts.
 PYBULLET = "3.2.7"
 # Stable ABI from Python 3.12 on, the first that nanobind can use it with.
@@ -95,19 +90,13 @@ def nanobind_folder() -> Path:
     return Path(nanobind.__file__).parent
 
 
-def extension() -> Extension:
-    """Describe the core to setuptools."""
-    sources = sorted(path.as_posix() for path in (ROOT / CORE).glob("*.cpp"))
-    return Extension(NAME, [str(Path(path).relative_to(ROOT)) for path in sources], py_limited_api=STABLE_ABI)
-
-
-def _sources_and_flags(own: list[str]) -> tuple[list[Path], list[str]]:
+def _sources_and_flags() -> tuple[list[Path], list[str]]:
     """Return all sources, and the flags of the compiler."""
     bullet, binding = bullet_sources(), nanobind_folder()
     flags = [*FLAGS, *(["-DPy_LIMITED_API=0x030C0000"] if STABLE_ABI else [])]
     includes = [bullet / "src", bullet, binding / "include", binding / "ext/robin_map/include"]
     flags += [f"-isystem{path}" for path in includes] + [f"-isystem{sysconfig.get_path('include')}"]
-    sources = [ROOT / path for path in own]
+    sources = sorted((ROOT / CORE).glob("*.cpp"))
     sources += [bullet / "src" / path for path in OF_BULLET] + [binding / "src/nb_combined.cpp"]
     return sources, flags
 
@@ -120,12 +109,12 @@ def _digest(sources: list[Path], flags: list[str]) -> str:
     return found.hexdigest()[:16]
 
 
-def build(own: list[str], target: Path, extra: tuple[str, ...] = ()) -> None:
+def build(target: Path, extra: tuple[str, ...] = ()) -> None:
     """Compile the core on all cores and write the library ``target``, unless build/core has it."""
     compiler = os.environ.get("CXX", "c++")
     if shutil.which(compiler) is None:
         raise SystemExit("smartmesh_ros: no C++ compiler was found; install one (Debian: apt install g++)")
-    sources, flags = _sources_and_flags(own)
+    sources, flags = _sources_and_flags()
     flags = [*flags, *extra]
     kept = ROOT / "build" / "core" / _digest(sources, flags)
     library = kept / "_core.so"
@@ -151,18 +140,10 @@ def build(own: list[str], target: Path, extra: tuple[str, ...] = ()) -> None:
     part.replace(target)
 
 
-class BuildCore(build_ext):
-    """The command build_ext, for the core."""
-
-    def build_extension(self, ext: Any) -> None:
-        """Build the core."""
-        build(ext.sources, Path(self.get_ext_fullpath(ext.name)))
-
-
 def library_name() -> str:
     """Return the file name of the library for this Python."""
     return "_core" + (".abi3.so" if STABLE_ABI else sysconfig.get_config_var("EXT_SUFFIX"))
 
 
 if __name__ == "__main__":  # in place, for running from a checkout
-    build(extension().sources, ROOT / CORE / library_name())
+    build(ROOT / CORE / library_name())

@@ -28,7 +28,7 @@ def prepare() -> None:
         link = PACKAGE / path.relative_to(ROOT / "smartmesh_ros")
         if not link.exists():
             link.symlink_to(path)
-    core_build.build(core_build.extension().sources, PACKAGE / "core" / core_build.library_name(), EXTRA)
+    core_build.build(PACKAGE / "core" / core_build.library_name(), EXTRA)
 
 
 def runtime(name: str) -> str:

@@ -157,7 +157,6 @@ NB_MODULE(_core, m) {
       .def("detach", &Ground::detach, "slot"_a)
       .def("enable", &Ground::enable, "flags"_a.noconvert())
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
-      .def_prop_ro("epoch", [](const Ground& g) { return g.world().epoch; })
       .def_prop_rw(
           "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })
       .def_prop_rw(
@@ -167,6 +166,5 @@ NB_MODULE(_core, m) {
           "margin", [](const Ground& g) { return g.world().margin; }, [](Ground& g, double t) { g.world().margin = t; })
       .def_prop_rw(
           "carry_velocity", [](const Ground& g) { return g.world().carry_velocity; },
-          [](Ground& g, bool on) { g.world().carry_velocity = on; })
-      .def_prop_ro("touched", [](const Ground& g) { return g.world().touched; });
+          [](Ground& g, bool on) { g.world().carry_velocity = on; });
 }

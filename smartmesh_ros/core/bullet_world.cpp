@@ -35,7 +35,6 @@ void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   slots_.clear();
   roles_.clear();
   slot_of_ground_.clear();
-  ++epoch;
   if (world != nullptr) register_algorithm(*world, this);
 }
 
@@ -231,7 +230,6 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
-  ++touched;
   const Pose pose = from_bullet(body.getWorldTransform());
   Approach approach = approach_of(slot);
   approach.duration = step, approach.margin = margin;

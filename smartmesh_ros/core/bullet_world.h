@@ -66,8 +66,6 @@ class BulletWorld {
              double duration);
 
   bool owned = false;    // by a ground of Python
-  int epoch = 0;     // number of PyBullet's worlds so far; bodies and proxies of another one are gone
-  long touched = 0;  // pairs of shape and ground that were looked at so far
 
  private:
   // A slot that a PyBullet body belongs to, as the body itself or as its proxy.

@@ -306,7 +306,7 @@ class Ground:
         self.stale, self._steps, self.time, self._duration = False, steps, time, dt * steps
         if self._proxies is not None:
             self._chosen = self._tracked_chosen = False
-            self._proxies.use(self.terrain, active=True)
+            self._proxies.use(self.terrain)
             return
         if not followers.awake.size:
             self.colliders.pool.trim(followers, time)

@@ -62,14 +62,14 @@ class Proxies:
             self._client.removeBody(uid)
         self._core.detach(slot)
 
-    def use(self, terrain: Terrain, *, active: bool) -> None:
-        """Collide the awake followers with the tiles of ``terrain`` from now on; ``active=False``: with nothing."""
+    def use(self, terrain: Terrain) -> None:
+        """Collide the awake followers with the tiles of ``terrain`` from now on."""
         if self._layout != terrain.layout_revision:
             self._layout = terrain.layout_revision
             self._core.set_tiles([mesh.core_grid for mesh in terrain.tiles.values() if isinstance(mesh, HeightMap)])
-        if self._wakes != self._followers.wakes or not active:
-            self._wakes = self._followers.wakes if active else -1
-            self._switch(self._followers.flags("awake") & active)
+        if self._wakes != self._followers.wakes:
+            self._wakes = self._followers.wakes
+            self._switch(self._followers.flags("awake"))
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
@@ -78,11 +78,6 @@ class Proxies:
     def carry_velocity(self, *, on: bool) -> None:
         """Set whether contacts see the ground's velocity."""
         self._core.carry_velocity = on
-
-    @property
-    def time(self) -> float:
-        """Time at the start of the next step [s]; PyBullet's steps advance it."""
-        return float(self._core.time)
 
     def read_states(self, dt: float) -> None:
         """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers, as `FollowerReader` does."""

@@ -12,6 +12,7 @@ import numpy as np
 import pybullet_data
 
 from smartmesh_ros.core import _core
+from tests.coal_shapes import coal_hull, coal_triangle
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 AT_REST = np.zeros((2, 3))
@@ -36,23 +37,6 @@ REQUEST = request()
 
 def distance(one: Any, one_pose: Any, other: Any, other_pose: Any) -> float:
     return float(coal.distance(one, one_pose, other, other_pose, REQUEST, coal.DistanceResult()))
-
-
-def vectors(points: np.ndarray) -> Any:
-    made = coal.StdVec_Vec3s()
-    for point in points:
-        made.append(np.array(point))
-    return made
-
-
-def coal_hull(points: np.ndarray) -> Any:
-    return coal.ConvexBase.convexHull(vectors(points), True, "Qt")
-
-
-def coal_triangle(corners: np.ndarray) -> Any:
-    triangles = coal.StdVec_Triangle()
-    triangles.append(coal.Triangle(0, 1, 2))
-    return coal.Convex(vectors(corners), triangles)
 
 
 def random_rotation(rng: np.random.Generator) -> np.ndarray:

@@ -16,6 +16,7 @@ from smartmesh_ros.patches.facets import Facet, Point
 from smartmesh_ros.patches.gaps import gap_to
 from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull, solid_of
 from tests.bodies import random_turn, rotation, shapes_of
+from tests.coal_shapes import coal_hull, coal_triangle
 from tests.examples import examples
 
 # Largest distance beyond the margin at which a facet may still be found [m].
@@ -24,23 +25,6 @@ IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 
 seeds = st.integers(0, 10**9)
 Part = tuple[Any, np.ndarray, np.ndarray]  # a geometry of coal's, its offset and its turn
-
-
-def vectors(points: np.ndarray) -> Any:
-    made = coal.StdVec_Vec3s()
-    for point in points:
-        made.append(np.array(point))
-    return made
-
-
-def coal_hull(points: np.ndarray) -> Any:
-    return coal.ConvexBase.convexHull(vectors(points), True, "Qt")
-
-
-def coal_triangle(corners: np.ndarray) -> Any:
-    triangles = coal.StdVec_Triangle()
-    triangles.append(coal.Triangle(0, 1, 2))
-    return coal.Convex(vectors(corners), triangles)
 
 
 def wheel(radius: float, width: float) -> np.ndarray:
