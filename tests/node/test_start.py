@@ -4,6 +4,7 @@ import importlib.metadata
 import math
 import re
 import subprocess
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -53,6 +54,13 @@ def lines(process: Process, level: str) -> list[str]:
     return [line for line in process.output.splitlines() if f"[{level}]" in line]
 
 
+@pytest.fixture
+def probe(domain: int) -> Iterator[Probe]:
+    """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
+    with Probe(namespace="start") as made:
+        yield made
+
+
 def set_string(probe: Probe, name: str, value: str) -> Any:
     given = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
     return probe.call("set_parameters", SetParameters, parameters=[Parameter(name=name, value=given)]).results[0]
@@ -64,7 +72,9 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
-        root, masses, line = process.output.splitlines()
+        said = process.output.splitlines()
+    assert len(said) == 3, process.output
+    root, masses, line = said
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "auto within 0.0005 m", "events", "parameters.yaml"):
         assert words in line
@@ -122,7 +132,9 @@ def test_a_parameter_file_for_another_node_is_named(probe: Probe, tmp_path: Path
     file = tmp_path / "other.yaml"
     file.write_text("/other_node:\n  ros__parameters:\n    physics.rate: 100.0\n")
     with probe.running(arguments=["--ros-args", "--params-file", str(file)]) as process:
-        [line] = lines(process, "WARN")
+        warned = lines(process, "WARN")
+        assert len(warned) == 1, process.output
+        [line] = warned
         assert f"{file} has no effect: it is for /other_node" in line
         assert "240 Hz; " in process.output, "as rcl has it: the default"
 
