@@ -67,7 +67,7 @@ class Ground:
         stopwatch: Stopwatch | None = None,
         *,
         gravity: float = 9.81,
-        from_map: bool = False,
+        from_map: bool = True,
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)

@@ -53,7 +53,7 @@ class WorldConfig:
     patch: PatchConfig = field(default_factory=PatchConfig)
     guests: GuestConfig = field(default_factory=GuestConfig)
     sleep: SleepConfig = field(default_factory=SleepConfig)
-    from_map: bool = False
+    from_map: bool = True
 
 
 class World:

@@ -61,7 +61,7 @@ def test_a_cylinder_rolls_straight() -> None:
 
 def test_cylinders_and_capsules_stand_on_half_spaces_and_other_bodies_on_boxes() -> None:
     shapes = {"can": Cylinder(0.1, 0.2), "pill": Capsule(0.1, 0.2), "ball": Sphere(0.1), "box": Box(0.2, 0.2, 0.2)}
-    with World(level()) as world:
+    with World(level(), WorldConfig(patch=PatchConfig(kind="plane"))) as world:
         for index, (name, shape) in enumerate(shapes.items()):
             world.spawn(name, shape, 1.0, BodyState((index - 1.5, 0.0, shape.bounding_radius)))
         world.step(60)

@@ -22,8 +22,8 @@ def half_plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def slot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """1 m long from x = 0 on, 0.4 m wide about y = 0."""
-    return (x > 0.01) & (x < 0.99) & (abs(y) < 0.19)
+    """1 m long from x = 0 on, 0.6 m wide about y = 0, but for a facet in each corner."""
+    return (x > 0.01) & (x < 0.99) & (abs(y) < 0.29)
 
 
 def pit(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -32,10 +32,12 @@ def support(shape: Shape, orientation: tuple[float, float, float, float], normal
     return float(shape.radius + 0.5 * shape.height * abs(across[2]))
 
 
-def deepest(heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float) -> tuple[float, int]:
+def deepest(
+    heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float, kind: PatchKind = "auto"
+) -> tuple[float, int]:
     """How deep 20 balls get that come down at ``speed``, and how many end below the ground."""
     rng = np.random.default_rng(1)
-    with World(heightmap, WorldConfig(physics=physics)) as world:
+    with World(heightmap, WorldConfig(physics=physics, patch=PatchConfig(kind=kind))) as world:
         for index in range(20):
             x, y = rng.uniform(-8.0, 8.0, 2)
             height = float(heightmap.at([[x, y]], 0.0).heights[0]) + radius + rng.uniform(0.02, 0.4)
@@ -61,7 +63,7 @@ def test_falling_bodies_stop_at_the_surface(speed: float) -> None:
 
 def test_without_landing_they_get_as_deep_as_they_fall_in_a_step() -> None:
     flat = HeightMap(np.zeros((81, 81)), resolution=0.25, origin=(-10.0, -10.0))
-    assert deepest(flat, physics(landing=False), 8.0, 0.2)[0] > 0.01
+    assert deepest(flat, physics(landing=False), 8.0, 0.2, "heightfield")[0] > 0.01
 
 
 @pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 40.0])

@@ -43,7 +43,8 @@ def speed_along_a_gutter(*, edge_filter: bool) -> float:
     """Speed [m/s] of a frictionless ball after 8 s in a straight V gutter that it enters at 4 m/s."""
     heights = np.tile(0.05 * np.abs(np.arange(41) - 20)[:, None], (1, 361))
     heightmap = HeightMap(heights, resolution=0.1, origin=(-1.0, -2.0))
-    config = WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(edge_filter=edge_filter))
+    kind: PatchKind = "auto" if edge_filter else "heightfield"
+    config = WorldConfig(physics=PhysicsConfig(friction=0.0), patch=PatchConfig(kind=kind, edge_filter=edge_filter))
     with World(heightmap, config) as world:
         state = BodyState((0.0, 0.0, 0.15 * math.hypot(1.0, 0.5)), linear=(4.0, 0.0, 0.0))
         world.spawn("ball", Sphere(0.15), 1.0, state)
@@ -282,7 +283,7 @@ def test_colliders_lie_along_ground_that_moves_steadily_with_few_changes(edge: i
     rng = np.random.default_rng(5)
     start, speed = rng.uniform(-0.05, 0.05, (40, 40)), rng.uniform(0.05, 0.35, (40, 40))
     heightmap = HeightMap(np.zeros((edge, edge)), resolution=0.25)
-    config = WorldConfig(physics=PhysicsConfig(rate=rate), patch=PatchConfig(tolerance=tolerance))
+    config = WorldConfig(physics=PhysicsConfig(rate=rate), patch=PatchConfig(kind="heightfield", tolerance=tolerance))
     with World(heightmap, config) as world:
         for index in range(9):
             x, y = 1.3 + 3.1 * (index % 3), 1.2 + 3.1 * (index // 3)
