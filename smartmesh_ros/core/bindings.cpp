@@ -114,6 +114,7 @@ struct Ground {
   }
   // Switches the ground of the slots (S,) on or off.
   void enable(Flags flags) {
+    world().find_objects();
     for (std::size_t k = 0; k < flags.shape(0); ++k)
       if (world().has(static_cast<int>(k))) world().enable(static_cast<int>(k), flags.data()[k]);
   }

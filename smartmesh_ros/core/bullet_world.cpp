@@ -22,6 +22,9 @@ namespace smartmesh {
 
 namespace {
 
+// Depth at which the bounds of proxies lie that are switched off [m].
+constexpr double FAR_AWAY = 1e6;
+
 bool is_of(const btCollisionObject& object, int body, int link) {
   if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
     return collider->m_multiBody->getUserIndex2() == body && collider->m_link == link;
@@ -92,6 +95,18 @@ void BulletWorld::detach(int index) {
   }
   if (slot.shape != nullptr) slot_of_ground_.erase(slot.shape.get());
   slot = Slot{};
+}
+
+void BulletWorld::enable(int index, bool enabled) {
+  Slot& slot = slots_[index];
+  if (slot.enabled == enabled) return;
+  slot.enabled = enabled;
+  if (enabled || slot.ground == nullptr) return;
+  // Its bounds lie where nothing is, so that the step after it is switched on makes a new pair.
+  btBroadphaseProxy* bounds = slot.ground->getBroadphaseHandle();
+  const btVector3 away(index, 0.0, -FAR_AWAY);
+  world_->getBroadphase()->setAabb(bounds, away, away, world_->getDispatcher());
+  world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
 }
 
 void BulletWorld::find_objects() {

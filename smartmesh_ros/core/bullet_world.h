@@ -49,7 +49,8 @@ class BulletWorld {
   bool attach(int slot, int body, int link, int proxy);
   void detach(int slot);
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
-  void enable(int slot, bool enabled) { slots_[slot].enabled = enabled; }
+  // Switches the ground of a slot on or off; call `find_objects` before.
+  void enable(int slot, bool enabled);
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();

@@ -55,9 +55,8 @@ GroundPoint Surface::at(double x, double y, double time, double ahead) const {
 }
 
 GroundPoint Surface::bridged(double x, double y, double time, double ahead) const {
-  double widest = 0.0, weights = 0.0;
-  for (const HeightGrid* grid : tiles_) widest = std::max(widest, grid->resolution);
-  widest *= 1.0 + GAP_ROUNDING;
+  const double widest = widest_cell() * (1.0 + GAP_ROUNDING);
+  double weights = 0.0;
   GroundPoint sum{0.0, 0.0};
   int sides = 0;
   for (const HeightGrid* grid : tiles_) {
@@ -73,6 +72,12 @@ GroundPoint Surface::bridged(double x, double y, double time, double ahead) cons
   }
   if (sides < 2) return {NONE, 0.0};
   return {sum.height / weights, sum.velocity / weights};
+}
+
+double Surface::widest_cell() const {
+  double widest = 0.0;
+  for (const HeightGrid* grid : tiles_) widest = std::max(widest, grid->resolution);
+  return widest;
 }
 
 void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles) {
@@ -104,8 +109,8 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
   patch.clear();
   const HeightGrid* finest = nullptr;
   int met = 0;
+  const Bounds grown = tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;  // over gaps that are bridged
   for (const HeightGrid* grid : tiles_) {
-    const Bounds grown = tiles_.size() > 1 ? bounds.grown(grid->resolution) : bounds;
     if (cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown).empty()) continue;
     ++met;
     if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;

@@ -45,6 +45,7 @@ class Surface {
 
  private:
   std::vector<const HeightGrid*> tiles_;
+  double widest_cell() const;
   void sample_across(const HeightGrid& finest, const Bounds& bounds, double time);
   GroundPoint bridged(double x, double y, double time, double ahead) const;
 

@@ -25,8 +25,8 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     """Return the positions (N, 3) [m] of the bodies after `HORIZON`; None if the scene has no reference.
 
     The collider is a filtered trimesh of the whole map on rigid ground. On moving ground, where a whole collider cannot
-    carry the velocity, it is our finest patch setting with a map at every step. Sliding rigid ground is simulated in
-    the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
+    carry the velocity, it is ours with an eighth of the step and a map at every step. Sliding rigid ground is
+    simulated in the frame of the ground, where the ground is at rest and the bodies have the opposite velocity.
     """
     if scene.reference == "none":
         return None
@@ -38,7 +38,7 @@ def reference_positions(scene: Scene) -> FloatArray | None:
     if scene.reference == "whole":
         engine: Engine = BulletTrimesh(setup, BulletTrimeshOptions(edge_filter=True))
     else:
-        finest = PatchConfig(kind="heightfield", tolerance=1e-4, rate=0.0)
+        finest = PatchConfig(rate=0.0)
         # A map arrives at every step, so short intervals must not merge maps.
         motion = MotionConfig(min_interval=0.0)
         engine = SmartMesh(setup, SmartMeshOptions(patch=finest, motion=motion))

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.patches.config import ColliderKind, PatchConfig
-from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.across import samples_across as samples_across
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -88,7 +87,7 @@ def grid_batches(
     """Yield the patches of ``bodies`` (n,) with ``supports`` (n,) on the height map ``name`` at ``time`` [s]."""
     heightmap = terrain.tiles[name]
     assert isinstance(heightmap, HeightMap)
-    keys = np.stack([supports["state"], supports["rows"], supports["columns"]], axis=1)
+    keys = np.stack([supports["rows"], supports["columns"]], axis=1)
     for key in np.unique(keys, axis=0):
         of_key = np.flatnonzero((keys == key).all(axis=1))
         chosen = supports[of_key]
@@ -96,13 +95,13 @@ def grid_batches(
         vertices = np.empty((*rows.shape, 3))
         vertices[..., :2] = heightmap.placed_at(time).to_world(rows, columns)
         vertices[..., 2] = samples_across(terrain, heightmap, rows, columns, time).heights
-        high, wide = int(key[1]), int(key[2])
+        high, wide = key.tolist()
         middle = (high - 1) // 2 * wide + (wide - 1) // 2
         centres = vertices[:, middle].copy()
         centres[:, 2] = np.where(np.isnan(centres[:, 2]), chosen["foot_z"], centres[:, 2])
         linear, angular = twists_at(chosen, centres)
         yield PatchBatch(
-            tile=name, kind="plane" if key[0] == Support.PLANE else config.grid_kind, bodies=bodies[of_key],
+            tile=name, kind=config.grid_kind, bodies=bodies[of_key],
             triangles=grid_triangles(high, wide).astype(np.int32), rows=rows[:, middle], columns=columns[:, middle],
             stride=chosen["stride"].copy(), deviation=chosen["deviation"].copy(), vertices_w=vertices,
             centres_w=centres, linear_w=linear, angular_w=angular,

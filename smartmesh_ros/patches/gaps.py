@@ -11,15 +11,12 @@ from typing import NamedTuple
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.facets import (
     Facet,
-    Plane,
     Point,
     closest_point,
     cross,
     dot,
     facet_normal,
-    height_of,
     minus,
-    plane_of,
     scaled,
 )
 from smartmesh_ros.patches.gjk import separation_of
@@ -31,7 +28,6 @@ from smartmesh_ros.patches.solids import (
     out_of_frame,
     part_centre,
     part_of,
-    reach_along,
 )
 
 # Smallest squared length of a cross product of edges that counts as a separating axis [m^2]. Cross products of nearly
@@ -171,40 +167,3 @@ def gap_to(facet: Facet, solid: Solid, limit: float = math.inf, near: float = ma
         if gap.distance < best.distance:
             best = gap
     return best
-
-
-@compiled
-def chord(rounding: float, margin: float, distance: float) -> float:
-    """Radius of the circle that a ball grown by ``margin`` cuts from a plane at a ``distance`` from the ball [m]."""
-    reach, centre = rounding + margin, max(rounding + distance, 0.0)
-    return math.sqrt(max(reach * reach - centre * centre, 0.0))
-
-
-@compiled
-def deviation_near(facet: Facet, plane: Plane, solid: Solid, gap: Gap, margin: float) -> float:
-    """Bound on the vertical distance between a facet and a plane where a solid grown by ``margin`` can touch the facet.
-
-    The difference of the two is linear, so its maximum is at one of the facet's corners. Two more bounds cover only the
-    part that the solid can reach. One is the solid's extent along the gradient of the difference, about its centre. The
-    other is about the facet's nearest point: the facet's points nearest to the core's points are no farther apart than
-    these (projection onto a convex set), and each core point reaches a chord around its own.
-    """
-    a = facet.a.z - height_of(plane, facet.a.x, facet.a.y)
-    b = facet.b.z - height_of(plane, facet.b.x, facet.b.y)
-    c = facet.c.z - height_of(plane, facet.c.x, facet.c.y)
-    corners = max(abs(a), abs(b), abs(c))
-    own = plane_of(facet)
-    tilt_x, tilt_y = own.slope_x - plane.slope_x, own.slope_y - plane.slope_y
-    tilt = math.sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
-    if tilt == 0.0:
-        return corners
-    x, y = gap.nearest.x, gap.nearest.y
-    core = solid.reach - solid.rounding
-    around = abs(height_of(own, x, y) - height_of(plane, x, y)) + tilt * (
-        core + chord(solid.rounding, margin, gap.distance)
-    )
-    x, y = solid.centre.x, solid.centre.y
-    gradient = Point(tilt_x / tilt, tilt_y / tilt, 0.0)
-    extent = max(reach_along(solid, gradient), reach_along(solid, scaled(gradient, -1.0)))
-    across = abs(height_of(own, x, y) - height_of(plane, x, y)) + tilt * (extent + margin)
-    return min(corners, around, across)

@@ -11,17 +11,12 @@ import numpy as np
 class Support(IntEnum):
     """Kind of ground under a body.
 
-    NONE: no ground that the body can touch until the next update. PLANE: the plane of the ground. If the body's middle
-    is below the ground, the plane is that of the facet straight above the middle, the foot lies straight above it, and
-    the deviation is unknown. FIELD: a rectangle of samples. MESH: triangles of a general mesh, or a rectangle with a
-    mesh collider. ACROSS: still to be chosen, from the samples of several tiles.
+    NONE: no ground that the body can touch. FIELD: a rectangle of samples. MESH: triangles of a general mesh.
     """
 
     NONE = 0
-    PLANE = 1
-    FIELD = 2
-    MESH = 3
-    ACROSS = 4
+    FIELD = 1
+    MESH = 2
 
 
 # ``state``: a `Support`; ``tile``: index of the tile, -1 = none.
@@ -30,10 +25,8 @@ class Support(IntEnum):
 # ``gap`` [m]: distance between ground and body, negative if they overlap; ``facet_*``: the ground's upward unit normal.
 # ``rise`` [m/s]: vertical velocity of the ground at the foot; ``slide_x``, ``slide_y`` [m/s]: horizontal velocity;
 # ``turn_*`` [rad/s]: angular velocity. All three are means until the next update.
-# ``deviation`` [m]: bound on the distance between the collider and the main mesh where the body can touch it; NaN =
+# ``deviation`` [m]: bound on the distance between the patch and the main mesh where the body can touch it; NaN =
 # unknown.
-# ``margin`` [m]: predicted motion of the body relative to the ground until the next update.
-# ``first``: index of the support's first height in `Selector.samples`, -1 = its heights are read from the map.
 SUPPORT = np.dtype(
     (
         np.record,
@@ -47,11 +40,7 @@ SUPPORT = np.dtype(
             ("stride", np.int64),
             *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "normal_x", "normal_y", "normal_z", "gap")),
             *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
-            *(
-                (name, np.float64)
-                for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation", "margin")
-            ),
-            ("first", np.int64),
+            *((name, np.float64) for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation")),
         ],
     )
 )
@@ -60,6 +49,6 @@ SUPPORT = np.dtype(
 def no_supports(count: int) -> Any:
     """Return a table of ``count`` bodies without support."""
     table = np.zeros(count, SUPPORT)
-    table["tile"] = table["first"] = -1
+    table["tile"] = -1
     table["gap"], table["deviation"] = np.inf, np.nan
     return table

@@ -15,7 +15,6 @@ class PhysicsConfig:
     body against the ground, and of the links of robots whose URDF gives none. ``restitution``: ratio of rebound speed
     to impact speed, for the same bodies and links. ``contact_erp``: share of a
     penetration that the solver corrects in one step. ``guard``: put bodies found below the ground back onto it.
-    ``landing``: clamp bodies that would penetrate the ground within a step, so that they arrive at its surface.
     ``sleep``: bodies at rest on ground at rest fall asleep, without colliders, and wake before anything touches them.
     ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end early once
     none changes a contact's velocity by more than the square root of this value.
@@ -27,7 +26,6 @@ class PhysicsConfig:
     restitution: float = 0.0
     contact_erp: float = 0.3
     guard: bool = True
-    landing: bool = True
     sleep: bool = True
     solver_residual: float = 1e-7
 

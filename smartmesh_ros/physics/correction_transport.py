@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.contact_candidates import fitted_slopes
 from smartmesh_ros.patches.facets import Point, scaled
+from smartmesh_ros.patches.foot import local_body
 from smartmesh_ros.patches.rotations import product
-from smartmesh_ros.patches.selection import local_body
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.solids import Solid, extents
 from smartmesh_ros.patches.supports import Support
@@ -35,6 +34,9 @@ POINTS = 5
 ROUNDED_SHARE = 0.25
 # Weight of links that do not stand on the ground, relative to links that do.
 AIRBORNE_WEIGHT = 1e-6
+# Points determine no plane if their spread along one direction is less than this share of the spread along the other
+# (ratio of the determinant of their second moments to the squared trace).
+THIN = 1e-4
 # Sums over the points under a body: weights, and products with x, y, the height before and the correction.
 SUMS = 12
 
@@ -149,12 +151,22 @@ def gather(before, after, tile, chosen, owners, shapes, states, supports, poses,
 
 
 @compiled
+def fitted_slopes(sxx: float, sxy: float, syy: float, sxz: float, syz: float) -> tuple[float, float]:
+    """Least-squares slopes along x and y of the plane through points with these second moments about their mean; zero
+    if the points lie nearly along a line and determine no plane."""
+    determinant = sxx * syy - sxy * sxy
+    if determinant <= THIN * (sxx + syy) * (sxx + syy):
+        return 0.0, 0.0
+    return (sxz * syy - syz * sxy) / determinant, (syz * sxx - sxz * sxy) / determinant
+
+
+@compiled
 def fitted(total, first):
     """Mean, and slopes along x and y, of the plane fitted to the values whose sums start at ``first``."""
     n, sx, sy, value = total[0], total[1], total[2], total[first]
     sxx, sxy, syy = total[3] - sx * sx / n, total[4] - sx * sy / n, total[5] - sy * sy / n
     sxz, syz = total[first + 1] - sx * value / n, total[first + 2] - sy * value / n
-    _, slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)  # zero if the points lie along a line
+    slope_x, slope_y = fitted_slopes(sxx, sxy, syy, sxz, syz)
     return value / n, slope_x, slope_y
 
 

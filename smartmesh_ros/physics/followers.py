@@ -12,14 +12,13 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
-from smartmesh_ros.physics.body_shapes import is_ball, is_round
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.revisions import next_revision
 
-# ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: has a
-# collider when ground is in reach; otherwise only the patch is computed. ``free``: may be clamped before impact.
-# ``own``: may be lifted out of the ground, because this world moves it. ``remote``: another node simulates it.
-FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "awake", "solid", "free", "own", "remote")]))
+# ``alive``: the slot is in use. ``awake``: physics may move the body; False for sleeping bodies. ``solid``: collides
+# with the ground; otherwise only the patch is computed. ``own``: may be lifted out of the ground, because this world
+# moves it. ``remote``: another node simulates it.
+FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "awake", "solid", "own", "remote")]))
 
 
 @dataclass(eq=False)
@@ -27,9 +26,7 @@ class Follower:
     """An attached body or link, with a patch under it.
 
     ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``. ``slot``: its row in the tables of
-    `Followers`. ``collider``: PyBullet body of its current collider, None = no
-    collider. ``ball``: the shape is a ball. ``round``: the shape is a cylinder or capsule that moves freely; wheels are
-    excluded, because their joints hold them.
+    `Followers`. ``collider``: PyBullet body that is its ground, None = none.
     """
 
     body: int
@@ -39,10 +36,6 @@ class Follower:
     name: str = ""
     slot: int = -1
     collider: int | None = None
-
-    def __post_init__(self) -> None:
-        self.ball = is_ball(self.shape)
-        self.round = self.link < 0 and is_round(self.shape)
 
     @property
     def radius(self) -> float:
@@ -114,7 +107,7 @@ class Followers:
                     "duplicate_id", f"body {body}, link {self[slot].link} is attached already; detach it first"
                 )
 
-    def add(self, follower: Follower, *, free: bool, own: bool) -> None:
+    def add(self, follower: Follower, *, own: bool) -> None:
         """Give a follower a slot; its body and link must have none."""
         slots = self._slots.setdefault(follower.body, [])
         if self._unused:
@@ -126,7 +119,7 @@ class Followers:
         follower.slot = slot
         slots.append(slot)
         self._items[slot] = follower
-        self.table[slot] = (True, True, follower.solid, free, own, False)
+        self.table[slot] = (True, True, follower.solid, own, False)
         self._shapes.put(slot, follower.shape)
         self._radii[slot] = follower.radius
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
@@ -168,13 +161,8 @@ class Followers:
 
     @cached_property
     def solid(self) -> IntArray:
-        """Slots of the followers that are awake and have a collider when ground is in reach."""
+        """Slots of the followers that are awake and collide with the ground."""
         return np.flatnonzero(self.table["awake"] & self.table["solid"])
-
-    @cached_property
-    def free(self) -> IntArray:
-        """Slots of the followers that are solid and may be clamped before impact."""
-        return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["free"])
 
     @property
     def has_remote(self) -> bool:
@@ -189,7 +177,7 @@ class Followers:
     def _note_wakes(self) -> None:
         """Note that the lists of slots changed; each is computed again when it is read."""
         self.wakes = next_revision()
-        for name in ("awake", "asleep", "solid", "free", "tracked"):
+        for name in ("awake", "asleep", "solid", "tracked"):
             self.__dict__.pop(name, None)
 
     def _changed(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from functools import cached_property
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.patches.batch import PatchBatch
-from smartmesh_ros.patches.config import SELECTION, PatchConfig, is_mesh, is_whole
+from smartmesh_ros.patches.config import PatchConfig, is_whole
 from smartmesh_ros.patches.selector import Selector
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.physics.body_shapes import links_with_shape, shape_of
@@ -20,14 +21,12 @@ from smartmesh_ros.physics.colliders.driver import Colliders
 from smartmesh_ros.physics.correction_transport import CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
 from smartmesh_ros.physics.followers import Follower, Followers
-from smartmesh_ros.physics.leaving import leaves_support
 from smartmesh_ros.physics.proxies import Proxies, missing_for
 from smartmesh_ros.physics.shapes import Shape
 from smartmesh_ros.physics.sleep_config import SleepConfig
 from smartmesh_ros.physics.sleeping import Sleeping
 from smartmesh_ros.physics.stepper import Stepper, physics_of
 from smartmesh_ros.physics.usable import require_usable
-from smartmesh_ros.physics.waking import Waking
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -36,6 +35,10 @@ from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+# Largest gap at which a body at rest touches its ground [m].
+TOUCHING = 1e-3
+log = logging.getLogger("smartmesh_ros")
 
 
 class SleepContacts(NamedTuple):
@@ -47,16 +50,16 @@ class SleepContacts(NamedTuple):
 
 
 class Ground:
-    """Keeps one small collider of a deforming terrain under each attached body of a PyBullet world.
+    """The deforming terrain as ground of the attached bodies of a PyBullet world.
+
+    Contacts come from the map itself. Where that is impossible, because the client is not a DIRECT one, the C++ core
+    was not built, or ``config.kind`` asks for it, each body has a small collider of PyBullet's own instead.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
     bodies, and call `step` in place of ``stepSimulation``. To call ``stepSimulation`` yourself, call `update` before
-    each step, or `update` before some steps and `go_on` before the others. Fast bodies are then not clamped before
-    impact, and bodies below the ground are not put back. Bodies that are not attached do not collide with the terrain.
-    ``gravity`` [m/s^2]: acceleration that predicts the motion of falling bodies; `step` reads it from PyBullet.
-    ``from_map``: where ``config.kind`` is *auto*, work out contacts from the map itself, in the C++ core, in place of
-    colliders. It needs a DIRECT client, height maps and the core (``python core_build.py``); elsewhere the colliders of
-    *auto* serve. It will become what *auto* means.
+    each step, or `update` before some steps and `go_on` before the others. Bodies below the ground are then not put
+    back. Bodies that are not attached do not collide with the terrain.
+    ``gravity`` [m/s^2]: tells how soon a falling body may touch the ground; `step` reads it from PyBullet.
     """
 
     def __init__(
@@ -67,11 +70,9 @@ class Ground:
         stopwatch: Stopwatch | None = None,
         *,
         gravity: float = 9.81,
-        from_map: bool = True,
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
-        self.from_map = from_map
         for mesh in self.terrain.tiles.values():
             require_usable(self.config, mesh)
         self.stopwatch = stopwatch or Stopwatch()
@@ -84,7 +85,6 @@ class Ground:
         self._reader = FollowerReader(client, self.followers)
         self._selector = Selector(self.terrain, self.config, self.stopwatch)
         self._transport = CorrectionTransport(client)
-        self._waking = Waking(client)
         self._whole = WholeMesh(client, self.terrain)
         self._steps = 1  # lifetime of the last update [steps]
         self._duration = 0.0  # the same [s]
@@ -93,7 +93,9 @@ class Ground:
         self._tracked_chosen = False  # patches of followers that are not solid are those of the last update
         self._proxies: Proxies | None = None  # None while patches are colliders of PyBullet's own
         self._chosen = True  # the supports are those of the last update
-        self.no_proxies = missing_for(client)  # why the client has no ground proxies, empty if it can have them
+        self.no_proxies = missing_for(client)  # why contacts cannot come from the map, empty if they can
+        if self.no_proxies and self.config.kind == "auto":
+            log.warning("bodies stand on height fields of PyBullet, not on the map itself: %s", self.no_proxies)
 
     @property
     def supports(self) -> Any:
@@ -119,7 +121,7 @@ class Ground:
         self._choose()
         if not self._tracked_chosen:
             self._tracked_chosen = True
-            self._selector.choose_tracked(self.followers.tracked)
+            self._select(self.followers.tracked)
 
     def at(self, points_w: ArrayLike, time: float) -> GroundSamples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], as bodies stand on it; see `ground_samples`. With
@@ -147,20 +149,18 @@ class Ground:
 
     def placed(self, body: int | None = None) -> None:
         """Note that a body (None = every body) was teleported, so that this jump does not count as its motion."""
-        slots = [follower.slot for follower in self.followers] if body is None else self.followers.of(body)
         self.wake(body)
-        self.colliders.pool.renew(slots)
         self.stale = True
 
     @property
     def replacements(self) -> int:
         """Number of colliders whose surface was changed so far."""
-        return self.colliders.replacements + self.colliders.meshes.built
+        return self.colliders.replacements + self.colliders.built
 
     @property
     def leaked(self) -> int:
         """Number of colliders that were rebuilt so far; PyBullet leaks a few KiB for each."""
-        return self.colliders.meshes.built
+        return self.colliders.built
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Put bodies at rest to sleep from now on, without colliders, if ``may_sleep`` returns True for the PyBullet
@@ -222,7 +222,7 @@ class Ground:
         self.followers.require_new(body, links)
         own = solid and not is_fixed(self._client, body)
         for follower in made:
-            self.followers.add(follower, free=own and self._client.getNumJoints(body) == 0, own=own)
+            self.followers.add(follower, own=own)
             self._reserve()
             if self._proxies is not None:
                 self._proxies.attach(follower)
@@ -234,8 +234,7 @@ class Ground:
     def _reserve(self) -> None:
         """Make room for all slots in the tables."""
         slots = self.followers.capacity
-        for table in (self.colliders, self._selector, self._waking, self.stepper.landing):
-            table.reserve(slots)
+        self._selector.reserve(slots)
         if self._sleeping is not None:
             self._sleeping.reserve(slots)
 
@@ -246,10 +245,8 @@ class Ground:
                 self._sleeping.remove(slot)
             if self._proxies is not None:
                 self._proxies.detach(slot)
-            self.colliders.release(self.followers[slot], self.time)
+            self.colliders.release(self.followers[slot])
             self._selector.remove(slot)
-            self._waking.forget(slot)
-            self.stepper.landing.forget(slot)
             self.followers.remove(slot)
         self.stale = True
 
@@ -260,8 +257,6 @@ class Ground:
         for mesh in self.terrain.tiles.values():
             require_usable(config, mesh)
         self.wake()
-        if config.edge_filter != self.config.edge_filter:
-            self.colliders.replace_all()
         self.stale = True
         self.config = config
         self._selector.configure(config)
@@ -271,13 +266,13 @@ class Ground:
     def step(self, time: float, dt: float) -> None:
         """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on, as `World` does.
 
-        Refreshes the patches when they are due, puts bodies that are below the ground back onto it, and clamps fast
-        bodies before impact. Raises `InputError` if ``dt`` is not PyBullet's time step.
+        Refreshes the patches when they are due, and puts bodies that are below the ground back onto it. Raises
+        `InputError` if ``dt`` is not PyBullet's time step.
         """
         physics = physics_of(self._client, dt)
         self.gravity = math.hypot(*physics.gravity)
         self.stepper.prepare(time, physics)
-        self.stepper.step(time, physics, self._client.stepSimulation)
+        self.stepper.step(self._client.stepSimulation)
 
     @property
     def rescues(self) -> int:
@@ -292,62 +287,42 @@ class Ground:
             corrections = self._show_corrections(time)
             if sleeping is not None:
                 sleeping.gravity = self.gravity
-                sleeping.wake_on_changed_ground(time, dt * steps, self.config.tolerance)
+                sleeping.wake_on_changed_ground(time, dt * steps)
                 sleeping.wake_moved(dt * steps)
             self._move_with_corrections(corrections)
             self._read_states(dt)
-            if time != self.time:
-                self._waking.wake(followers, () if sleeping is None else sleeping.stopped)
             if sleeping is not None and followers.awake.size:
                 sleeping.note_motion(time)
                 if sleeping.wake_reached(time, 0.0):
                     sleeping.note_motion(time)
-                sleeping.put_to_sleep(time, dt, steps, self.config.tolerance)
+                sleeping.put_to_sleep(time, dt, steps)
         self.stale, self._steps, self.time, self._duration = False, steps, time, dt * steps
+        self._chosen = self._tracked_chosen = False
         if self._proxies is not None:
-            self._chosen = self._tracked_chosen = False
             self._proxies.use(self.terrain)
-            return
-        if not followers.awake.size:
-            self.colliders.pool.trim(followers, time)
-            return
-        self._selector.update(followers.solid, followers.shapes, followers.states, time, dt * steps, self.gravity)
-        self._tracked_chosen = False
-        with self.stopwatch.stage("collider"):
-            self._apply(time, exact=bool(corrections))
+        elif followers.awake.size:
+            self._choose()
+            with self.stopwatch.stage("collider"):
+                self._apply(time)
 
     def go_on(self, time: float, dt: float) -> bool:
-        """Let the patches of the last `update` move on for a further step of ``dt`` [s]. If a body leaves the ground
-        that its patch covers, for example because another body hit it, refresh the patches. Returns True if they were
-        refreshed."""
+        """Let the patches of the last `update` move on for a further step of ``dt`` [s]. Wakes sleeping bodies that
+        something may touch in this step. Returns True if it needed an `update`."""
         if self.stale:
             self.update(time, dt, self._steps)
             return True
-        followers = self.followers
-        if not followers.awake.size:
+        if not self.followers.awake.size:
             return False
-        if self._proxies is not None:
-            return self._wake_on_the_way(time, dt)
-        with self.stopwatch.stage("bodies"):
-            self._read_positions()
-            left = leaves_support(
-                followers.awake, followers.positions_w, followers.moved_w, followers.states,
-                np.array(self.supports["margin"]), followers.radii, SELECTION.slack, SELECTION.fastest * dt,
-            )  # fmt: skip
-            if self._sleeping is not None:
-                left |= self._sleeping.wake_reached(time, time - self.time)
-        if left:
-            self.update(time, dt, self._steps)
-        return bool(left)
+        return self._wake_on_the_way(time, dt)
 
     def _wake_on_the_way(self, time: float, dt: float) -> bool:
         """Wake sleeping bodies that something may touch in the step from ``time`` [s] on; returns True if there were
         any."""
-        assert self._proxies is not None
-        if any(isinstance(mesh, HeightMap) and mesh.correcting for mesh in self.terrain.tiles.values()):
-            self.update(time, dt, self._steps)  # bodies move with the ground in every step of a correction
-            return True
-        self._proxies.set_time(time, dt)
+        if self._proxies is not None:
+            if any(isinstance(mesh, HeightMap) and mesh.correcting for mesh in self.terrain.tiles.values()):
+                self.update(time, dt, self._steps)  # bodies move with the ground in every step of a correction
+                return True
+            self._proxies.set_time(time, dt)
         sleepers = self._sleeping if self.followers.asleep.size else None
         if sleepers is None and not self.followers.has_remote:
             return False
@@ -361,22 +336,20 @@ class Ground:
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
         wanted = (
-            self.from_map
-            and not self.no_proxies
+            not self.no_proxies
             and self.config.kind == "auto"
-            and self.config.rings == 0
             and all(isinstance(mesh, HeightMap) for mesh in self.terrain.tiles.values())
         )
         if wanted and self._proxies is None:
             for follower in self.followers:
-                self.colliders.release(follower, time)
+                self.colliders.release(follower)
             self._whole.release()
             self._proxies = Proxies(self._client, self.followers, time=time, dt=dt)
             for follower in self.followers:
                 self._proxies.attach(follower)
         elif not wanted and self._proxies is not None:
             self._proxies.close()
-            self._proxies, self._chosen = None, True
+            self._proxies = None
             for follower in self.followers:
                 follower.collider = None
         if self._proxies is not None:
@@ -384,14 +357,25 @@ class Ground:
             self._proxies.carry_velocity(on=self.config.carry_velocity)
 
     def _choose(self) -> None:
-        """Choose the ground that bodies can touch, if that was not done since the last update. Contacts by ground
-        proxies do not need it; messages do."""
-        if not self._chosen:
-            self._chosen = True
-            followers = self.followers
-            self._selector.update(
-                followers.solid, followers.shapes, followers.states, self.time, self._duration, self.gravity
-            )
+        """Choose the ground under the bodies, if that was not done since the last update. Contacts from the map do not
+        need it; messages do."""
+        if self._chosen:
+            return
+        self._chosen = True
+        solid, supports = self.followers.solid, self._selector.supports
+        self._select(solid)
+        if self._proxies is not None:  # show the ground that a body can touch
+            states, radii = self.followers.states[solid], self.followers.radii[solid]
+            found = supports[solid]
+            ground = np.stack([found["slide_x"], found["slide_y"], found["rise"]], axis=1)
+            speeds = np.linalg.norm(states[:, 7:10] - ground, axis=1) + radii * np.linalg.norm(states[:, 10:], axis=1)
+            moved = speeds * self._duration + 0.5 * self.gravity * self._duration**2
+            self._selector.let_go(solid, moved + TOUCHING)
+
+    def _select(self, slots: IntArray) -> None:
+        """Select the patches of followers as of the last update."""
+        followers = self.followers
+        self._selector.update(slots, followers.shapes, followers.states, self.time, self._duration)
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
@@ -399,7 +383,6 @@ class Ground:
             if duration < 0.0:  # the clock was set back
                 self._sleeping.wake_all()
             self._sleeping.keep_awake()
-        self.colliders.stand_still(duration)
         self.time += duration
         self.stale = True
 
@@ -417,10 +400,7 @@ class Ground:
         return Stepper(self._client, self)
 
     def _release_for_sleep(self, slots: IntArray) -> dict[int, SleepContacts]:
-        """Take their colliders from followers that fall asleep, and return the contacts of these by slot. Mesh
-        colliders stay, because PyBullet leaks for each that is rebuilt."""
-        if self._proxies is None:
-            slots = slots[self.colliders.pool.active[slots] >= 0]
+        """Take their colliders from followers that fall asleep, and return the contacts of these by slot."""
         active = [slot for slot in slots.tolist() if self.followers[slot].collider is not None]
         released = {self.followers[slot].collider: slot for slot in active}
         points: dict[int, list[Any]] = {slot: [] for slot in active}
@@ -432,7 +412,7 @@ class Ground:
         contacts = {slot: SleepContacts(self.followers[slot].collider, points[slot]) for slot in active}
         if self._proxies is None:
             for slot in active:
-                self.colliders.pool.release(self.followers[slot], self.time)
+                self.colliders.release(self.followers[slot])
         return contacts
 
     def _show_corrections(self, time: float) -> list[tuple[int, MovingGrid, MovingGrid]]:
@@ -453,19 +433,13 @@ class Ground:
             self._read_states(0.0)
             self._transport.move_bodies(moves, self.followers, self.supports)
 
-    def _apply(self, time: float, *, exact: bool) -> None:
-        """Set the colliders to the current supports; ``exact``: without tolerance."""
-        config = self.config
-        if is_whole(config.kind):
-            self._whole.update(config.kind, time)
+    def _apply(self, time: float) -> None:
+        """Set the colliders to the current supports."""
+        if is_whole(self.config.kind):
+            self._whole.update(self.config.kind, time)
         else:
             self._whole.release()
-        meshes = is_mesh(config.grid_kind) or bool(self._selector.mesh_patches)
-        batches = self.batches if meshes else []
-        self.colliders.release_meshes(batches)
-        self.colliders.apply(self._selector, time, config, exact=exact)
-        self.colliders.apply_meshes(batches, self.supports, config)
-        self._waking.note(self.colliders.changed)
+        self.colliders.apply(self._selector.batches(), self.supports, carry=self.config.carry_velocity)
 
     def _read_states(self, dt: float) -> None:
         if self._proxies is not None:

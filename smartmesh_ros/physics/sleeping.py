@@ -137,14 +137,14 @@ class Sleeping:
         )  # fmt: skip
         self._wake_marked(marked)
 
-    def wake_on_changed_ground(self, time: float, duration: float, tolerance: float) -> None:
+    def wake_on_changed_ground(self, time: float, duration: float) -> None:
         """Wake the bodies whose ground has changed, or will within the ``duration`` [s] from ``time`` [s] on."""
         asleep = self._followers.asleep
-        changed = self._ground.changed(asleep, self._boxes, time, duration, self.config.ground * tolerance)
+        changed = self._ground.changed(asleep, self._boxes, time, duration, self.config.ground)
         if changed.size:
             self.wake(changed)
         self._ground.keep_corrections()
-        self._move_with_corrections(self.config.ground * tolerance)
+        self._move_with_corrections(self.config.ground)
 
     def _move_with_corrections(self, limit: float) -> None:
         """Move sleeping bodies with the corrections of the ground under them that exceed ``limit`` [m] and have not
@@ -213,10 +213,10 @@ class Sleeping:
         self._wake_marked(marked)
         return True
 
-    def put_to_sleep(self, time: float, dt: float, steps: int, tolerance: float) -> None:
+    def put_to_sleep(self, time: float, dt: float, steps: int) -> None:
         """Put the islands to sleep that are still, on ground that will not move in the ``steps`` of ``dt`` [s] from
         ``time`` [s] on."""
-        slots, groups = self._ready(time, dt * steps, tolerance)
+        slots, groups = self._ready(time, dt * steps)
         ready = set(self._owners[slots].tolist())
         self._start(self.stopped.keys() - ready)
         for owner in ready - self.stopped.keys():
@@ -226,7 +226,7 @@ class Sleeping:
         if stopped:
             self._put(slots[all_of(np.array([owner in stopped for owner in self._owners[slots].tolist()]), groups)])
 
-    def _ready(self, time: float, duration: float, tolerance: float) -> tuple[IntArray, IntArray]:
+    def _ready(self, time: float, duration: float) -> tuple[IntArray, IntArray]:
         """Return the bodies that may fall asleep, and the island of each (n,)."""
         followers, config, awake = self._followers, self.config, self._followers.awake
         still = time - self._anchors[awake, SINCE] >= self.after
@@ -239,7 +239,7 @@ class Sleeping:
         groups = groups[np.searchsorted(awake, solid)]
         few = first_groups(groups, config.most)
         solid, groups = solid[few], groups[few]
-        limit = config.ground * tolerance
+        limit = config.ground
         ready = self._willing(solid) & self._ground.calm(solid, self._boxes, time, duration, limit)
         ready = all_of(ready, groups)
         self._ground.forget(solid[~ready])

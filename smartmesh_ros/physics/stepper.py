@@ -1,4 +1,4 @@
-"""One step of a PyBullet world on moving ground: refresh the patches, rescue, clamp, step, restore.
+"""One step of a PyBullet world on moving ground: refresh the patches, rescue, step.
 
 `World` steps its own PyBullet client this way, and `Ground.step` steps that of a user.
 """
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.guard import Guard
-from smartmesh_ros.physics.landing import Landing
 from smartmesh_ros.physics.update_schedule import UpdateSchedule
 
 if TYPE_CHECKING:
@@ -44,7 +43,6 @@ class Stepper:
         self._client = client
         self._ground = ground
         self._schedule = UpdateSchedule()
-        self.landing = Landing(client, ground)
         self._guard = Guard(ground)
 
     def refresh(self, time: float, physics: PhysicsConfig, *, behind_real_time: bool = False) -> None:
@@ -69,18 +67,10 @@ class Stepper:
         elif ground.go_on(time, physics.dt):
             self.counts.refreshes += 1
 
-    def step(self, time: float, physics: PhysicsConfig, simulate: Callable[[], object]) -> None:
-        """Clamp bodies before impact, run the step from ``time`` [s] on by calling ``simulate``, and restore the
-        bodies' velocities."""
-        stopwatch, clamped = self._ground.stopwatch, None
-        if physics.landing and not self._ground.exact:
-            with stopwatch.stage("bodies"):
-                clamped = self.landing.clamp(time, physics)
-        with stopwatch.stage("step"):
+    def step(self, simulate: Callable[[], object]) -> None:
+        """Run a step by calling ``simulate``."""
+        with self._ground.stopwatch.stage("step"):
             simulate()
-        if clamped is not None:
-            with stopwatch.stage("bodies"):
-                self.landing.restore(clamped, physics)
 
 
 def physics_of(client: Any, dt: float) -> PhysicsConfig:

@@ -13,7 +13,7 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.config import WholeKind
-from smartmesh_ros.physics.colliders.table import COLLIDERS
+from smartmesh_ros.physics.colliders.field import HOLE
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -101,12 +101,12 @@ class WholeMesh:
     def _replace(self, name: str, mesh: MainMesh, time: float) -> None:
         assert isinstance(mesh, HeightMap)
         geometry = mesh.geometry
-        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-COLLIDERS.hole)
+        heights = np.nan_to_num(whole_vertices(mesh, time)[:, 2] - geometry.origin[2], nan=-HOLE)
         rotated = np.rot90(heights.reshape(geometry.rows, geometry.columns)).ravel()
         rows, columns = geometry.columns, geometry.rows  # of the collider, which is rotated by 90 degrees
         if name not in self._colliders:
             bounds = np.zeros(geometry.size)
-            bounds[0], bounds[-1] = -COLLIDERS.hole, COLLIDERS.hole
+            bounds[0], bounds[-1] = -HOLE, HOLE
             # PyBullet's first index runs along its x axis, although the argument is called columns.
             shape = self._client.createCollisionShape(
                 pb.GEOM_HEIGHTFIELD,

@@ -47,13 +47,12 @@ from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 @dataclass(frozen=True, kw_only=True)
 class WorldConfig:
     """Settings of a world: its physics, its patches, when bodies ``sleep``, and remote bodies (``guests``), which other
-    nodes simulate. ``from_map``: as of `Ground`."""
+    nodes simulate."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     patch: PatchConfig = field(default_factory=PatchConfig)
     guests: GuestConfig = field(default_factory=GuestConfig)
     sleep: SleepConfig = field(default_factory=SleepConfig)
-    from_map: bool = True
 
 
 class World:
@@ -86,9 +85,7 @@ class World:
         self.client: Any = BulletClient(pb.DIRECT)
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
-        self.ground = Ground(
-            self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity, from_map=self.config.from_map
-        )
+        self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
         self.stepper = self.ground.stepper
         self.stepper.counts, self.stepper.drop_lost = self._counts, self._drop_lost
         self._factory = BodyFactory(self.client, self.config.physics)
@@ -112,7 +109,6 @@ class World:
         set_up(self.client, config.physics)
         self._factory.config = config.physics
         self.guests.config = config.guests
-        self.ground.from_map = config.from_map
         self.ground.configure(config.patch, gravity=math.hypot(*config.physics.gravity))
 
     @property
@@ -300,7 +296,7 @@ class World:
                 self.prepare()
             prepared()
             with self.stopwatch.stage("total"):
-                self.stepper.step(self.time, self.config.physics, self._simulate)
+                self.stepper.step(self._simulate)
             self.time += self.config.physics.dt
             self.guests.note_contacts()
             self.stopwatch.lap()
@@ -437,7 +433,7 @@ class World:
         failed."""
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
-        middles = middles_of(own, followers.shapes, followers.states)
+        middles, _ = middles_of(own, followers.shapes, followers.states)
         heights = self.terrain.at(middles[:, :2], self.ground.time).heights
         return [followers[slot].name for slot in own[middles[:, 2] < heights].tolist()]
 

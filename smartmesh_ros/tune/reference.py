@@ -14,8 +14,7 @@ from smartmesh_ros.tune.start import settings_of
 
 FINEST: Mapping[str, Any] = {
     "physics.rate": FINE_RATE,
-    "patch.kind": "heightfield",
-    "patch.tolerance": 1e-4,
+    "patch.kind": "auto",
     "patch.rate": 0.0,
     "terrain.motion": "extrapolate",
     "terrain.min_interval": 0.0,  # maps come with every step, and each gives a velocity of its own

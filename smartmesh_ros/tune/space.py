@@ -18,14 +18,13 @@ Value = float | str
 class Space:
     """Ordered lists (ladders) of values. The values are round, and every rate is a multiple of the measurements' 30 Hz.
 
-    The kinds are those with a tolerance, the plane, and the collider of the whole map. The report's other kinds are
-    slower than *heightfield* and no more accurate, see docs/accuracy.md.
+    The kinds are contacts from the map, and a collider of the whole map. The report's other kinds are slower and no
+    more accurate, see docs/accuracy.md.
     """
 
     rate: tuple[float, ...] = (60.0, 90.0, 120.0, 150.0, 180.0, 240.0, 300.0, 360.0, 480.0, 600.0, 720.0, 960.0)
     patch_rate: tuple[float, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 0.0)
-    tolerance: tuple[float, ...] = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)
-    kind: tuple[str, ...] = ("auto", "heightfield", "plane", "whole_heightfield")
+    kind: tuple[str, ...] = ("auto", "whole_heightfield")
     motion: tuple[str, ...] = ("hold", "extrapolate", "interpolate")
     solver_residual: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
     contact_erp: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -36,7 +35,6 @@ class Space:
         return {
             "physics.rate": self.rate,
             "patch.rate": self.patch_rate,
-            "patch.tolerance": self.tolerance,
             "patch.kind": self.kind,
             "terrain.motion": self.motion,
             "physics.solver_residual": self.solver_residual,

@@ -11,14 +11,11 @@ import pybullet as pb
 
 from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.colliders.field import replace_field
 from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from studies.bench.handing import Handing, handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
-    BALL,
-    BOX,
     RADIUS,
     RESOLUTION,
     Player,
@@ -55,21 +52,19 @@ FINE = Scale(("smartmesh", "mujoco"), 1001, 0.02, 0.3)
 
 
 def measure_updates(bench: Bench) -> None:
-    """Updates of a batch of heightfield patches by their size, all in, without and with the edge filter."""
+    """Updates of a batch of heightfield patches by their size, all in."""
     waves = Waves(SIDE)
     for rings in RINGS[:2] if bench.effort.quick else RINGS:
-        for method, edge_filter in (("unfiltered", False), ("filtered", True)):
-            patch = PatchConfig(kind="heightfield", rings=rings, edge_filter=edge_filter)
-            player = Player(waves, height_map(waves), patch, BATCH, shape=BOX if edge_filter else BALL)
-            with player.world as world:
-                runs = {
-                    Case("update", method, SIDE, BATCH, rings): world.refresh,
-                    Case("replace", method, SIDE, BATCH, rings): _replacements(world.client, rings, edge_filter),
-                }
-                bench.race(runs, player.next_frame)
+        player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=rings), BATCH)
+        with player.world as world:
+            runs = {
+                Case("update", "unfiltered", SIDE, BATCH, rings): world.refresh,
+                Case("replace", "unfiltered", SIDE, BATCH, rings): _replacements(world.client, rings),
+            }
+            bench.race(runs, player.next_frame)
 
 
-def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], None]:
+def _replacements(client: Any, rings: int) -> Callable[[], None]:
     """Measure PyBullet's replacement of the batch's heightfields alone, the lower bound of an update."""
     size = 2 * rings + 1
     heights = np.random.default_rng(1).uniform(-0.1, 0.1, (2, size * size)).tolist()
@@ -79,7 +74,7 @@ def _replacements(client: Any, rings: int, edge_filter: bool) -> Callable[[], No
     def run() -> None:
         heights.reverse()
         for _ in range(BATCH):
-            replace_field(client._client, shape, size, size, heights[0], filtered=edge_filter)
+            client.createCollisionShape(heightfieldData=heights[0], replaceHeightfieldIndex=shape, **layout)
 
     return run
 
@@ -95,7 +90,7 @@ def measure_steps(bench: Bench, count: int, rate: float) -> None:
 def measure_batches(bench: Bench, count: int) -> None:
     """The update of 5 x 5 patches by the number of bodies."""
     waves = Waves(SIDE)
-    player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2, edge_filter=False), count)
+    player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2), count)
     with player.world as world:
         bench.time(Case("update", "unfiltered", SIDE, count, 2), world.refresh, player.next_frame)
 
@@ -126,7 +121,7 @@ def measure_ingest(bench: Bench) -> None:
 def measure_general(bench: Bench) -> None:
     """Measure the update of one body on a general mesh whose vertices all move, with each suitable search."""
     waves = Waves(MESH_SIDE)
-    base = PatchConfig(kind="trimesh", rings=1, edge_filter=False)
+    base = PatchConfig(kind="trimesh", rings=1)
     for search in ("brute_force", "best_first"):
         for collect in ("cached", "union_bfs"):
             player = Player(waves, general_mesh(waves), replace(base, search=search, collect=collect))

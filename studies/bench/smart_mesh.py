@@ -11,7 +11,6 @@ from smartmesh_ros.patches.config import PatchConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     BALL,
-    BOX,
     FRAME,
     RADIUS,
     RESOLUTION,
@@ -29,8 +28,8 @@ SIDE = 200
 LARGEST_GENERAL = 512
 
 # The report's own colliders: triangle meshes built anew, in the kinds of the mesh they are cut from.
-REPORT = PatchConfig(kind="trimesh", rings=1, edge_filter=False, carry_velocity=False)
-UNIFORM = PatchConfig(kind="heightfield", rings=1, edge_filter=False)
+REPORT = PatchConfig(kind="trimesh", rings=1, carry_velocity=False)
+UNIFORM = PatchConfig(kind="heightfield", rings=1)
 
 
 def sides(quick: bool) -> tuple[int, ...]:
@@ -86,10 +85,9 @@ def measure_local_colliders(bench: Bench) -> None:
             ("varying", varying),
             ("constant", constant),
             ("heightfield", plain),
-            ("heightfield_filtered", replace(plain, edge_filter=True)),
         ):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            player = Player(waves, mesh, config, shape=BOX if config.edge_filter else BALL)
+            player = Player(waves, mesh, config, shape=BALL)
             with player.world as world:
                 bench.time(Case("local", method, SIDE, rings=rings), world.refresh, player.next_frame)
 

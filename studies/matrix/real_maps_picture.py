@@ -32,7 +32,7 @@ def ways(noise: float) -> tuple[Way, ...]:
     replaced by each map."""
     return (
         Way("PyBullet, heightfield replaced", "#9a9a9a", MotionConfig(mode="hold"),
-            PhysicsConfig(guard=False, landing=False), PatchConfig(kind="whole_heightfield", **BARE)),
+            PhysicsConfig(guard=False), PatchConfig(kind="whole_heightfield", **BARE)),
         Way("as motion (before)", "#d1605e", MotionConfig()),
         Way("as corrections (now)", "#2f6fab", MotionConfig(changes="correction", noise=noise)),
     )  # fmt: skip

@@ -12,8 +12,8 @@ Figure = Callable[[PatchConfig], float]
 
 METHODS: dict[str, PatchConfig] = {
     "defaults": PatchConfig(),
-    "no velocity": PatchConfig(kind="heightfield", carry_velocity=False),
-    "no edge filter": PatchConfig(kind="heightfield", edge_filter=False),
+    "no velocity": PatchConfig(carry_velocity=False),
+    "heightfield": PatchConfig(kind="heightfield"),
     "rebuilt trimesh": PatchConfig(kind="trimesh", **BARE),
     "convex hull": PatchConfig(kind="hull", **BARE),
     "prisms": PatchConfig(kind="prisms", **BARE),

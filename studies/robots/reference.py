@@ -27,9 +27,9 @@ def reference_centres(scene: RobotScene, setup: RobotSetup) -> FloatArray:
     """Return where robots are after `HORIZON` (N, 3) [m].
 
     On ground at rest the collider is a triangle mesh of the whole map, without a filter of inner edges. On moving
-    ground, where a whole collider has no velocity, it is our finest patches.
+    ground, where a whole collider has no velocity, it is ours, with an eighth of the step.
     """
-    finest = PatchConfig(tolerance=1e-4, rate=MAPS)
+    finest = PatchConfig(rate=MAPS)
     patch = PatchConfig(kind="whole_trimesh") if scene.motion == "rest" else finest
     options = WorldOptions(patch=patch, physics=PhysicsConfig(sleep=False))
     with WorldRobots(setup, options) as engine:

@@ -25,15 +25,18 @@ class Selecting:
         self.selector.reserve(self._count)
         self._shapes = shapes
         self._solid = np.ones(self._count, bool) if solid is None else solid
+        self._last: Any = None
 
     @property
     def supports(self) -> Any:
         return self.selector.supports[: self._count]
 
     def update(self, bodies: FloatArray, time: float, duration: float) -> None:
-        self.selector.update(np.flatnonzero(self._solid), self._shapes, bodies, time, duration, 9.81)
+        self._last = bodies, time, duration
+        self.selector.update(np.flatnonzero(self._solid), self._shapes, bodies, time, duration)
 
     def batches(self) -> list[PatchBatch]:
         if not self._solid.all():
-            self.selector.choose_tracked(np.flatnonzero(~self._solid))
+            bodies, time, duration = self._last
+            self.selector.update(np.flatnonzero(~self._solid), self._shapes, bodies, time, duration)
         return self.selector.batches()

@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.patches.facets import (
     Facet,
-    Plane,
     Point,
     closest_point,
     height_of,
     plane_normal,
     plane_of,
 )
-from smartmesh_ros.patches.gaps import ball_gap, box_gap, deviation_near, gap_to
+from smartmesh_ros.patches.gaps import ball_gap, box_gap, gap_to
 from smartmesh_ros.patches.shapes import BodyShape, box, solid_of
 from smartmesh_ros.patches.solids import Solid, extents, reach_along
 from tests.bodies import FORMS, Form, random_turn, rotation, shapes_of
@@ -188,28 +187,6 @@ def test_a_gap_beyond_what_matters_is_still_beyond_it(seed: int, name: str, upri
     for threshold in (limit, min(limit, near)):
         if abs(exact.distance - threshold) > 2e-6:
             assert (gap.distance > threshold) == (exact.distance > threshold)
-
-
-@examples(400)
-@given(seeds, st.sampled_from(FORMS))
-def test_the_deviation_near_a_solid_is_that_of_every_point_it_can_touch(seed: int, name: str) -> None:
-    rng = np.random.default_rng(seed)
-    corners = triangle(rng)
-    facet, size = as_facet(corners), float(np.abs(corners[:, :2]).max())
-    form, position, turn, solid = form_at(rng, name, corners)
-    plane = Plane(float(rng.normal(scale=0.2 * size)), *rng.normal(scale=0.3, size=2).tolist())
-    gap, margin = gap_to(facet, solid), float(size * rng.choice([0.0, 0.1, 1.0]))
-    points = SHARES @ corners
-    # Points of the triangle within the margin of a point inside the form.
-    near = form.surface(rng, 300) @ rotation(turn).T + position
-    squared = sum(np.subtract.outer(points[:, axis], near[:, axis]) ** 2 for axis in range(3))
-    touched = np.min(squared, axis=1) <= margin**2
-    touched |= form.inside(points, position, rotation(turn))
-    off = np.abs(points[:, 2] - height_of(plane, 0.0, 0.0) - points[:, :2] @ (plane.slope_x, plane.slope_y))
-    bound = deviation_near(facet, plane, solid, gap, margin)
-    assert (off[touched] <= bound + 1e-9 * (1.0 + size)).all()
-    corner_off = [abs(z - height_of(plane, x, y)) for x, y, z in corners.tolist()]
-    assert bound <= max(corner_off) + 1e-12, "and no more than it is at the corners"
 
 
 @given(seeds)

@@ -1,4 +1,4 @@
-"""Distances of triangles from shapes, and the facets found within a margin, against the library coal."""
+"""Distances of triangles from shapes against the library coal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.patches.contact_candidates import Travel, Window, candidate_facets, facet_of
 from smartmesh_ros.patches.facets import Facet, Point
 from smartmesh_ros.patches.gaps import gap_to
 from smartmesh_ros.patches.shapes import MOST_GROWTH, BodyShape, ball, box, capsule, compound, cylinder, hull, solid_of
@@ -19,8 +18,6 @@ from tests.bodies import random_turn, rotation, shapes_of
 from tests.coal_shapes import coal_hull, coal_triangle
 from tests.examples import examples
 
-# Largest distance beyond the margin at which a facet may still be found [m].
-TOO_FAR = 1e-3
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 
 seeds = st.integers(0, 10**9)
@@ -97,44 +94,6 @@ def test_the_gap_is_the_distance(seed: int, name: str) -> None:
             assert gap == pytest.approx(truth, abs=1e-5)
         else:
             assert gap <= 2e-6
-
-
-@examples(60)
-@given(seeds, st.sampled_from(SHAPES), st.sampled_from([0.0, 0.003, 0.02]))
-def test_all_facets_within_the_margin_are_found_and_none_beyond(seed: int, name: str, margin: float) -> None:
-    rng = np.random.default_rng(seed)
-    missed, too_far = compare(name, margin, rng)
-    assert not missed
-    assert not too_far
-
-
-def compare(name: str, margin: float, rng: np.random.Generator) -> tuple[list[float], list[float]]:
-    """Distances of the facets that were missed, and of those that were found too far away."""
-    made, parts = shape_named(name, rng)
-    spacing = float(rng.choice([0.04, 0.1, 0.25]))
-    heights = rng.normal(scale=rng.choice([0.01, 0.1]), size=(14, 14))
-    turn = random_turn(rng)
-    solid = solid_of(shapes_of([made]), 0, np.concatenate([np.zeros(3), turn, np.zeros(6)]))
-    low = float(solid.centre.z - solid.reach)
-    middle = 6.5 * spacing
-    position = np.array([middle, middle, float(np.median(heights)) - low + rng.normal(scale=0.3 * made.radius)])
-    solid = solid_of(shapes_of([made]), 0, np.concatenate([position, turn, np.zeros(6)]))
-    marks = np.zeros((14, 14), np.uint8)
-    window = Window(heights, np.zeros((14, 14)), spacing)
-    found = candidate_facets(window, solid, Travel(0.0, 0.0, 0.0, margin), marks)
-    distance, missed, too_far, count = true_distance(parts, position, turn), [], [], 0
-    for a in range(13):
-        for b in range(13):
-            for upper in range(2):
-                marked = bool(marks[a, b] & (1 + upper))
-                count += marked
-                truth = distance(np.array(facet_of(heights, spacing, a, b, upper)))
-                if truth <= margin - 1e-9 and not marked:
-                    missed.append(truth)
-                if marked and truth > margin + TOO_FAR:
-                    too_far.append(truth)
-    assert count == found.facets
-    return missed, too_far
 
 
 def test_a_hull_of_many_vertices_is_replaced_by_one_of_fewer_that_holds_it() -> None:

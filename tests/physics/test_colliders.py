@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import combinations
 from typing import get_args
 
@@ -11,8 +10,6 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, PatchConfig, Sphere, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
-from smartmesh_ros.physics.colliders import field
-from smartmesh_ros.physics.colliders.table import COLLIDERS
 from smartmesh_ros.search.methods import SearchMethod
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -289,8 +286,3 @@ def width_on_a_seesaw() -> float:
 
 def test_the_bounds_of_leaning_colliders_do_not_reach_over_others() -> None:
     assert width_on_a_seesaw() < 1.0
-
-
-def test_bounds_as_high_as_they_may_be_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(field, "COLLIDERS", replace(COLLIDERS, slope=np.inf))
-    assert width_on_a_seesaw() > 10.0

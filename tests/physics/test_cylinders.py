@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PatchConfig, Sphere, World, WorldConfig
+from smartmesh_ros import BodyState, Cylinder, HeightMap, PatchConfig, World, WorldConfig
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics.config import PhysicsConfig
 
@@ -31,10 +31,9 @@ def fastest_after(kind: PatchKind, height: float, drop: float, rest: float) -> t
         return fastest, turn
 
 
-@pytest.mark.parametrize("kind", ["auto", "plane"])
 @pytest.mark.parametrize(("height", "drop"), [(0.3, 0.25), (0.3, 0.002), (0.05, 0.25)])
-def test_a_standing_cylinder_comes_to_rest(kind: PatchKind, height: float, drop: float) -> None:
-    speed, turn = fastest_after(kind, height, drop, rest=2.0)
+def test_a_standing_cylinder_comes_to_rest(height: float, drop: float) -> None:
+    speed, turn = fastest_after("auto", height, drop, rest=2.0)
     assert speed < 1e-4
     assert turn < 1e-3
 
@@ -59,22 +58,8 @@ def test_a_cylinder_rolls_straight() -> None:
         assert end.linear[0] == pytest.approx(speed, rel=0.01)
 
 
-def test_cylinders_and_capsules_stand_on_half_spaces_and_other_bodies_on_boxes() -> None:
-    shapes = {"can": Cylinder(0.1, 0.2), "pill": Capsule(0.1, 0.2), "ball": Sphere(0.1), "box": Box(0.2, 0.2, 0.2)}
-    with World(level(), WorldConfig(patch=PatchConfig(kind="plane"))) as world:
-        for index, (name, shape) in enumerate(shapes.items()):
-            world.spawn(name, shape, 1.0, BodyState((index - 1.5, 0.0, shape.bounding_radius)))
-        world.step(60)
-        endless = {}
-        for name, follower in zip(shapes, world.ground.followers, strict=True):
-            low, high = world.client.getAABB(follower.collider)
-            endless[name] = high[0] - low[0] > 1e6
-        assert endless == {"can": True, "pill": True, "ball": False, "box": False}
-
-
 @pytest.mark.parametrize("slope", [0.0, 0.3])
 def test_a_cylinder_rides_on_a_plane_that_rises(slope: float) -> None:
-    """Its half space carries the ground's velocity as a box does."""
     speed, angle = 1.5, math.atan(slope)
     plane = np.tile(slope * (0.1 * np.arange(41) - 2.0), (41, 1))
     heightmap = HeightMap(plane, resolution=0.1, origin=(-2.0, -2.0), velocities=np.zeros((41, 41)))

@@ -1,4 +1,4 @@
-"""Contacts worked out from the map itself (``from_map`` of `Ground` and `WorldConfig`)."""
+"""Contacts worked out from the map itself (``patch.kind`` *auto*)."""
 
 import math
 from typing import Any
@@ -21,6 +21,7 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
+from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics.shapes import Shape
 
 DT = 1.0 / 240.0
@@ -40,7 +41,7 @@ def flat(spacing: float = 0.05, cells: int = 201) -> HeightMap:
 
 
 def world_of(heightmap: HeightMap, **physics: Any) -> World:
-    world = World(heightmap, WorldConfig(from_map=True, physics=PhysicsConfig(**physics)))
+    world = World(heightmap, WorldConfig(physics=PhysicsConfig(**physics)))
     world.refresh()
     assert world.ground.exact
     return world
@@ -151,7 +152,7 @@ def ball(client: Any) -> int:
 
 
 def test_the_users_own_steps_are_enough(client: Any) -> None:
-    body, ground = ball(client), Ground(client, flat(), from_map=True)
+    body, ground = ball(client), Ground(client, flat())
     ground.attach(body)
     ground.update(0.0, DT)
     for _ in range(480):
@@ -160,7 +161,7 @@ def test_the_users_own_steps_are_enough(client: Any) -> None:
 
 
 def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
-    body, ground = ball(client), Ground(client, flat(), from_map=True)
+    body, ground = ball(client), Ground(client, flat())
     ground.attach(body)
     ground.step(0.0, DT)
     del ground
@@ -171,16 +172,14 @@ def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
     client.stepSimulation()
 
 
+KINDS: tuple[PatchKind, ...] = ("auto", "heightfield", "auto", "trimesh", "auto")
+
+
 def test_the_kind_of_contacts_may_change_under_a_body() -> None:
     with world_of(flat()) as world:
         world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
-        for config in (
-            WorldConfig(from_map=True),
-            WorldConfig(),
-            WorldConfig(from_map=True),
-            WorldConfig(patch=PatchConfig(kind="heightfield")),
-        ):
-            world.configure(config)
+        for kind in KINDS:
+            world.configure(WorldConfig(patch=PatchConfig(kind=kind)))
             world.step(120)
-            assert world.ground.exact == config.from_map
+            assert world.ground.exact == (kind == "auto")
             assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)

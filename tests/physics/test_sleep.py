@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, PatchConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, Terrain, World, WorldConfig
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.ground import Ground
@@ -100,8 +100,8 @@ def test_bodies_side_by_side_do_not_wake_one_another() -> None:
 
 @pytest.mark.parametrize("moved", [1e-4, 3e-4])
 def test_small_changes_of_the_ground_add_up(moved: float) -> None:
-    """A change below the share of the tolerance wakes none; many of them do, before they exceed the tolerance."""
-    tolerance = PatchConfig().tolerance
+    """A change below the limit wakes none; many of them do, once they exceed it."""
+    limit = SleepConfig().ground
     ground = HeightMap(FLAT, resolution=SPACING, origin=(-3.0, -3.0), motion=MotionConfig(max_interval=0.1))
     with World(ground) as world:
         world.spawn("box", BOX, 1.0, BodyState((0.0, 0.0, 0.1)))
@@ -112,9 +112,9 @@ def test_small_changes_of_the_ground_add_up(moved: float) -> None:
             world.step(4)
             if not asleep(world):
                 break
-            assert count * moved <= tolerance
+            assert count * moved <= limit
             world.step(60)
-        assert count == math.floor(0.5 * tolerance / moved + 1e-6) + 1
+        assert count == math.floor(limit / moved + 1e-6) + 1
 
 
 def test_what_is_changed_elsewhere_wakes_none() -> None:

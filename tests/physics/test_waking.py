@@ -8,7 +8,6 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.physics.ground import Ground
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -70,12 +69,11 @@ def asleep(client: Any, ground: Ground, body: int) -> int:
 
 
 @pytest.mark.parametrize("maximal", [False, True], ids=["multibody", "rigid body"])
-@pytest.mark.parametrize("kind", ["auto", "heightfield", "trimesh"])
 @pytest.mark.parametrize("drop", [1.0, 0.05, 0.002])
-def test_a_sleeping_body_falls_with_its_ground(client: Any, maximal: bool, kind: PatchKind, drop: float) -> None:
+def test_a_sleeping_body_falls_with_its_ground(client: Any, maximal: bool, drop: float) -> None:
     heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
     body = box(client, maximal)
-    ground = Ground(client, heightmap, PatchConfig(kind=kind))
+    ground = Ground(client, heightmap)
     ground.attach(body)
     step = asleep(client, ground, body)
     before = height(client, body)

@@ -12,7 +12,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
-from smartmesh_ros.physics.colliders.table import COLLIDERS
+from smartmesh_ros.physics.colliders.field import HOLE
 from smartmesh_ros.physics.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
@@ -144,8 +144,8 @@ class BulletHeightfield(_Bullet):
         self._carry = chosen.carry_velocity
         bounds = np.zeros(rows * columns)
         bounds[0], bounds[-1] = (
-            -COLLIDERS.hole,
-            COLLIDERS.hole,
+            -HOLE,
+            HOLE,
         )  # PyBullet never updates the bounds of a heightfield
         self._shape: int = self._client.createCollisionShape(
             pb.GEOM_HEIGHTFIELD,

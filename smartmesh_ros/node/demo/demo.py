@@ -57,8 +57,7 @@ SOURCE = {
 }  # fmt: skip
 # Outputs whose rate is lowered to 10 Hz, so that two cores suffice for three processes.
 WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
-# The tolerance suits a map with a centimetre of noise: patches of every kind appear.
-COLLIDER = {"patch.tolerance": 0.015, **{f"publish.{topic}": 10.0 for topic in WATCHED}}
+COLLIDER = {f"publish.{topic}": 10.0 for topic in WATCHED}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 SHAPES = (

@@ -33,7 +33,7 @@ def summary(settings: Settings) -> str:
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
     often = f"{patch.rate:g} Hz" if patch.rate else "every step"
     return (
-        f"terrain from {terrain}; physics {physics.rate:g} Hz; patches {patch.kind} within {patch.tolerance:g} m, "
+        f"terrain from {terrain}; physics {physics.rate:g} Hz; patches {patch.kind}, "
         f"{often}; executor {settings.executor}"
     )
 

@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from smartmesh_ros.physics.world import World
@@ -99,9 +98,7 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
     for batch in batches:
         kinds[batch.kind] += len(batch.bodies)
     patches, remote = kinds.total(), int(world.followers.table["remote"].sum())
-    known = [batch.deviation[~np.isnan(batch.deviation)] for batch in batches]
-    deviation = max((float(of_batch.max()) for of_batch in known if of_batch.size), default=0.0)
-    values = {
+    values: dict[str, Any] = {
         "simulated": sum(body.simulated for body in world.bodies.values()),
         "tracked": sum(body.tracked for body in world.bodies.values()),
         "asleep": sum(world.is_asleep(body.name) for body in world.bodies.values()),
@@ -111,7 +108,6 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         "put back onto the ground": world.rescues,
         **{f"jumps on {topic}": count for topic, count in sorted(health.jumps.items())},
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
-        "largest deviation [m]": f"{deviation:.6f}",
         "colliders replaced": world.ground.replacements,
         "colliders leaked": world.ground.leaked,
     }
@@ -122,8 +118,6 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
     if health.silent_peers:
         return DiagnosticStatus.WARN, f"not heard: {', '.join(health.silent_peers)}", values
-    if deviation > world.config.patch.tolerance:
-        return DiagnosticStatus.WARN, f"patches lie up to {deviation:.4f} m from the terrain", values
     return DiagnosticStatus.OK, f"{patches} patches", values
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -28,10 +29,11 @@ class Spec(NamedTuple):
     read_only: bool = False
 
 
-def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
+def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
     """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
 
-    Raises `InputError` if a value is invalid, because a node must not start with settings other than those requested.
+    ``removed``: parameters of earlier versions, and what replaces them. Raises `InputError` if one of these is set or a
+    value is invalid, because a node must not start with settings other than those requested.
     """
     for spec in specs:
         try:
@@ -42,6 +44,8 @@ def declare(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
     for name, override in sorted(node._parameter_overrides.items()):
         if name.startswith(PREFIX):
             require_override(name, override.value)
+        elif name in removed:
+            raise InputError("parameter", f"{name} is gone: {removed[name]}")
         elif not node.has_parameter(name):
             node.get_logger().warning(f"parameter {name!r} is unknown and has no effect{_nearest(name, specs)}")
     return checked(current_values(node, specs), specs)

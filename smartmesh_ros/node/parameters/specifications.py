@@ -69,10 +69,6 @@ SPECS = (
     ),
     Spec("physics.guard", _PHYSICS.guard, "Put bodies that are below the ground back onto it."),
     Spec(
-        "physics.landing", _PHYSICS.landing,
-        "Stop bodies at the surface if they would penetrate the ground within a step.",
-    ),
-    Spec(
         "physics.sleep", _PHYSICS.sleep,
         "Bodies at rest on ground at rest sleep, without a collider, until anything comes near or the ground changes.",
     ),
@@ -95,37 +91,30 @@ SPECS = (
     ),
     Spec(
         "search.method", _PATCH.search,
-        "Search for the nearest vertex, on general meshes and for patches of fixed size, such as with patch.rings "
-        "above 0.",
+        "Search for the vertex nearest to a body, of patches that are shown or are colliders.",
         choices=get_args(SearchMethod),
     ),
     Spec(
         "collect.method", _PATCH.collect,
-        "Collection of the vertices of a patch of fixed size, such as with patch.rings above 0.",
+        "Collection of the vertices of a patch that is shown or is a collider.",
         choices=get_args(CollectMethod),
     ),
     Spec(
         "patch.kind", _PATCH.kind,
-        "Collider of a patch; auto: none, a plane, or the smallest heightfield within patch.tolerance, whichever "
-        "suffices.",
+        "What bodies collide with; auto: the map itself. The other kinds are colliders of PyBullet's own, for "
+        "comparisons.",
         choices=get_args(PatchKind),
     ),
     Spec(
         "patch.rings", _PATCH.rings,
-        "Samples on each side of the nearest vertex; 0 = derived from the body's size.",
+        "Samples of a patch on each side of the nearest vertex; 0 = as many as the body and its motion need.",
         0, 4,
-    ),
-    Spec(
-        "patch.tolerance", _PATCH.tolerance,
-        "Largest allowed distance between a patch and the terrain [m]; higher gives simpler colliders.",
-        1e-6, 10.0,
     ),
     Spec(
         "patch.rate", _PATCH.rate,
         "Refresh rate of the patches [Hz]; new maps raise it up to twofold. 0 = refresh in every step.",
         0.0, 100_000.0,
     ),
-    Spec("patch.edge_filter", _PATCH.edge_filter, "Filter ghost collisions at the inner edges of patches."),
     Spec(
         "patch.carry_velocity", _PATCH.carry_velocity,
         "Pass the ground's velocity to the contacts, so that moving ground carries bodies along.",
@@ -377,6 +366,14 @@ _SETTINGS = {
 }
 
 
+# Parameters of earlier versions, and what replaces them.
+REMOVED = {
+    "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
+    "patch.tolerance": "contacts from the map are exact; leave it out",
+    "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
+}
+
+
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Return the settings for the values of all parameters; raises `InputError` for the first invalid value."""
     v = declaring.checked(values, SPECS)
@@ -413,7 +410,7 @@ def _changes(value: str, terrain_input: str) -> Changes:
 
 def declare(node: Node) -> Settings:
     """Declares the node's parameters and returns its settings; raises `InputError` if they are invalid."""
-    settings = settings_from(declaring.declare(node, SPECS))
+    settings = settings_from(declaring.declare(node, SPECS, REMOVED))
     require_one_clock(settings.publish.clock, node.get_parameter("use_sim_time").value)
     return settings
 

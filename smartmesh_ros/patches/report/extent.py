@@ -6,8 +6,7 @@ import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
-# Rings of the largest patch on a grid: 9 x 9 samples (the report's largest collider); larger bodies get a coarser
-# stride.
+# Rings of the report's largest collider: 9 x 9 samples.
 MOST_GRID_RINGS = 4
 
 
@@ -21,12 +20,15 @@ class Extent(NamedTuple):
     most: FloatArray
 
 
-def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0) -> Extent:
+def extent_for(
+    reach: FloatArray, resolution: float, smallest_side: int, fixed_rings: int = 0, most_rings: int = MOST_GRID_RINGS
+) -> Extent:
     """Return the size of patches for bodies that can touch ground within ``reach`` [m] of their centre until the next
     update.
 
     ``resolution`` [m] and ``smallest_side`` [samples] are the map's. ``fixed_rings`` > 0 sets the rings (the report's
-    collider-size) with stride 1. A patch is never larger than the map.
+    collider-size) with stride 1. A body that needs more than ``most_rings`` gets a coarser stride. A patch is never
+    larger than the map.
     """
     room = (smallest_side - 1) // 2
     if fixed_rings:
@@ -34,7 +36,7 @@ def extent_for(reach: FloatArray, resolution: float, smallest_side: int, fixed_r
         return Extent(rings, np.ones_like(rings), np.zeros_like(reach), np.full_like(reach, np.inf))
     # Half a cell more, because the patch is centred on the nearest vertex instead of the body.
     cells = np.clip(np.ceil(reach / resolution + 0.5 - 1e-9).astype(np.int64), 1, room)
-    stride = -(-cells // MOST_GRID_RINGS)
+    stride = -(-cells // most_rings)
     rings = np.maximum(np.minimum(-(-cells // stride), room // stride), 1)
     covered = rings * stride
     most = np.where(covered + stride > room, np.inf, (covered - 0.5) * resolution)

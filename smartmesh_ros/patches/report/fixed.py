@@ -11,12 +11,11 @@ import numpy as np
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.contact_candidates import Window, nearest_facet, nearest_planes
+from smartmesh_ros.patches.foot import Place, Window, describe, in_window, local_body, nearest_facet
 from smartmesh_ros.patches.report.collect import BFS
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.grid_search import GridSearch
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.selection import Place, describe, in_window, local_body
 from smartmesh_ros.patches.shapes import solid_of
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
@@ -54,16 +53,15 @@ class FixedPatches:
     def select(
         self, heightmap: HeightMap, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float,
         duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
-    ) -> list[FloatArray]:  # fmt: skip
-        """Write the supports of the bodies in ``chosen`` (n,) on a map and return the heights [m] of their patches,
-        each (K,).
+    ) -> None:  # fmt: skip
+        """Write the supports of the bodies in ``chosen`` (n,) on a map.
 
-        ``shapes``, ``bodies``, ``supports``: as in `select`; ``reach`` (n,) [m]: radius about each body's centre within
-        which it can touch ground until the next update; ``before``: the patches of the last update, for the ray-cast
-        search.
+        ``shapes``: `Shapes` of S slots; ``bodies`` (S, 13); ``supports`` (S,): records of ``SUPPORT``. ``reach`` (n,)
+        [m]: radius about each body's centre within which it can touch ground until the next update; ``before``: the
+        patches of the last update, for the ray-cast search.
         """
-        geometry = heightmap.geometry
-        self._set_extents(heightmap, chosen, reach, config.rings)
+        geometry = heightmap.placed_at(time)
+        self._set_extents(heightmap, chosen, reach, config)
         with self._stopwatch.stage("search"):
             grid = geometry.to_grid(bodies[chosen, :2])
             cells = self._search.nearest(config.search, geometry, chosen, grid, bodies[chosen, :3], before)
@@ -72,33 +70,28 @@ class FixedPatches:
                 nearest = np.ceil(grid - 0.5).astype(np.int64)
                 beyond = (nearest < 1) | (nearest > (geometry.rows - 2, geometry.columns - 2))
                 cells = Cells(*np.where(beyond.any(axis=1), nearest.T, cells))
-        heights: list[FloatArray] = [np.empty(0)] * len(chosen)
         with self._stopwatch.stage("collect"):
             rings = self._extents[chosen, 0].astype(np.int64)
             for size in np.unique(rings).tolist():
                 of_size = np.flatnonzero(rings == size)
                 part = Cells(cells.rows[of_size], cells.columns[of_size])
-                found = self._of_size(
-                    heightmap, size, chosen[of_size], part, shapes, bodies, time, duration, config, supports
-                )
-                for row, values in zip(of_size.tolist(), found, strict=True):
-                    heights[row] = values
-        return heights
+                self._of_size(heightmap, size, chosen[of_size], part, shapes, bodies, time, duration, config, supports)
 
-    def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, rings: int) -> None:
+    def _set_extents(self, heightmap: HeightMap, chosen: IntArray, need: FloatArray, config: PatchConfig) -> None:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
         sizes."""
         _, _, least, most = self._extents[chosen].T
         outgrown = (need > most) | (need < least)
         geometry = heightmap.geometry
         side = min(geometry.rows, geometry.columns)
-        extent = extent_for(need[outgrown], geometry.resolution, side, rings)
+        extent = extent_for(need[outgrown], geometry.resolution, side, config.rings, config.most_rings)
         self._extents[chosen[outgrown]] = np.stack(extent, axis=1)
 
     def _of_size(
         self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: Any, bodies: FloatArray,
         time: float, duration: float, config: PatchConfig, supports: Any,
-    ) -> FloatArray:  # fmt: skip
+    ) -> None:  # fmt: skip
+        """Write the supports of the bodies in ``chosen`` (n,), whose patches have as many ``rings``."""
         geometry, stride = heightmap.geometry, self._extents[chosen, 1].astype(np.int64)
         rows, columns = cells
         if len(self._terrain.tiles) == 1:  # stay one patch away from the edge, so that every patch is complete
@@ -118,7 +111,6 @@ class FixedPatches:
             heightmap.moved_to(time), chosen, shapes, bodies, now.reshape(-1, size, size),
             (velocities * duration).reshape(-1, size, size), duration, supports,
         )  # fmt: skip
-        return now
 
     def _collect(
         self, heightmap: HeightMap, rings: int, rows: IntArray, columns: IntArray, stride: IntArray, time: float,
@@ -150,13 +142,11 @@ def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, suppo
         local_body(grid, bodies[chosen[k]], local)
         solid = solid_of(shapes, chosen[k], local)
         own = in_window(grid, place, solid)
-        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]  # array type of `select`
+        # Slices, because their array type is the one that this is compiled for.
+        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]
         window = Window(h, r, grid.resolution * place.stride)
-        candidates = nearest_facet(window, own)
-        if candidates.facets == 0:
-            support.state, support.gap = Support.NONE, math.inf
-            continue
-        support.state = Support.FIELD
-        support.gap, support.margin = candidates.gap.distance, 0.0
-        plane, rise = nearest_planes(window, candidates)
-        describe(grid, place, own, candidates, plane, rise, duration, support)
+        nearest = nearest_facet(window, own)
+        support.state = Support.NONE
+        if nearest.gap.distance < math.inf:
+            support.state = Support.FIELD
+            describe(grid, place, window, own, nearest, duration, support)

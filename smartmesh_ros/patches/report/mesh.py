@@ -50,10 +50,10 @@ class MeshPatches:
 
     def select(
         self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any, before: dict[int, MeshPatch], gravity: float, *, fixed: bool,
+        config: PatchConfig, supports: Any, before: dict[int, MeshPatch],
     ) -> dict[int, MeshPatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
-        `FixedPatches.select`; ``fixed``: give patches to bodies that cannot touch the mesh as well."""
+        `FixedPatches.select`."""
         require_search(config.search, self.mesh)
         positions_w = bodies[chosen, :3]
         with self._stopwatch.stage("search"):
@@ -62,8 +62,7 @@ class MeshPatches:
         patches = {}
         with self._stopwatch.stage("collect"):
             for body, vertex, distance in zip(chosen.tolist(), found.tolist(), reach.tolist(), strict=True):
-                patches[body] = self._patch(body, vertex, distance, shapes, bodies, time, duration, config, supports,
-                                            gravity, fixed=fixed)  # fmt: skip
+                patches[body] = self._patch(body, vertex, distance, shapes, bodies, time, duration, config, supports)
         return patches
 
     def _search(
@@ -97,7 +96,7 @@ class MeshPatches:
 
     def _patch(
         self, body: int, vertex: int, reach: float, shapes: Any, bodies: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any, gravity: float, *, fixed: bool,
+        config: PatchConfig, supports: Any,
     ) -> MeshPatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)
@@ -112,11 +111,6 @@ class MeshPatches:
         linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
         support.slide_x, support.slide_y, support.rise = linear
         support.turn_x, support.turn_y, support.turn_z = angular
-        swing = float(np.linalg.norm(bodies[body, 10:])) * duration * float(shapes.table["radius"][body])
-        moved = (float(np.linalg.norm(bodies[body, 7:10] - linear)) + 0.5 * gravity * duration) * duration
-        support.margin = moved + swing
-        if config.kind == "auto" and not fixed and support.gap > support.margin + self.mesh.edge_length:
-            support.state = Support.NONE
         centre = int(np.searchsorted(topology.vertices, vertex))
         return MeshPatch(
             vertices=topology.vertices, positions_w=now.positions, triangles=topology.triangles, nearest=vertex,
