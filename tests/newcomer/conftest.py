@@ -44,6 +44,7 @@ ASK_GAP = (
     "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
 )
 ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
+ASK_CORE = "from smartmesh_ros.core import _core; print(_core.__file__)"
 MESSAGES = "smartmesh_msgs"
 # Patience with commands that compile [s].
 LONG = 900
