@@ -1,8 +1,8 @@
-"""Builds smartmesh_ros.core._core, the C++ core, in place.
+"""Builds smartmesh_ros.core._core, the C++ core: in place when run, and for setup.py.
 
 Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
-its own package. Objects are kept in build/core under a digest of what they are made of, so that `colcon build` and a
-build in place compile once.
+its own package. Libraries are kept in build/core under a digest of what they are made of, so that `colcon build`, pip
+and a build in place compile once.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import sysconfig
 import tarfile
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
@@ -44,6 +45,10 @@ OF_BULLET = (
 )
 
 
+class MissingError(SystemExit):
+    """What is missing to build the core, and how to install it. A script that does not catch it ends with it."""
+
+
 def cache_folder() -> Path:
     """Folder of what is downloaded once for all builds of this user."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smartmesh_ros"
@@ -60,23 +65,24 @@ def bullet_sources() -> Path:
         flush=True,
     )
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
-        command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:",
-                   "--no-build-isolation", f"pybullet=={PYBULLET}", "--dest", made]  # fmt: skip
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+                   "--no-binary", ":all:", "--no-build-isolation", f"pybullet=={PYBULLET}", "--dest", made]  # fmt: skip
         done = subprocess.run(command, check=False, capture_output=True, text=True)
         archives = list(Path(made).glob("*.tar.gz"))
         if not archives:
-            raise SystemExit(
-                f"smartmesh_ros: Bullet's headers are missing: pip could not download pybullet=={PYBULLET} as source. "
-                f"Connect once, or unpack that package's src/ and examples/ into {folder}.\n{done.stderr}"
+            _, _, reason = done.stderr.strip().rpartition("\n")
+            raise MissingError(
+                f"smartmesh_ros: Bullet's headers are missing: pip could not download pybullet=={PYBULLET} as source "
+                f"({reason}). Connect once, or unpack that package's src/ and examples/ into {folder}"
             )
         unpacked = Path(made) / "bullet"
         with tarfile.open(archives[0]) as archive:
             for member in archive:
                 inner = Path(*Path(member.name).parts[1:])
                 wanted = inner.suffix == ".h" or inner.as_posix().removeprefix("src/") in OF_BULLET
-                if member.isfile() and wanted and inner.parts[0] in ("src", "examples"):
-                    member.name = inner.as_posix()
-                    archive.extract(member, unpacked, filter="data")
+                if wanted and inner.parts[0] in ("src", "examples") and (content := archive.extractfile(member)):
+                    (unpacked / inner).parent.mkdir(parents=True, exist_ok=True)
+                    (unpacked / inner).write_bytes(content.read())
         unpacked.rename(folder)
     return folder
 
@@ -86,54 +92,59 @@ def nanobind_folder() -> Path:
     try:
         import nanobind
     except ImportError:
-        raise SystemExit("smartmesh_ros: the core needs nanobind to build: pip install nanobind") from None
+        raise MissingError("smartmesh_ros: nanobind is missing (pip install nanobind)") from None
     return Path(nanobind.__file__).parent
 
 
-def _sources_and_flags() -> tuple[list[Path], list[str]]:
-    """Return all sources, and the flags of the compiler."""
-    bullet, binding = bullet_sources(), nanobind_folder()
-    flags = [*FLAGS, *(["-DPy_LIMITED_API=0x030C0000"] if STABLE_ABI else [])]
-    includes = [bullet / "src", bullet, binding / "include", binding / "ext/robin_map/include"]
-    flags += [f"-isystem{path}" for path in includes] + [f"-isystem{sysconfig.get_path('include')}"]
-    sources = sorted((ROOT / CORE).glob("*.cpp"))
-    sources += [bullet / "src" / path for path in OF_BULLET] + [binding / "src/nb_combined.cpp"]
-    return sources, flags
+def _compiler() -> str:
+    """Return the compiler's command."""
+    compiler = os.environ.get("CXX", "c++")
+    if shutil.which(compiler) is None:
+        raise MissingError("smartmesh_ros: a C++ compiler is missing (Debian: apt install g++)")
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        raise MissingError("smartmesh_ros: Python's headers are missing (Debian: apt install python3-dev)")
+    return compiler
 
 
 def _digest(sources: list[Path], flags: list[str]) -> str:
-    """Return a digest of what the core is made of."""
-    found = hashlib.sha256("\n".join([sys.version, *flags]).encode())
-    for path in sorted([*sources, *(ROOT / CORE).glob("*.h")]):
+    """Return a digest of what the core is made of, but not of where that lies: pip builds in folders of new names."""
+    found = hashlib.sha256("\n".join([sys.version, PYBULLET, version("nanobind"), *flags]).encode())
+    for path in [*sources, *sorted((ROOT / CORE).glob("*.h"))]:
         found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
 
+def _compile(library: Path, command: list[str], sources: list[Path], extra: tuple[str, ...]) -> None:
+    """Compile the sources with a command on all cores, and link them."""
+    library.parent.mkdir(parents=True, exist_ok=True)
+
+    def compile_one(item: tuple[int, Path]) -> str:
+        made = library.parent / f"{item[0]}_{item[1].stem}.o"
+        foreign = [] if item[1].is_relative_to(ROOT / CORE) else ["-w"]
+        subprocess.run([*command, "-fPIC", *foreign, "-c", str(item[1]), "-o", str(made)], check=True)
+        return str(made)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        objects = list(pool.map(compile_one, enumerate(sources)))
+    part = library.with_suffix(f".{os.getpid()}")
+    subprocess.run([command[0], "-shared", "-o", str(part), *objects, *extra], check=True)
+    part.rename(library)
+    for made in objects:
+        Path(made).unlink()
+
+
 def build(target: Path, extra: tuple[str, ...] = ()) -> None:
-    """Compile the core on all cores and write the library ``target``, unless build/core has it."""
-    compiler = os.environ.get("CXX", "c++")
-    if shutil.which(compiler) is None:
-        raise SystemExit("smartmesh_ros: no C++ compiler was found; install one (Debian: apt install g++)")
-    sources, flags = _sources_and_flags()
-    flags = [*flags, *extra]
-    kept = ROOT / "build" / "core" / _digest(sources, flags)
-    library = kept / "_core.so"
+    """Write the library ``target``; compile it, with ``extra`` flags, unless build/core has it. Raises `MissingError`,
+    and ``CalledProcessError`` if the compiler fails."""
+    compiler, bullet, binding = _compiler(), bullet_sources(), nanobind_folder()
+    sources = sorted((ROOT / CORE).glob("*.cpp"))
+    sources += [bullet / "src" / path for path in OF_BULLET] + [binding / "src/nb_combined.cpp"]
+    flags = [*FLAGS, *(["-DPy_LIMITED_API=0x030C0000"] if STABLE_ABI else []), *extra]
+    library = ROOT / "build" / "core" / _digest(sources, flags) / "_core.so"
     if not library.is_file():
-        kept.mkdir(parents=True, exist_ok=True)
-
-        def compile_one(item: tuple[int, Path]) -> str:
-            made = kept / f"{item[0]}_{item[1].stem}.o"
-            foreign = [] if item[1].is_relative_to(ROOT / CORE) else ["-w"]
-            subprocess.run([compiler, *flags, "-fPIC", *foreign, "-c", str(item[1]), "-o", str(made)], check=True)
-            return str(made)
-
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            objects = list(pool.map(compile_one, enumerate(sources)))
-        part = library.with_suffix(f".{os.getpid()}")
-        subprocess.run([compiler, "-shared", "-o", str(part), *objects, *extra], check=True)
-        part.rename(library)
-        for made in objects:
-            Path(made).unlink()
+        includes = [bullet / "src", bullet, binding / "include", binding / "ext/robin_map/include"]
+        folders = [f"-isystem{path}" for path in (*includes, sysconfig.get_path("include"))]
+        _compile(library, [compiler, *flags, *folders], sources, extra)
     target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over
     shutil.copy2(library, part)

@@ -1,10 +1,11 @@
-"""Installs the ament_python package smartmesh_ros, with its machine code."""
+"""Installs the ament_python package smartmesh_ros, with its C++ core and its machine code."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 from setuptools import Distribution, find_packages, setup
@@ -15,6 +16,7 @@ from setuptools.command.install_lib import install_lib
 NAME = "smartmesh_ros"
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
+import core_build  # noqa: E402
 from smartmesh_ros.machine_code import FOLDER_NAME  # noqa: E402  # needs nothing but Python
 
 # For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
@@ -26,7 +28,7 @@ IN_WORKSPACES = [
     f"view = {NAME}.startup.executables:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
-# Builds without machine code: a wheel for all machines, whose nodes compile when they are first started.
+# Builds without the core and machine code: a wheel for all machines, whose nodes compile when they are first started.
 PURE = os.environ.get("SMARTMESH_PURE") == "1"
 # PyBullet has wheels for Linux up to Python 3.11. A fork of it has them for 3.12 and 3.13, and is imported by the same
 # name. The markers are those of requirements/pybullet.txt.
@@ -89,34 +91,54 @@ def compile_beforehand() -> Path | None:
     return Path(place) if place else None
 
 
-class BuildWithMachineCode(build_py):
-    """Copies the package and its machine code, and nothing that an earlier build left."""
+@cache
+def core() -> Path | None:
+    """Builds the core in place; returns the library, or None and prints what is missing. Ends the build if the compiler
+    fails."""
+    if PURE:
+        return None
+    library = ROOT / core_build.CORE / core_build.library_name()
+    try:
+        core_build.build(library)
+    except core_build.MissingError as missing:
+        print(f"{missing}; without it the C++ core is left out, and all contacts are with colliders of PyBullet's own")
+        return None
+    return library
+
+
+class BuildCompiled(build_py):
+    """Copies the package, its core and its machine code, and nothing that an earlier build left."""
 
     def run(self) -> None:
         """Runs the command."""
         if self.editable_mode:
             super().run()
+            core()
             compile_beforehand()
             return
         package = Path(self.build_lib) / NAME
         shutil.rmtree(package, ignore_errors=True)
         super().run()
+        if (library := core()) is not None:
+            shutil.copy2(library, Path(self.build_lib) / core_build.CORE)
         if (made := compile_beforehand()) is not None:
             shutil.copytree(made, package / FOLDER_NAME / made.name)
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
-        """All files that are copied, the machine code among them."""
-        home = Path(self.build_lib) / NAME / FOLDER_NAME
-        return [*super().get_outputs(include_bytecode), *(str(path) for path in home.glob("*/*"))]
+        """All files that are copied, the core and the machine code among them."""
+        made = (Path(self.build_lib) / NAME).glob(f"{FOLDER_NAME}/*/*")
+        library = Path(self.build_lib) / core_build.CORE / core_build.library_name()
+        return [*super().get_outputs(include_bytecode), *(str(path) for path in (library, *made) if path.is_file())]
 
 
-class DevelopWithMachineCode(develop):
+class DevelopCompiled(develop):
     """Compiles for the sources where they are, as `colcon build --symlink-install` runs them."""
 
     def run(self) -> None:
         """Runs the command."""
         super().run()
         if not self.uninstall:
+            core()
             compile_beforehand()
 
 
@@ -131,12 +153,12 @@ class InstallAnew(install_lib):
         super().run()
 
 
-class WithMachineCode(Distribution):
-    """A wheel for the Python and the kind of processor that its machine code is for."""
+class Compiled(Distribution):
+    """A wheel for the Python and the kind of processor that its core and its machine code are for."""
 
     def has_ext_modules(self) -> bool:
         """Whether there is more than Python in it."""
-        return IS_WHEEL and not PURE and not MISSING
+        return IS_WHEEL and not PURE and (not MISSING or core() is not None)
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -147,8 +169,10 @@ def files(folder: str, pattern: str) -> list[str]:
 setup(
     name=NAME,
     version="0.1.0",
-    distclass=WithMachineCode,
-    cmdclass={"build_py": BuildWithMachineCode, "develop": DevelopWithMachineCode, "install_lib": InstallAnew},
+    distclass=Compiled,
+    cmdclass={"build_py": BuildCompiled, "develop": DevelopCompiled, "install_lib": InstallAnew},
+    # Unlike machine code, the core alone is for later versions of Python as well.
+    options={"bdist_wheel": {"py_limited_api": "cp312"}} if core_build.STABLE_ABI and MISSING else {},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml", "soil/soils.yaml"]},
     data_files=[

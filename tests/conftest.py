@@ -36,6 +36,7 @@ COSTS = {
     "node/test_processes.py": 35,
     "test_machine_code.py": 35,
     "newcomer/test_pybullet.py": 25,
+    "newcomer/test_core.py": 20,
     "node/test_presets.py": 22,
     "view/test_page.py": 21,
     "tune/test_search.py": 20,

@@ -18,7 +18,7 @@ ROOT = HERE.parents[1]
 # What is made, and not part of the repository.
 MADE = (
     ".git", ".venv", "build", "install", "log", "out", "__pycache__", "_machine_code", "*.egg-info", ".*_cache",
-    ".hypothesis",
+    ".hypothesis", "*.so",
 )  # fmt: skip
 # A function that is called from another file, its caller, and what calls that.
 RETURNED = "return corner[2]"
@@ -44,6 +44,7 @@ ASK_GAP = (
     "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
 )
 ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
+ASK_CORE = "from smartmesh_ros.core import _core; print(_core.__file__)"
 MESSAGES = "smartmesh_msgs"
 # Patience with commands that compile [s].
 LONG = 900
@@ -100,9 +101,11 @@ def line_with(words: str, lines: list[str]) -> str:
 
 
 def copy_of_this(folder: Path, *, compiled: bool = False) -> None:
-    """Copies this repository as it is in version control, what is not committed yet included; on request with the
-    machine code of all functions, which takes long to make."""
+    """Copies this repository as it is in version control, what is not committed yet included, and libraries of the core
+    that are compiled already; on request with the machine code of all functions, which takes long to make."""
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*MADE))
+    if (compiled_core := ROOT / "build" / "core").is_dir():
+        shutil.copytree(compiled_core, folder / "build" / "core")
     if compiled:
         made = machine_code.prepare()
         assert made is not None

@@ -40,9 +40,9 @@ def pip(python: Path | str, *arguments: str | Path, **settings: str) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def install(environment: Path, *arguments: str | Path) -> None:
+def install(environment: Path, *arguments: str | Path, **settings: str) -> None:
     """Install into a virtual environment without a pip of its own, which takes long to make."""
-    pip(sys.executable, "--python", environment / "bin" / "python", "install", *arguments)
+    pip(sys.executable, "--python", environment / "bin" / "python", "install", *arguments, **settings)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 
 from smartmesh_ros import machine_code
 from tests.newcomer.conftest import (
+    ASK_CORE,
     ASK_GAP,
     ASK_PLACE,
     HERE,
@@ -82,9 +83,10 @@ def test_all_packages_are_built_and_the_scripts_run_under_the_python_that_built_
     assert Path(script.read_text().splitlines()[0].removeprefix("#!")).samefile(python)
 
 
-def test_machine_code_is_installed(workspace: Workspace) -> None:
-    place = workspace.run(f"python3 -c '{ASK_PLACE}'").stdout.strip()
-    assert Path(place).is_relative_to(workspace.folder / "install")
+def test_machine_code_and_the_core_are_installed(workspace: Workspace) -> None:
+    for ask in (ASK_PLACE, ASK_CORE):
+        place = workspace.run(f"python3 -c '{ask}'").stdout.strip()
+        assert Path(place).is_relative_to(workspace.folder / "install")
 
 
 @pytest.mark.parametrize("option", ["", "--symlink-install"])
@@ -98,9 +100,10 @@ def test_a_changed_callee_is_fresh_after_a_build(tmp_path: Path, option: str) ->
     for gap in ("0.05", "-0.05"):
         made.run(build, sourced=False)
         files = set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*"))
-        found, place = made.run(f"python3 -c '{ASK_GAP}; {ASK_PLACE}'").stdout.split()
+        found, place, core = made.run(f"python3 -c '{ASK_GAP}; {ASK_PLACE}; {ASK_CORE}'").stdout.split()
         assert found == gap
-        assert Path(place).is_relative_to(package if option else tmp_path / "install")
+        for path in (place, core):
+            assert Path(path).resolve().is_relative_to(package if option else tmp_path / "install")
         assert any("gap_to_corner" in file.name for file in files if file.parent == Path(place))
         assert set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*")) == files
         if gap == "0.05":
