@@ -17,7 +17,7 @@ from smartmesh_ros import Ground, HeightMap
 p.connect(p.DIRECT)
 p.setGravity(0, 0, -9.81)
 ball = p.createMultiBody(1.0, p.createCollisionShape(p.GEOM_SPHERE, radius=0.2), basePosition=[0, 0, 0.5])
-ground = Ground(p, HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1, -1)), from_map=True)
+ground = Ground(p, HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1, -1)))
 ground.attach(ball)
 for step in range(480):
     ground.step(time=step / 240, dt=1 / 240)
