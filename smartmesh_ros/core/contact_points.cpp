@@ -19,6 +19,9 @@ constexpr double MATCHING = 0.05;
 constexpr double FARTHEST = 1e9;
 // Largest speed at which a body that is inside the ground is pushed out [m/s].
 constexpr double PUSH_OUT = 1.0;
+// Shortest time in which it is pushed out [s]: a share of its depth in each step, however short the step, would throw
+// bodies the higher, the shorter the steps.
+constexpr double PUSH_OUT_TIME = 0.014;
 
 // Sets what Bullet's solver reads of the two materials, as btManifoldResult does.
 void combine(const btCollisionObject& a, const btCollisionObject& b, btManifoldPoint& point) {
@@ -61,10 +64,10 @@ btManifoldPoint point_of(const Contact& contact, const Touching& touching, bool 
   combine(ground_is_b ? body : ground, ground_is_b ? ground : body, point);
   point.m_combinedRestitution = restitution_of(contact, touching.approach, point.m_combinedRestitution);
   if (point.m_combinedRestitution > 0.0) point.m_distance1 = std::min(0.0, contact.distance);  // it bounces now
-  const double deepest = PUSH_OUT * touching.approach.duration / touching.erp;
-  if (contact.distance < -deepest) {
+  if (contact.distance < 0.0) {
+    const double duration = touching.approach.duration;
     point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP;
-    point.m_contactERP = touching.erp * deepest / -contact.distance;
+    point.m_contactERP = std::min({touching.erp, duration / PUSH_OUT_TIME, PUSH_OUT * duration / -contact.distance});
   }
   btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
   point.m_partId0 = ground_is_b ? 0 : 1;

@@ -183,3 +183,43 @@ def test_the_kind_of_contacts_may_change_under_a_body() -> None:
             world.step(120)
             assert world.ground.exact == (kind == "auto")
             assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("rate", [240.0, 960.0, 2000.0])
+def test_ground_that_heaves_throws_nothing_however_short_the_step(rate: float) -> None:
+    """By 0.1 m once a second, known by 20 maps a second: what a map corrects is no reason to throw a body."""
+    heightmap = flat()
+    with world_of(heightmap, rate=rate, sleep=False) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.01, 0.02, 0.15)))
+        highest = 0.0
+        for step in range(round(3.0 * rate)):
+            height = 0.1 * math.sin(2.0 * math.pi * world.time)
+            if step % round(rate / 20.0) == 0:
+                heightmap.replace(np.full(heightmap.heights.shape, height), time=world.time)
+            world.step()
+            if world.time > 1.5:
+                true = 0.1 * math.sin(2.0 * math.pi * world.time)
+                highest = max(highest, world.state("box").position[2] - 0.15 - true)
+    assert highest < 0.01
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5, 0.8])
+def test_what_slides_stops_where_friction_says(friction: float) -> None:
+    heightmap = HeightMap(np.zeros((41, 201)), resolution=0.05, origin=(-1.0, -1.0))
+    with world_of(heightmap, friction=friction) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.1), 1.0, BodyState((0.0, 0.0, 0.05), linear=(3.0, 0.0, 0.0)))
+        world.step(round(240 * (3.0 / (9.81 * friction) + 0.5)))
+        assert world.state("box").position[0] == pytest.approx(3.0**2 / (2.0 * friction * 9.81), rel=0.02)
+
+
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
+def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) -> None:
+    for shape, height in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(0.15, 0.2), 0.1)):
+        with world_of(flat(), restitution=restitution) as world:
+            world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, height + 1.0)))
+            rising: list[float] = []
+            while world.time < 0.6 + restitution:
+                world.step()
+                if rising or world.state("body").linear[2] > 0.0:
+                    rising.append(world.state("body").position[2] - height)
+            assert max(rising) == pytest.approx(restitution**2, rel=0.03)
