@@ -101,7 +101,8 @@ def core() -> Path | None:
     try:
         core_build.build(library)
     except core_build.MissingError as missing:
-        print(f"{missing}; without it the C++ core is left out, and all contacts are with colliders of PyBullet's own")
+        # colcon shows the standard error alone.
+        print(f"{missing}; without it the package has no C++ core: all contacts are PyBullet's own", file=sys.stderr)
         return None
     return library
 
