@@ -56,9 +56,10 @@ class Ground:
     was not built, or ``config.kind`` asks for it, each body has a small collider of PyBullet's own instead.
 
     ``client`` is a connected `pybullet_utils.bullet_client.BulletClient` or the module ``pybullet`` itself. `attach`
-    bodies, and call `step` in place of ``stepSimulation``. To call ``stepSimulation`` yourself, call `update` before
-    each step, or `update` before some steps and `go_on` before the others. Bodies below the ground are then not put
-    back. Bodies that are not attached do not collide with the terrain.
+    bodies, and call `step` in place of ``stepSimulation``. If you call ``stepSimulation`` yourself, contacts come from
+    the map all the same; bodies below the ground are then not put back. Call `update` when the terrain got or lost a
+    tile, and before each step where there are colliders, or `update` before some steps and `go_on` before the others.
+    Bodies that are not attached do not collide with the terrain.
     ``gravity`` [m/s^2]: tells how soon a falling body may touch the ground; `step` reads it from PyBullet.
     """
 
@@ -221,6 +222,8 @@ class Ground:
         made = [Follower(body, each, record, solid) for each, record in zip(links, records, strict=True)]
         self.followers.require_new(body, links)
         own = solid and not is_fixed(self._client, body)
+        if self._proxies is None:
+            self._use_proxies(self.time, float(self._client.getPhysicsEngineParameters()["fixedTimeStep"]))
         for follower in made:
             self.followers.add(follower, own=own)
             self._reserve()
@@ -228,6 +231,8 @@ class Ground:
                 self._proxies.attach(follower)
             if self._sleeping is not None:
                 self._sleeping.add(follower.slot)
+        if self._proxies is not None:
+            self._proxies.use(self.terrain)
         self.stale = True
         return made[0]
 

@@ -154,10 +154,21 @@ def ball(client: Any) -> int:
 def test_the_users_own_steps_are_enough(client: Any) -> None:
     body, ground = ball(client), Ground(client, flat())
     ground.attach(body)
-    ground.update(0.0, DT)
     for _ in range(480):
         client.stepSimulation()
     assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-4)
+
+
+def test_ground_that_rises_carries_a_body_in_the_users_own_steps(client: Any) -> None:
+    heightmap = HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))
+    body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2), basePosition=(0, 0, 0.2))
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    for step in range(240):
+        if step % 4 == 0:
+            heightmap.replace(np.full((41, 41), 0.5 * step * DT), time=step * DT)
+        client.stepSimulation()
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2 + 0.5, abs=1e-3)
 
 
 def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
