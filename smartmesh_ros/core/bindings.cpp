@@ -75,25 +75,34 @@ struct Grid {
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
-  int number;
+  int number, of_world;
   nb::list tiles;  // keeps the grids alive
 
-  explicit Ground(int of) : number(of) {
+  explicit Ground(int of) : number(of), of_world(0) {
     if (world().owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
     world().owned = true;
+    of_world = world().worlds();
   }
   ~Ground() { release(); }
   Ground(const Ground&) = delete;
 
   // Takes the ground from all bodies; another ground may then use the client.
   void release() {
-    if (BulletWorld* found = world_of(number)) found->release();
+    BulletWorld* found = world_of(number);
+    if (found != nullptr && found->worlds() == of_world) found->release();
     number = -1;
   }
 
+  // False after `resetSimulation` or the end of the client.
+  bool is_there() const {
+    const BulletWorld* found = world_of(number);
+    return found != nullptr && found->worlds() == of_world;
+  }
   BulletWorld& world() const {
     BulletWorld* found = world_of(number);
     if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
+    if (of_world != 0 && found->worlds() != of_world)
+      throw std::runtime_error("the PyBullet client was reset: its bodies are gone; close this ground and make another");
     return *found;
   }
   void set_tiles(nb::list grids) {
@@ -153,6 +162,7 @@ NB_MODULE(_core, m) {
   nb::class_<Ground>(m, "Ground")
       .def(nb::init<int>(), "number"_a)
       .def("release", &Ground::release)
+      .def_prop_ro("is_there", &Ground::is_there)
       .def("set_tiles", &Ground::set_tiles, "grids"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)

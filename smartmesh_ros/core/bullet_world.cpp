@@ -35,6 +35,8 @@ bool is_of(const btCollisionObject& object, int body, int link) {
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  ++worlds_;
+  owned = false;
   slots_.clear();
   roles_.clear();
   slot_of_ground_.clear();

@@ -44,6 +44,8 @@ class BulletWorld {
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
   bool alive() const { return world_ != nullptr; }
+  // Number of worlds that the client has had; `resetSimulation` makes a new one.
+  int worlds() const { return worlds_; }
 
   // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects.
   bool attach(int slot, int body, int link, int proxy);
@@ -84,6 +86,7 @@ class BulletWorld {
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
 
   btDiscreteDynamicsWorld* world_ = nullptr;
+  int worlds_ = 0;
   std::vector<Slot> slots_;
   std::vector<std::vector<Role>> roles_;  // by PyBullet body
   std::unordered_map<const btCollisionShape*, int> slot_of_ground_;

@@ -45,9 +45,11 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
 
 def contacts_from(points: Iterable[Any], colliders: dict[int | None, str]) -> list[GroundContact]:
     """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
-    PyBullet's contact ``points``."""
+    PyBullet's contact ``points``. Points that neither touch nor hold, of what comes near in the step, do not count."""
     contacts = []
     for point in points:
+        if point[8] > 0.0 and point[9] == 0.0:
+            continue
         first, second = colliders.get(point[1]), colliders.get(point[2])
         if second is not None:  # PyBullet's normal points from the second body to the first
             contacts.append(GroundContact(second, point[6], point[7], -point[8], point[9]))

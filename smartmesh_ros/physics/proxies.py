@@ -22,12 +22,46 @@ from smartmesh_ros.terrain.terrain import Terrain
 POSTFIX = "_smartmesh"
 
 
+# Pose and velocities of a body that is read both ways: (x, y, z) [m], quaternion (x, y, z, w), [m/s], [rad/s].
+PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
+
+
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
     if CORE is None:
         return "the core is not built"
     method = client.getConnectionInfo().get("connectionMethod")
-    return "" if method == pb.DIRECT else "the PyBullet client is not a DIRECT one"
+    if method != pb.DIRECT:
+        return "the PyBullet client is not a DIRECT one"
+    plugin = client.loadPlugin(CORE.__file__, POSTFIX)
+    if plugin < 0:
+        return f"this PyBullet does not load the core {CORE.__file__}"
+    return "" if _reads_as_pybullet(client, plugin) else "the core was built for another PyBullet"
+
+
+def ground_in(client: Any, plugin: int) -> Any:
+    """Return the core's ground in a client; raises `InputError` if the client has one already."""
+    try:
+        return CORE.Ground(client.executePluginCommand(plugin, "number", []))
+    except RuntimeError as error:
+        raise InputError("client", str(error)) from None
+
+
+def _reads_as_pybullet(client: Any, plugin: int) -> bool:
+    """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
+    core, found = ground_in(client, plugin), np.zeros((2, 13))
+    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
+    for slot in range(2):
+        body = client.createMultiBody(
+            1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
+        )
+        client.resetBaseVelocity(body, PROBE[2], PROBE[3])
+        core.attach(slot, body, -1, -1)
+        core.read(np.full(1, slot), found)
+        core.detach(slot)
+        client.removeBody(body)
+    core.release()
+    return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
 class Proxies:
@@ -37,10 +71,7 @@ class Proxies:
         assert CORE is not None
         self._client = client
         self._followers = followers
-        plugin = client.loadPlugin(CORE.__file__, POSTFIX)
-        if plugin < 0:
-            raise InputError("plugin", f"PyBullet did not load the core {CORE.__file__}; build it for this PyBullet")
-        self._core = CORE.Ground(client.executePluginCommand(plugin, "number", []))
+        self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
         self._core.time, self._core.duration = time, dt
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._shape: int | None = None
@@ -58,9 +89,10 @@ class Proxies:
     def detach(self, slot: int) -> None:
         """Remove the proxy of a follower."""
         uid = self._uids.pop(slot, None)
-        if uid is not None:
-            self._client.removeBody(uid)
-        self._core.detach(slot)
+        if self._core.is_there:
+            if uid is not None:
+                self._client.removeBody(uid)
+            self._core.detach(slot)
 
     def use(self, terrain: Terrain) -> None:
         """Collide the awake followers with the tiles of ``terrain`` from now on."""
@@ -73,6 +105,8 @@ class Proxies:
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
+        if not self._core.is_there:
+            raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
         self._core.time, self._core.duration = time, dt
 
     def carry_velocity(self, *, on: bool) -> None:

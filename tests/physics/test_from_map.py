@@ -15,6 +15,7 @@ from smartmesh_ros import (
     Cylinder,
     Ground,
     HeightMap,
+    InputError,
     PatchConfig,
     PhysicsConfig,
     Sphere,
@@ -22,6 +23,7 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.physics import proxies
 from smartmesh_ros.physics.shapes import Shape
 
 DT = 1.0 / 240.0
@@ -161,7 +163,9 @@ def test_the_users_own_steps_are_enough(client: Any) -> None:
 
 def test_ground_that_rises_carries_a_body_in_the_users_own_steps(client: Any) -> None:
     heightmap = HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))
-    body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2), basePosition=(0, 0, 0.2))
+    body = client.createMultiBody(
+        1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2), basePosition=(0, 0, 0.2)
+    )
     ground = Ground(client, heightmap)
     ground.attach(body)
     for step in range(240):
@@ -234,3 +238,47 @@ def test_what_bounces_rises_as_high_as_its_restitution_says(restitution: float) 
                 if rising or world.state("body").linear[2] > 0.0:
                     rising.append(world.state("body").position[2] - height)
             assert max(rising) == pytest.approx(restitution**2, rel=0.03)
+
+
+def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
+    first = Ground(client, flat())
+    first.attach(ball(client))
+    with pytest.raises(InputError, match="has a ground already"):
+        Ground(client, flat())
+    first.close()
+    body, second = ball(client), Ground(client, flat())
+    second.attach(body)
+    for step in range(480):
+        second.step(step * DT, DT)
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-4)
+
+
+def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) -> None:
+    ground = Ground(client, flat())
+    ground.attach(ball(client))
+    client.stepSimulation()
+    client.resetSimulation()
+    with pytest.raises(InputError, match="the PyBullet client was reset"):
+        ground.step(DT, DT)
+    client.stepSimulation()
+    ground.close()
+    client.setGravity(0.0, 0.0, -9.81)
+    body, again = ball(client), Ground(client, flat())
+    again.attach(body)
+    for _ in range(480):
+        client.stepSimulation()
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-4)
+
+
+def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proxies, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
+    assert Ground(client, flat()).no_proxies == ""
+    monkeypatch.setattr(np, "allclose", lambda *_, **__: False)
+    body, ground = ball(client), Ground(client, flat())
+    assert ground.no_proxies == "the core was built for another PyBullet"
+    monkeypatch.undo()
+    ground.attach(body)
+    for step in range(480):
+        ground.step(step * DT, DT)
+    assert not ground.exact
+    assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-3)
