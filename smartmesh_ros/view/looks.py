@@ -34,7 +34,6 @@ SECTIONS = 24
 class PatchLook(Enum):
     """Entries of the patches' legend: words and colour."""
 
-    PLANE = ("plane", (86, 180, 233))
     FIELD_1 = ("heightfield, every sample", (240, 120, 20))
     FIELD_2 = ("heightfield, every 2nd", (245, 175, 40))
     FIELD_4 = ("heightfield, every 3rd or 4th", (250, 215, 90))
@@ -54,8 +53,6 @@ class PatchLook(Enum):
 
 def patch_look(kind: str, stride: int) -> PatchLook:
     """Return the look of a patch of a ``kind`` (as in `smartmesh_ros.client.Patch`) at a ``stride`` [samples]."""
-    if kind == "plane":
-        return PatchLook.PLANE
     if kind != "heightfield":
         return PatchLook.MESH
     if stride <= 2:

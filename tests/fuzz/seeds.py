@@ -221,9 +221,9 @@ def _spawn_all(rng: np.random.Generator) -> Any:
 
 _SETTINGS = (
     ("physics.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=120.0)),
-    ("patch.kind", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="plane")),
+    ("patch.kind", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="heightfield")),
     ("patch.rings", ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=2)),
-    ("patch.tolerance", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.01)),
+    ("patch.rate", ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=30.0)),
     ("physics.gravity", ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[0.0, 0.0, -3.0])),
     ("search.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="best_first")),
     ("collect.method", ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="union_bfs")),

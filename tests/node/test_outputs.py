@@ -107,17 +107,17 @@ def test_markers_equal_those_of_message_objects(count: int, holes: bool) -> None
         np.testing.assert_array_equal(points, corners[body])
 
 
-def test_planes_and_patches_of_their_size_keep_their_own_vertices() -> None:
+def test_patches_of_two_kinds_and_one_size_keep_their_own_vertices() -> None:
     """They are written together: none may get the other's place or id."""
     rng = np.random.default_rng(5)
     heightmap = HeightMap(rng.normal(size=(60, 80)), resolution=0.25, origin=(1.0, -2.0, 0.3), yaw=0.4)
     batches: list[PatchBatch] = []
-    for config in (PatchConfig(kind="plane"), PatchConfig(kind="heightfield", rings=1)):
+    for config in (PatchConfig(kind="trimesh", rings=1), PatchConfig(kind="heightfield", rings=1)):
         places = heightmap.geometry.to_world(rng.uniform(10, 50, 9), rng.uniform(10, 70, 9))
         positions = np.column_stack([places, heightmap.at(places, 0.0).heights + 0.1])
         made = batches_of(Terrain(heightmap), config, positions, np.full(9, 0.1))
         batches += [replace(batch, bodies=batch.bodies + 9 * (config.kind == "heightfield")) for batch in made]
-    assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("plane", 8), ("heightfield", 8)}
+    assert {(batch.kind, len(batch.triangles)) for batch in batches} == {("trimesh", 8), ("heightfield", 8)}
     written = patch_outputs.PatchMarkers().write(HEADER, batches, [f"body_{index}" for index in range(18)], 1)
     shown = {m.id: [(p.x, p.y, p.z) for p in m.points] for m in deserialize_message(written, MarkerArray).markers}
     assert len(shown) == 18

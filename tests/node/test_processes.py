@@ -295,9 +295,14 @@ def test_impossible_parameters_stop_the_start(domain: int) -> None:
 
 
 def test_misspelt_parameters_are_warned_about(probe: Probe) -> None:
-    with probe.running(parameters={"patch.tolerence": 0.01}) as process:
-        probe.wait_for(lambda: "'patch.tolerence' is unknown" in process.output)
-        assert "did you mean 'patch.tolerance'" in process.output
+    with probe.running(parameters={"patch.rats": 30.0}) as process:
+        probe.wait_for(lambda: "'patch.rats' is unknown" in process.output)
+        assert "did you mean 'patch.rate'" in process.output
+
+
+@pytest.mark.parametrize("name", ["patch.tolerance", "patch.edge_filter", "physics.landing"])
+def test_parameters_of_earlier_versions_are_refused_with_what_replaces_them(domain: int, name: str) -> None:
+    assert f"{name} is gone: contacts from the map" in refusal_at_start({name: 0.5})
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:

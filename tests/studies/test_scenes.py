@@ -70,7 +70,6 @@ def test_presets_are_points_of_the_chart() -> None:
     found = {preset.name: preset for preset in read_presets()}
     assert set(found) == set(NAMES)
     assert found["fast"].physics.rate == 120.0
-    assert not found["fast"].patch.edge_filter
     assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
     assert found["rover"].physics.rate == 240.0
 

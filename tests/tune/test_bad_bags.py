@@ -122,7 +122,7 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     [
         (["--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["--penetration", "-0.001"], "--penetration is -0.001"),
-        (["--set", "patch.tolerence=0.1"], "did you mean 'patch.tolerance'?"),
+        (["--set", "patch.rats=0.1"], "did you mean 'patch.rate'?"),
         (["--set", "physics.rate=fast"], "physics.rate is 'fast'"),
         (["--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),

@@ -20,7 +20,6 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 KINDS = {
     "heightfield": ColliderPatch.HEIGHTFIELD,
-    "plane": ColliderPatch.PLANE,
     "trimesh": ColliderPatch.TRIMESH,
     "hull": ColliderPatch.HULL,
     "prisms": ColliderPatch.PRISMS,
