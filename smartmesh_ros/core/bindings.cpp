@@ -148,6 +148,7 @@ struct Ground {
 
 NB_MODULE(_core, m) {
   using namespace smartmesh;
+  nb::set_leak_warnings(false);  // a ground may live until the process ends
   add_test_entries(m);
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<Floats2, Floats3, Floats2, Bytes3>(), "heights"_a.noconvert(), "velocities"_a.noconvert(),

@@ -72,9 +72,9 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
-        said = process.output.splitlines()
-    assert len(said) == 3, process.output
-    root, masses, line = said
+        said = process.output
+    assert len(said.splitlines()) == 3, said
+    root, masses, line = said.splitlines()
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
     for words in ("[INFO]", "~/heightmap", "120 Hz", "auto within 0.0005 m", "events", "parameters.yaml"):
         assert words in line
