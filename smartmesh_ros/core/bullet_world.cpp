@@ -24,6 +24,8 @@ namespace {
 
 // Depth at which the bounds of proxies lie that are switched off [m].
 constexpr double FAR_AWAY = 1e6;
+// Distance below a body at which its proxy waits while the ground is far [m]. Above the margin of Bullet's broadphase.
+constexpr double APART = 1.0;
 
 bool is_of(const btCollisionObject& object, int body, int link) {
   if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
@@ -182,19 +184,23 @@ void BulletWorld::place(Slot& slot) {
   GroundMotion motion;
   if (carry_velocity && duration > 0.0) motion = surface.motion_at(at.x, at.y, half, time, duration);
   const double moved = norm(motion.linear) * duration;
-  const double grown = margin + turn * size + moved;
+  const double grown = margin_in(duration) + turn * size + moved;
   const btVector3 by(grown, grown, grown), travel = to_bullet(slot.linear * duration);
   low.setMin(low + travel), high.setMax(high + travel);
+  low -= by, high += by;
+  if (surface.highest_under({from_bullet(low), from_bullet(high)}, time) < low.z())
+    high = low -= btVector3(0, 0, APART);  // so that they are no pair
+  // Bullet itself renews the bounds of awake objects only.
+  world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
+  if (low == high) return;
   btTransform foot;
   foot.setIdentity();
   foot.setOrigin(motion.known ? to_bullet(motion.foot) : pose.getOrigin());
-  slot.shape->low = low - by - foot.getOrigin();
-  slot.shape->high = high + by - foot.getOrigin();
+  slot.shape->low = low - foot.getOrigin();
+  slot.shape->high = high - foot.getOrigin();
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
-  // Bullet itself renews the bounds of awake objects only.
-  world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low - by, high + by, world_->getDispatcher());
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
   if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
@@ -249,13 +255,16 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   if (shape == nullptr) return;
   const Pose pose = from_bullet(body.getWorldTransform());
   Approach approach = approach_of(slot);
-  approach.duration = step, approach.margin = margin;
+  approach.duration = step;
   approach.gravity = from_bullet(world_->getGravity());
+  approach.margin = margin_in(step);
   search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
   write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2}, manifold);
 }
+
+double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }
 
 Approach BulletWorld::approach_of(const Slot& slot) const {
   const btRigidBody& proxy = *slot.ground;

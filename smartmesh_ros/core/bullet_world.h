@@ -35,7 +35,7 @@ class BulletWorld {
   Surface surface;
   double time = 0.0;     // at the start of the next step [s]
   double duration = 0.0; // of a step [s]
-  double margin = 0.01;  // distance up to which contacts are found beside the motion of a step [m]
+  double margin = 0.001;  // distance up to which contacts are found beside the motion of a step [m]
   bool carry_velocity = true;
 
   // Called by the plugin when PyBullet makes a world, at the start and at `resetSimulation`.
@@ -82,6 +82,8 @@ class BulletWorld {
   void place(Slot& slot);
   static void wake(const Slot& slot);
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
+  // Returns `margin` and the way that gravity adds to the motion of a body in a step.
+  double margin_in(double step) const;
   Approach approach_of(const Slot& slot) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
 

@@ -28,6 +28,10 @@ struct Approach {
   Vec3 gravity{};                // [m/s^2]
 
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
+  // Distance up to which any point of a ball around `p` may come to the ground in the step [m].
+  double reach(const Vec3& p, double radius) const {
+    return margin + (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
+  }
 };
 
 // Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.

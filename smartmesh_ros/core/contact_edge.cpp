@@ -32,7 +32,7 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
   if (way_out(deepest, patch, below) < 0) return false;
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
-    for (int k = 0; k < count; ++k) least = std::fmin(least, dot(normal, corners[k]) - offset);
+    for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);
     return least > limit;
   };
   if (shape.cylinder) return !leaves(shape.axis, shape.half) && !leaves(-shape.axis, shape.half);
@@ -48,7 +48,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
   const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.radius + reach;
-  if (std::fmin(a.z, b.z) - most > patch.highest) return;
+  if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
   bounds = bounds.grown(most);
@@ -56,8 +56,8 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const CellRange near = cells.near(middle.x, middle.y, middle.x - bounds.low.x, middle.y - bounds.low.y);
   const auto touch = [&](const Edge& other) {
     const Vec3 &p = patch.points[other.end[0]], &q = patch.points[other.end[1]];
-    if (!bounds.meets({{std::fmin(p.x, q.x), std::fmin(p.y, q.y), -1e300},
-                       {std::fmax(p.x, q.x), std::fmax(p.y, q.y), std::fmax(p.z, q.z)}}))
+    if (!bounds.meets({{std::min(p.x, q.x), std::min(p.y, q.y), -1e300},
+                       {std::max(p.x, q.x), std::max(p.y, q.y), std::max(p.z, q.z)}}))
       return;
     double s, t;
     if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;

@@ -1,4 +1,5 @@
 // A peak of the ground against faces and edges of a polytope.
+#include <algorithm>
 #include <cmath>
 
 #include "cones.h"
@@ -44,14 +45,14 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     const PolyFace& face = core.faces[f];
     const double from_plane = dot(face.normal, q) - face.offset;
     if (inside != (from_plane <= 0.0)) continue;
-    if (inside) least = std::fmax(least, from_plane);
+    if (inside) least = std::max(least, from_plane);
     const Vec3 n = pose.turn * -face.normal;
     if ((inside && from_plane <= depth) || !in_cone(patch, peak, n)) continue;
     if (inside) {
       way = static_cast<int>(f), depth = from_plane;
       continue;
     }
-    const double closing = -dot(face.normal, moved), gap = std::fmax(from_plane - shape.radius, 0.0);
+    const double closing = -dot(face.normal, moved), gap = std::max(from_plane - shape.radius, 0.0);
     const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
                                                                     (moved + face.normal * closing) * (gap / closing));
     if (comes || inside_face(core, face, q - face.normal * from_plane))

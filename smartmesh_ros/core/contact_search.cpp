@@ -44,9 +44,7 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
 void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
                         std::vector<Contact>& contacts) {
   contacts.clear();
-  const double arm = norm(pose.at - approach.centre) + shape.reach;
-  const double grown =
-      approach.margin + (norm(approach.linear) + norm(approach.angular) * arm) * approach.duration;
+  const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   surface.gather(bounds, time, ShapeReach(shape, pose, grown), patch_);

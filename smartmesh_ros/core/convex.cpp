@@ -77,6 +77,7 @@ void add_edges(Polytope& core) {
       const int side = is_new ? 0 : 1;
       edge.faces[side] = static_cast<int>(f);
       edge.into[side] = unit(cross(face.normal, core.vertices[b] - core.vertices[a]));
+      if (!is_new) edge.half_cosine = 0.5 * norm(core.faces[edge.faces[0]].normal + face.normal);
     }
   }
   const auto flat = [&](const PolyEdge& edge) {

@@ -23,6 +23,7 @@ struct PolyEdge {
   int end[2];
   int faces[2] = {-1, -1};
   Vec3 into[2];
+  double half_cosine = 1.0;  // cosine of half the angle between the normals of its faces
 };
 
 struct Polytope {

@@ -37,6 +37,7 @@ class CellAdder {
       }
     }
     cells.facets.push_back(static_cast<int>(patch_.facets.size()));
+    patch_.steepest = 1.0;
     // Edges and peaks belong to the cells at all their sides.
     for (int r = 0; r < window_.rows; ++r) {
       for (int c = 0; c < window_.columns; ++c) {
@@ -96,6 +97,11 @@ class CellAdder {
     return unit(cross(p[b] - p[a], p[c] - p[a]));
   }
 
+  Vec3 beside(const Vec3& normal) {
+    patch_.steepest = std::min(patch_.steepest, normal.z);
+    return normal;
+  }
+
   void add_facets(int r, int c) {
     const int a = point(r, c), b = point(r, c + 1), d = point(r + 1, c), e = point(r + 1, c + 1);
     add_facet(a, b, e);
@@ -114,8 +120,9 @@ class CellAdder {
     const int a = point(r, c), b = point(r2, c2);
     const int l = left ? point(left_r, left_c) : -1, t = right ? point(right_r, right_c) : -1;
     Vec3 outward;
-    if (left) outward = outward + normal_of(a, b, l);
-    if (right) outward = outward + normal_of(b, a, t);
+    if (left) outward = outward + beside(normal_of(a, b, l));
+    if (right) outward = outward + beside(normal_of(b, a, t));
+    if (!(left && right)) patch_.steepest = -1.0;
     patch_.edges.push_back({{a, b}, {l, t}, outward});
   }
 
@@ -153,7 +160,7 @@ CellRange PatchCells::near(double x, double y, double half_x, double half_y) con
   const double c = std::abs(pose.cos), s = std::abs(pose.sin), size = 1.0 / resolution;
   const double high = (half_y * c + half_x * s) * size, wide = (half_x * c + half_y * s) * size;
   const auto cell = [](double value, int count) {
-    return static_cast<int>(std::floor(std::clamp(value, 0.0, static_cast<double>(count))));
+    return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(count)));
   };
   return {cell(p.row - high, rows), cell(p.column - wide, columns), std::min(cell(p.row + high, rows) + 1, rows),
           std::min(cell(p.column + wide, columns) + 1, columns)};

@@ -51,6 +51,7 @@ struct Patch {
   std::vector<long> names;  // of points, equal from step to step; edges and facets are named by their points
 
   double highest = 0.0;    // of the points [m]
+  double steepest = -1.0;  // least upward component of the normals beside the convex edges
   std::vector<int> index;  // of the samples of a window in `points`, while cells are added
   std::vector<char> active;
 
@@ -58,6 +59,7 @@ struct Patch {
   void finish();
   void clear() {
     cells.rows = cells.columns = 0;
+    steepest = -1.0;
     points.clear(), facets.clear(), edges.clear(), peaks.clear(), neighbours.clear(), names.clear();
   }
 };

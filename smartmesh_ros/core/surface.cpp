@@ -105,6 +105,18 @@ void Surface::heights_under(const Bounds& bounds, double time, std::vector<doubl
   }
 }
 
+double Surface::highest_under(const Bounds& bounds, double time) {
+  double highest = -1e300;
+  for (const HeightGrid* grid : tiles_) {
+    const Bounds grown = tiles_.size() > 1 ? bounds.grown(grid->resolution) : bounds;  // gaps between tiles are bridged
+    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown);
+    if (cells.empty()) continue;
+    read_window(*grid, cells, time, window_);
+    highest = std::max(highest, window_.highest());
+  }
+  return highest;
+}
+
 void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
   patch.clear();
   const HeightGrid* finest = nullptr;
@@ -124,7 +136,7 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
   const CellRange cells = cells_under(finest->pose_at(time), finest->resolution, finest->rows, finest->columns, bounds);
   if (cells.empty()) return;
   read_window(*finest, cells, time, window_);
-  add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
+  if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
 // Samples all tiles on the lattice of the finest one, which may go on beyond its edge.

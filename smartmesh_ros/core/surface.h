@@ -40,6 +40,8 @@ class Surface {
   long revision() const;
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
+  // Returns a height that no ground inside `bounds` exceeds at `time` [s]; -1e300 = no ground.
+  double highest_under(const Bounds& bounds, double time);
   // Writes the heights of the samples inside `bounds` at `time` [s]; NaN = none.
   void heights_under(const Bounds& bounds, double time, std::vector<double>& heights);
 

@@ -1,6 +1,7 @@
 // Vectors, rotations and poses in three dimensions.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 namespace smartmesh {
@@ -50,8 +51,8 @@ struct Bounds {
   Vec3 low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
 
   void add(const Vec3& p) {
-    low = {std::fmin(low.x, p.x), std::fmin(low.y, p.y), std::fmin(low.z, p.z)};
-    high = {std::fmax(high.x, p.x), std::fmax(high.y, p.y), std::fmax(high.z, p.z)};
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
   bool meets(const Bounds& other) const {

@@ -15,6 +15,12 @@ struct Window {
   std::vector<double> heights;
 
   double& at(int row, int column) { return heights[static_cast<std::size_t>(row) * columns + column]; }
+  double highest() const {
+    double height = -1e300;
+    for (double z : heights)
+      if (z > height) height = z;
+    return height;
+  }
   double at(int row, int column) const { return heights[static_cast<std::size_t>(row) * columns + column]; }
   Vec3 point(int row, int column) const {
     const double u = column * resolution, v = row * resolution;

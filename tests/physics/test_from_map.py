@@ -1,10 +1,12 @@
 """Contacts worked out from the map itself (``patch.kind`` *auto*)."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pybullet as pb
+import pybullet_data
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
@@ -282,3 +284,108 @@ def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, mon
         ground.step(step * DT, DT)
     assert not ground.exact
     assert client.getBasePositionAndOrientation(body)[0][2] == pytest.approx(0.2, abs=1e-3)
+
+
+WHEELED = f"{pybullet_data.getDataPath()}/racecar/racecar.urdf"
+
+
+def test_contacts_of_a_robot_at_rest_are_those_that_a_step_may_close(client: Any) -> None:
+    """Others would cost the solver time in each step, and do nothing."""
+    heights = np.random.default_rng(5).normal(scale=0.01, size=(101, 101))
+    ground = Ground(client, HeightMap(heights, resolution=0.04, origin=(-2.0, -2.0)))
+    robot = client.loadURDF(WHEELED, (0.0, 0.0, 0.1))
+    ground.attach(robot)
+    for step in range(480):
+        ground.step(step * DT, DT)
+    distances = [contact[8] for contact in client.getContactPoints(robot)]
+    assert len(distances) >= 3
+    assert max(distances) < 2e-3
+
+
+FEET = (0.6, -0.6)
+
+
+def lander(plate: float) -> str:
+    """A body on four sliding legs, with foot plates of this thickness [m]."""
+    inertia = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/>'
+    legs = "".join(
+        f'<link name="foot_{x}_{y}"><inertial><mass value="5"/>{inertia.format(0.03)}</inertial>'
+        f'<collision><geometry><box size="0.2 0.2 {plate}"/></geometry></collision></link>'
+        f'<joint name="leg_{x}_{y}" type="prismatic"><parent link="body"/><child link="foot_{x}_{y}"/>'
+        f'<origin xyz="{x} {y} -0.9"/><axis xyz="0 0 1"/>'
+        '<limit lower="-0.1" upper="0.5" effort="10000" velocity="100"/></joint>'
+        for x in FEET
+        for y in FEET
+    )
+    body = f'<link name="body"><inertial><mass value="200"/>{inertia.format(50.0)}</inertial></link>'
+    return f'<robot name="lander">{body}{legs}</robot>'
+
+
+def stroke(urdf: Path, height: float, speed: float, *, from_map: bool) -> float:
+    """Return how far springs and dampers let the legs of a lander in [m]; its body falls from ``height`` [m]."""
+    client = BulletClient(pb.DIRECT)
+    try:
+        client.setGravity(0.0, 0.0, -9.81)
+        robot = client.loadURDF(str(urdf), (0.0, 0.0, height))
+        client.resetBaseVelocity(robot, (0.0, 0.0, -speed))
+        legs, longest = range(len(FEET) ** 2), 0.0
+        client.setJointMotorControlArray(robot, legs, pb.VELOCITY_CONTROL, forces=[0.0] * len(legs))
+        if from_map:
+            ground = Ground(client, flat())
+            ground.attach(robot)
+        else:
+            client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
+        for step in range(120):
+            for leg in legs:
+                place, rate = client.getJointState(robot, leg)[:2]
+                longest = max(longest, place)
+                force = -8000.0 * place - 700.0 * rate
+                client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
+            if from_map:
+                ground.step(step * DT, DT)
+            else:
+                client.stepSimulation()
+        return longest
+    finally:
+        client.disconnect()
+
+
+@pytest.mark.parametrize("speed", [2.0, 3.0])
+@pytest.mark.parametrize("plate", [0.01, 0.02])
+def test_a_lander_takes_the_same_stroke_at_each_phase_of_the_step(plate: float, speed: float, tmp_path: Path) -> None:
+    (tmp_path / "lander.urdf").write_text(lander(plate))
+    strokes = {
+        from_map: [
+            stroke(
+                tmp_path / "lander.urdf", 0.9 + 0.5 * plate + speed * DT * (4.0 + phase / 6), speed, from_map=from_map
+            )
+            for phase in range(6)
+        ]
+        for from_map in (True, False)
+    }
+    assert strokes[True] == pytest.approx(strokes[False], rel=0.05)
+    assert max(strokes[True]) < 1.01 * min(strokes[True])
+
+
+def test_what_hovers_far_above_is_lifted_by_ground_that_rises() -> None:
+    speed = 5.0
+    heightmap = flat(cells=81)
+    with world_of(heightmap, gravity=(0.0, 0.0, 0.0), guard=False) as world:
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 1.5)))
+        for step in range(120):
+            if step % 4 == 0:
+                heightmap.replace(np.full((81, 81), speed * world.time), time=world.time)
+            world.step()
+            assert world.state("box").position[2] - 0.1 > speed * world.time - 1e-3
+        assert world.state("box").position[2] > 1.6
+
+
+@pytest.mark.parametrize("spin", [2.0, 10.0, 20.0])
+def test_a_rod_whose_tip_comes_down_from_the_side_stops_at_the_surface(spin: float) -> None:
+    with world_of(flat(), gravity=(0.0, 0.0, 0.0), guard=False) as world:
+        world.spawn("rod", Box(2.0, 0.1, 0.1), 1.0, BodyState((0.0, 0.0, 0.8), angular=(0.0, spin, 0.0)))
+        lowest = math.inf
+        for _ in range(120):
+            world.step()
+            lowest = min(lowest, world.client.getAABB(world.bodies["rod"].uid)[0][2])
+        assert lowest > -1e-3
