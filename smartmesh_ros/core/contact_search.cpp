@@ -49,9 +49,13 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
       approach.margin + (norm(approach.linear) + norm(approach.angular) * arm) * approach.duration;
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
-  surface.gather(bounds, time, ShapeReach(shape, pose, grown), patch_);
-  patch_.finish();
-  find_contacts(shape, pose, patch_, approach, contacts);
+  const ShapeReach reach(shape, pose, grown);
+  surface.gather(bounds, time, reach, maps_);
+  surface.gather_meshes(bounds, time, reach, meshes_);
+  for (Patch* patch : {&maps_, &meshes_}) {
+    patch->finish();
+    find_contacts(shape, pose, *patch, approach, contacts);
+  }
 }
 
 }  // namespace smartmesh

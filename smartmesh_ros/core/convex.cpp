@@ -17,7 +17,10 @@ void set_bounds(Convex& shape) {
     shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
     shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
   }
-  for (const Vec3& corner : shape.core.vertices) shape.bounds.add(corner);
+  for (const Vec3& corner : shape.core.vertices) {
+    shape.bounds.add(corner);
+    shape.centre = shape.centre + corner * (1.0 / static_cast<double>(shape.core.vertices.size()));
+  }
   shape.bounds = shape.bounds.grown(shape.radius);
   shape.reach = 0.0;
   for (const Vec3& corner : shape.core.vertices) shape.reach = std::max(shape.reach, norm(corner) + shape.radius);
@@ -96,6 +99,15 @@ double lowest(const Convex& shape, const Vec3& n) {
   double least = 1e300;
   for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
   return least - shape.radius;
+}
+
+bool contains(const Convex& shape, const Vec3& q, double slack) {
+  if (shape.cylinder) {
+    const double along = dot(q, shape.axis);
+    return std::abs(along) <= shape.half + slack && norm(q - shape.axis * along) <= shape.radius + slack;
+  }
+  return std::all_of(shape.core.faces.begin(), shape.core.faces.end(),
+                     [&](const PolyFace& face) { return dot(face.normal, q) <= face.offset + slack; });
 }
 
 Convex ball(double radius) {

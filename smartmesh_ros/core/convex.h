@@ -43,10 +43,14 @@ struct Convex {
   double half = 0.0;
   Bounds bounds;      // in the shape's frame, grown by the radius
   double reach = 0.0; // largest distance of a point of the shape from its origin
+  Vec3 centre;        // a point inside, the mean of the core's vertices
 };
 
 // Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
 double lowest(const Convex& shape, const Vec3& n);
+
+// Returns true if a point `q` of the shape's frame lies in the core, or in a cylinder, or outside by at most `slack` [m].
+bool contains(const Convex& shape, const Vec3& q, double slack);
 
 Convex ball(double radius);
 Convex capsule(double radius, double half, const Vec3& axis);
