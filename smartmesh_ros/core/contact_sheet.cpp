@@ -20,6 +20,8 @@ namespace {
 constexpr double SLACK = 1e-5;
 // Share by which the way from a shape's centre to its point is longer, so that a point on a facet is behind it.
 constexpr double TOUCHING = 1e-6;
+// Cosine of the angle between two facets up to which what they bound is a plate; at a larger angle it is a ridge.
+constexpr double PLATE = 0.7;
 // Number of facets behind which a point may be at once, as in the corner of a room.
 constexpr int MOST_BEHIND = 3;
 
@@ -62,9 +64,15 @@ std::vector<Passage> passages_to(const Vec3& inside, const Vec3& at, const Patch
   return found;
 }
 
-bool is_behind(const std::vector<Passage>& passages, const Vec3& at, const Patch& patch) {
+
+// Returns true if a point is in the ground or behind a plate: the `passages` lead from `inside` to it.
+bool is_behind(const std::vector<Passage>& passages, const Vec3& inside, const Vec3& at, const Patch& patch) {
   const std::size_t count = passages.size();
-  return count % 2 == 1 || (count > 0 && !is_beside(at, *passages[count - 2].facet, patch));
+  if (count % 2 == 1) return true;
+  if (count == 0) return false;
+  const Facet &front = *passages[count - 2].facet, &back = *passages[count - 1].facet;
+  return dot(normal_towards(inside, front, patch), normal_towards(inside, back, patch)) > PLATE &&
+         !is_beside(at, front, patch);
 }
 
 }  // namespace
@@ -75,7 +83,7 @@ Vec3 normal_towards(const Vec3& p, const Facet& facet, const Patch& patch) {
 
 const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch) {
   const std::vector<Passage> passages = passages_to(inside, at, patch);
-  if (!is_behind(passages, at, patch)) return nullptr;
+  if (!is_behind(passages, inside, at, patch)) return nullptr;
   const Facet* way_out = nullptr;
   double depth = 1e300;
   bool is_clear = false;
@@ -83,7 +91,7 @@ const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch) 
     const Vec3 n = normal_towards(inside, *passage.facet, patch);
     const double below = -dot(n, at - patch.points[passage.facet->corner[0]]);
     const Vec3 lifted = at + n * (below + SLACK * norm(at - inside));
-    const bool clears = !is_behind(passages_to(inside, lifted, patch), lifted, patch);
+    const bool clears = !is_behind(passages_to(inside, lifted, patch), inside, lifted, patch);
     if (clears < is_clear || (clears == is_clear && below >= depth)) continue;
     way_out = passage.facet, depth = below, is_clear = clears;
   }
