@@ -31,7 +31,7 @@ from smartmesh_ros.physics.waking import Waking
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
@@ -55,8 +55,8 @@ class Ground:
     impact, and bodies below the ground are not put back. Bodies that are not attached do not collide with the terrain.
     ``gravity`` [m/s^2]: acceleration that predicts the motion of falling bodies; `step` reads it from PyBullet.
     ``from_map``: where ``config.kind`` is *auto*, work out contacts from the map itself, in the C++ core, in place of
-    colliders. It needs a DIRECT client, height maps and the core (``python core_build.py``); elsewhere the colliders of
-    *auto* serve. It will become what *auto* means.
+    colliders. Meshes may then have several parts. It needs a DIRECT client and the core (``python core_build.py``);
+    elsewhere the colliders of *auto* serve. It will become what *auto* means.
     """
 
     def __init__(
@@ -72,8 +72,8 @@ class Ground:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
         self.from_map = from_map
-        for mesh in self.terrain.tiles.values():
-            require_usable(self.config, mesh)
+        self.no_proxies = missing_for(client)  # why the client has no ground proxies, empty if it can have them
+        self._require_usable(self.config)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self.colliders = Colliders(client, self.followers)
@@ -93,7 +93,6 @@ class Ground:
         self._tracked_chosen = False  # patches of followers that are not solid are those of the last update
         self._proxies: Proxies | None = None  # None while patches are colliders of PyBullet's own
         self._chosen = True  # the supports are those of the last update
-        self.no_proxies = missing_for(client)  # why the client has no ground proxies, empty if it can have them
 
     @property
     def supports(self) -> Any:
@@ -257,8 +256,7 @@ class Ground:
         """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
         may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
         settings."""
-        for mesh in self.terrain.tiles.values():
-            require_usable(config, mesh)
+        self._require_usable(config)
         self.wake()
         if config.edge_filter != self.config.edge_filter:
             self.colliders.replace_all()
@@ -311,6 +309,7 @@ class Ground:
         if not followers.awake.size:
             self.colliders.pool.trim(followers, time)
             return
+        self._require_usable(self.config)
         self._selector.update(followers.solid, followers.shapes, followers.states, time, dt * steps, self.gravity)
         self._tracked_chosen = False
         with self.stopwatch.stage("collider"):
@@ -358,15 +357,24 @@ class Ground:
             self.update(time, dt, self._steps)
         return woken
 
+    def exact_ground(self, points_w: FloatArray, time: float) -> Samples:
+        """Return the ground that points (N, 3) [m] should be above, while contacts are `exact`; see `Proxies`."""
+        assert self._proxies is not None
+        return self._proxies.ground_of(points_w, time)
+
+    def _wants_proxies(self, config: PatchConfig) -> bool:
+        return self.from_map and not self.no_proxies and config.kind == "auto" and config.rings == 0
+
+    def _require_usable(self, config: PatchConfig) -> None:
+        """Raise `InputError` if patches of these settings are not possible on the terrain; contacts from the map always
+        are."""
+        if not self._wants_proxies(config):
+            for mesh in self.terrain.tiles.values():
+                require_usable(config, mesh)
+
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
-        wanted = (
-            self.from_map
-            and not self.no_proxies
-            and self.config.kind == "auto"
-            and self.config.rings == 0
-            and all(isinstance(mesh, HeightMap) for mesh in self.terrain.tiles.values())
-        )
+        wanted = self._wants_proxies(self.config)
         if wanted and self._proxies is None:
             for follower in self.followers:
                 self.colliders.release(follower, time)

@@ -52,7 +52,9 @@ class Guard:
         slots, middles = followers.solid[found], middles[found]
         if not slots.size:
             return 0
-        heights, velocities = ground.terrain.at(middles[:, :2], time)
+        heights, velocities = (
+            ground.exact_ground(middles, time) if ground.exact else ground.terrain.at(middles[:, :2], time)
+        )
         below = middles[:, 2] < heights
         lifts: dict[int, tuple[float, float]] = {}
         for slot, height, rate in zip(

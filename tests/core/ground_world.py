@@ -31,38 +31,18 @@ CAPSULE = Shape({"shapeType": pybullet.GEOM_CAPSULE, "radius": 0.06, "height": 0
 SHAPES = {"ball": BALL, "box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE}
 
 
-def core_mesh(mesh: TriangleMesh) -> Any:
-    """Return the core's reader of a mesh."""
-    made = _core.Mesh(mesh._now, mesh._velocities, mesh._clock.view(np.uint8).reshape(1, 168), mesh.triangles)
-    made.set_motion(mesh.motion.code, mesh.motion.max_velocity)
-    return made
-
-
-def core_grid(heightmap: HeightMap) -> Any:
-    """Return the core's reader of a height map."""
-    clocks = heightmap._clocks
-    made = _core.Grid(
-        heightmap._heights, heightmap._velocities, heightmap._offsets, clocks.view(np.uint8).reshape(*clocks.shape, 168)
-    )
-    geometry, motion = heightmap.geometry, heightmap.motion
-    made.place(*geometry.origin, geometry.yaw, geometry.resolution)
-    made.set_motion(motion.code, motion.max_velocity, motion.settle, heightmap.noise, heightmap._shown)
-    return made
-
-
 class GroundWorld:
     """Bodies on ground of height maps and meshes, at the standard rate and gravity."""
 
-    def __init__(self, *parts: HeightMap | TriangleMesh) -> None:
+    def __init__(self, *parts: HeightMap | TriangleMesh, step: float = STEP) -> None:
         self.client = BulletClient(pybullet.DIRECT)
         self.client.setGravity(0.0, 0.0, -9.81)
-        self.client.setTimeStep(STEP)
+        self.client.setTimeStep(step)
         self.client.setPhysicsEngineParameter(solverResidualThreshold=0.0, contactERP=0.3, erp=0.3)
         plugin = self.client.loadPlugin(_core.__file__, "_smartmesh")
         self.ground = _core.Ground(self.client.executePluginCommand(plugin, "", []))
-        self.ground.duration = STEP
-        self.tiles = [core_mesh(part) if isinstance(part, TriangleMesh) else core_grid(part) for part in parts]
-        self.ground.set_tiles(self.tiles)
+        self.ground.duration = self.step = step
+        self.ground.set_tiles([part.core_reader for part in parts])
         self.proxy = self.client.createCollisionShape(pybullet.GEOM_SPHERE, radius=0.01)
 
     def __enter__(self) -> GroundWorld:
@@ -92,7 +72,7 @@ class GroundWorld:
 
     def run(self, seconds: float) -> None:
         """Step the world for a time [s]."""
-        for _ in range(round(seconds / STEP)):
+        for _ in range(round(seconds / self.step)):
             self.client.stepSimulation()
 
     def position(self, body: int) -> NDArray[np.float64]:

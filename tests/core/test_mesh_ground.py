@@ -6,17 +6,21 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
-from tests.core.ground_world import BALL, BOX, CYLINDER, SHAPES, GroundWorld, Shape, core_mesh
+from tests.core.contact_cases import SHAPES as CASES
+from tests.core.contact_cases import Case, motion_of, random_case, random_ground
+from tests.core.ground_world import BALL, BOX, CYLINDER, SHAPES, STEP, GroundWorld, Shape
 from tests.core.mesh_parts import Parts
 
 # Bullet's solver leaves 10 um of penetration.
 RESTING = 1.2e-5
 STILL = 1e-3
+EXACT = 1e-6  # [m]
 
 
 def rest_heights(
@@ -53,6 +57,88 @@ def test_bodies_rest_on_a_table_and_under_it(shape: Shape, thickness: float) -> 
         top = mesh_parts.box((-0.5, -0.5, 0.6 - thickness), (0.5, 0.5, 0.6))
     places = [(0.1, 0.03, 0.6), (0.1, 0.03, 0.0), (-0.3, 0.2, 0.6), (-0.3, -0.2, 0.0), (1.2, 0.0, 0.0)]
     np.testing.assert_allclose(rest_heights(mesh_parts.joined(floor, top), places, shape), 0.0, atol=RESTING)
+
+
+@pytest.mark.parametrize("speed", [0.5, 5.0, 20.0, 50.0])
+@pytest.mark.parametrize("form", ["sheet", "soup", "blocks", "table"])
+def test_what_falls_stops_at_the_surface(form: str, speed: float) -> None:
+    sheet = mesh_parts.sheet(8.0, 31)
+    table = mesh_parts.joined(mesh_parts.box((-4.0, -4.0, -0.05), (4.0, 4.0, 0.0)), mesh_parts.sheet(8.0, 1))
+    table[0][8:, 2] = -1.0
+    ground = {
+        "sheet": sheet, "soup": mesh_parts.soup(sheet), "blocks": mesh_parts.blocks(6, 0.0, 1.0), "table": table
+    }[form]  # fmt: skip
+    for shape in SHAPES.values():
+        with GroundWorld(TriangleMesh(*ground)) as world:
+            places = [(x, 0.3 * x, shape.height + 0.5) for x in (0.1, 1.2, 2.1)]
+            bodies = [world.add(shape, place) for place in places]
+            for body in bodies:
+                world.push(body, (0.0, 0.0, -speed))
+            lowest = np.inf
+            for _ in range(240):
+                world.run(STEP)
+                lowest = min(lowest, *(world.position(body)[2] - shape.height for body in bodies))
+            assert lowest > -1e-3
+            heights = [world.position(body)[2] - shape.height for body in bodies]
+            np.testing.assert_allclose(heights, 0.0, atol=RESTING)
+
+
+@pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])
+@pytest.mark.parametrize("speed", [2.0, 10.0])
+def test_balls_that_fall_onto_rough_ground_never_overlap_its_corners_and_edges(kind: type, speed: float) -> None:
+    rng = np.random.default_rng(5)
+    heights = rng.normal(scale=0.02, size=(41, 41)).astype(np.float32)
+    vertices, triangles = mesh_parts.sheet(4.0, 40, lambda x, y: heights.astype(np.float64))
+    ground = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
+    with GroundWorld(ground if kind is HeightMap else TriangleMesh(vertices, triangles)) as world:
+        bodies = [world.add(BALL, (*rng.uniform(-1.0, 1.0, 2), 0.5)) for _ in range(8)]
+        for body, other in combinations(bodies, 2):
+            world.client.setCollisionFilterPair(body, other, -1, -1, 0)
+        for body in bodies:
+            world.push(body, speed * np.array([*rng.uniform(-0.5, 0.5, 2), -1.0]))
+        for _ in range(60):
+            world.run(STEP)
+            for body in bodies:
+                assert nearest(world.position(body), vertices[triangles]) > BALL.height - 1e-3
+
+
+def nearest(point: np.ndarray, corners: np.ndarray) -> float:
+    """Return the distance of a point from triangles (T, 3, 3) of sides below 0.2 m [m], infinite above 0.3 m."""
+    near = corners[np.abs(corners[:, 0] - point).max(axis=1) < 0.5]
+    if not len(near):
+        return np.inf
+    a, b, c = (near[:, k] - point for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    inside = np.ones(len(near), bool)
+    best = np.inf
+    for p, q in ((a, b), (b, c), (c, a)):
+        inside &= np.einsum("ij,ij->i", np.cross(p, q), normals) >= 0.0
+        share = np.clip(-np.einsum("ij,ij->i", p, q - p) / np.einsum("ij,ij->i", q - p, q - p), 0.0, 1.0)
+        best = min(best, float(np.linalg.norm(p + share[:, None] * (q - p), axis=1).min()))
+    planes = np.abs(np.einsum("ij,ij->i", a, normals))
+    return min(best, float(planes[inside].min(initial=np.inf)))
+
+
+@pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])
+def test_balls_roll_over_rough_ground_as_in_small_steps(kind: type) -> None:
+    rng = np.random.default_rng(1)
+    heights = rng.normal(scale=0.01, size=(61, 61)).astype(np.float32)
+    ways = [(*rng.uniform(-1.0, 1.0, 2), *rng.uniform(-1.5, 1.5, 2)) for _ in range(9)]
+    found = []
+    for step in (STEP, STEP / 40.0):
+        ground = HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0))
+        if kind is TriangleMesh:
+            ground = TriangleMesh(*mesh_parts.sheet(6.0, 60, lambda x, y: heights.astype(np.float64)))
+        with GroundWorld(ground, step=step) as world:
+            bodies = [world.add(BALL, (x, y, 0.16)) for x, y, _, _ in ways]
+            for body, other in combinations(bodies, 2):
+                world.client.setCollisionFilterPair(body, other, -1, -1, 0)
+            for body, (_, _, vx, vy) in zip(bodies, ways, strict=True):
+                world.push(body, (vx, vy, 0.0), (-vy / 0.1, vx / 0.1, 0.0))
+            world.run(0.5)
+            found.append([world.position(body) for body in bodies])
+    assert np.median(np.linalg.norm(np.subtract(*found), axis=1)) < 0.02
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
@@ -138,7 +224,6 @@ def test_a_moving_mesh_carries_a_box() -> None:
         box = world.add(BOX, (0.1, 0.1, 0.06))
         for k in range(60):
             mesh.move(vertices + rates * k / 20, time=k / 20, velocities=rates)
-            world.tiles[0].update()
             world.run(0.05)
         np.testing.assert_allclose(world.velocity(box), (0.05, 0.0, 0.1), atol=2e-3)
         np.testing.assert_allclose(world.position(box)[2], 0.06 + 0.1 * 3.0, atol=1e-3)
@@ -157,7 +242,6 @@ def test_a_turntable_turns_a_box() -> None:
             )
             now = vertices @ turn.T
             mesh.move(now, time=k / 20, velocities=np.cross([0.0, 0.0, spin], now))
-            world.tiles[0].update()
             world.run(0.05)
         x, y, _ = world.position(box)
         np.testing.assert_allclose(np.hypot(x, y), 0.5, atol=0.02)
@@ -174,7 +258,6 @@ def test_parts_that_part_are_two_from_then_on() -> None:
     lifted = vertices + np.where(np.arange(len(vertices)) >= 8, 0.3, 0.0)[:, None] * [0.0, 0.0, 1.0]
     with GroundWorld(mesh) as world:
         mesh.move(lifted, time=0.0)
-        world.tiles[0].update()
         bodies = [world.add(BOX, (x, 0.0, 0.4)) for x in (-0.5, 0.5)]
         world.run(2.0)
         np.testing.assert_allclose([world.position(b)[2] for b in bodies], (0.06, 0.36), atol=RESTING)
@@ -199,7 +282,58 @@ def test_a_height_map_and_its_mesh_give_the_same_rest(shape: Shape) -> None:
             world.run(4.0)
             assert max(np.abs(world.velocity(body)).max() for body in bodies) < STILL
             found.append([world.position(body)[2] for body in bodies])
-    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
+    np.testing.assert_allclose(found[0], found[1], atol=RESTING)
+
+
+def mesh_contacts(case: Case, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Return the contacts of a body with the mesh of a height map in a second in which it goes a ``way`` [m]."""
+    pose = np.ascontiguousarray(np.vstack([case.turn, case.position]))
+    vertices, triangles = np.ascontiguousarray(case.ground.points), grid_triangles(*case.ground.heights.shape)
+    return np.asarray(
+        _core.find_mesh_contacts(case.body.core, pose, vertices, triangles, motion_of(way), 1.0, case.margin)
+    )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_distances_from_a_mesh_are_those_of_coal_and_of_the_same_height_map(name: str) -> None:
+    wrong, deep, differ = [], 0, 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        if seed % 20 == 0:
+            ground = random_ground(rng)
+        case = random_case(name, ground, rng)
+        of_map, found = (float(c[:, 6].min(initial=np.inf)) for c in (case.contacts(), mesh_contacts(case)))
+        true = case.distance(case.margin + EXACT)
+        if true <= EXACT:  # a mesh has no inside: the way out of a deep body may be another one
+            deep += 1
+            differ += abs(found - of_map) > EXACT
+        elif not np.allclose((found, of_map), true, rtol=0.0, atol=EXACT) and min(true, found) < case.margin - EXACT:
+            wrong.append((seed, true, found, of_map))
+    assert not wrong
+    assert deep > 50 and differ <= 0.05 * deep
+
+
+def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
+    missed, met = [], 0
+    for seed in range(1000):
+        rng = np.random.default_rng(seed)
+        if seed % 20 == 0:
+            ground = random_ground(rng)
+        case = random_case("ball", ground, rng)
+        radius = case.body.reach
+        case = case.moved(np.array([0.0, 0.0, rng.uniform(0.02, 2.0) * radius]))
+        way = rng.normal(size=3) * (1.0, 1.0, 0.3)
+        way *= -np.sign(way[2]) * radius * rng.uniform(0.5, 3.0) / np.linalg.norm(way)
+        shares = np.linspace(0.0, 1.0, 40)
+        overlaps = (s for s in shares if case.moved(s * way).distance(radius) < -1e-3 * radius)
+        first = next(overlaps, 0.0)
+        if first == 0.0:
+            continue
+        met += 1
+        for contacts in (case.contacts(way), mesh_contacts(case, way)):
+            is_held = np.any(contacts[:, 6] + contacts[:, 3:6] @ way * first < 0.0)
+            missed += [] if is_held else [seed]
+    assert met > 100 and not missed
 
 
 def test_ground_at_is_the_highest_below_a_point() -> None:
@@ -240,7 +374,7 @@ def test_arrays_that_are_no_mesh_are_refused() -> None:
     for name, value in [("vertices", mesh._now.astype(np.float32)), ("triangles", mesh.triangles.astype(np.int32))]:
         with pytest.raises(TypeError):
             _core.Mesh(**{**good, name: value})
-    reader = core_mesh(mesh)
+    reader = mesh.core_reader
     mesh._now[0, 0] = np.inf
     with pytest.raises(ValueError, match="finite"):
         reader.update()
