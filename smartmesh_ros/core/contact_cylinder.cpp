@@ -55,10 +55,8 @@ class CylinderTouch {
   }
 
   void run() {
-    for (const Facet& facet : patch_.facets) {
-      touch_facet(facet, facet.normal);
-      if (patch_.is_mesh) touch_facet(facet, -facet.normal);
-    }
+    for (const Facet& facet : patch_.facets)
+      touch_facet(facet, patch_.is_mesh ? normal_towards(pose_.at, facet, patch_) : facet.normal);
     for (int k = 0; k < 2; ++k) touch_flat(k);
     for (const Peak& peak : patch_.peaks) touch_peak(peak);
     for (const Edge& edge : patch_.edges) {
@@ -76,7 +74,7 @@ class CylinderTouch {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The lowest point of each rim over a facet, in the direction of one of its normals.
+  // The lowest point of each rim over a facet, in the direction of its normal to the side of the cylinder.
   void touch_facet(const Facet& facet, const Vec3& normal) {
     const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
                &c = patch_.points[facet.corner[2]];

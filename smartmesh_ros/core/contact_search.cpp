@@ -9,7 +9,8 @@ namespace {
 // Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
 class ShapeReach final : public Reach {
  public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown) : shape_(shape), pose_(pose), grown_(grown) {
+  ShapeReach(const Convex& shape, const Pose& pose, double grown)
+      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown) {
     is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
   }
 
@@ -23,9 +24,14 @@ class ShapeReach final : public Reach {
     return shape_.bounds.grown(most).meets({q, q});
   }
 
+  bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const override {
+    return dot(one, centre_ - p) > 0.0 || dot(other, centre_ - p) > 0.0;
+  }
+
  private:
   const Convex& shape_;
   const Pose& pose_;
+  Vec3 centre_;
   double grown_;
   bool is_ball_;
 };

@@ -128,9 +128,11 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     lifted.at = lifted.at + n * (lift - from_plane);
     behind[count++] = facet;
   }
+  const double most = point.radius + point.reach;
   for (const Facet& facet : patch.facets) {
+    if (norm2(lifted.at - patch.points[facet.corner[0]]) > (most + facet.size) * (most + facet.size)) continue;
     const double distance = std::abs(dot(facet.normal, lifted.at - patch.points[facet.corner[0]]));
-    if (distance > point.radius + point.reach || std::find(behind, behind + count, &facet) != behind + count) continue;
+    if (distance > most || std::find(behind, behind + count, &facet) != behind + count) continue;
     const Vec3 n = normal_towards(lifted.at, facet, patch);
     if (comes_over(lifted, n, distance, duration, facet, patch)) add(lifted.at, n, distance, facet);
   }

@@ -79,7 +79,8 @@ class MeshAdder {
     const Vec3 normal = unit(cross(b - a, c - a));
     if (!box.meets(bounds) || !reach_.touches((box.low + box.high) * 0.5, 0.5 * norm(box.high - box.low))) return;
     if (!(norm2(normal) > 0.0)) return;  // vertices have come together
-    patch_.facets.push_back({{point(corner[0]), point(corner[1]), point(corner[2])}, normal});
+    patch_.facets.push_back({{point(corner[0]), point(corner[1]), point(corner[2])},
+                             normal, std::max(norm(b - a), norm(c - a))});
     for (const int* e = mesh_.edges_of.begin(f); e != mesh_.edges_of.end(f); ++e) {
       if (scratch_.stamp_of_edge[*e] == scratch_.stamp) continue;
       scratch_.stamp_of_edge[*e] = scratch_.stamp;
@@ -103,10 +104,20 @@ class MeshAdder {
     const int a = point(edge.end[0]), b = point(edge.end[1]);
     const Vec3 from = patch_.points[a], to = patch_.points[b], along = unit(to - from);
     if (!reach_.touches((from + to) * 0.5, 0.5 * norm(to - from))) return;
+    if (edge.count == 2 && !is_outside(edge, from, to)) return;
     Edge found{{a, b}, {-1, -1}, {}};
     if (!find_outermost(edge, from, along, found)) return;
     patch_.edges.push_back(found);
     scratch_.peaks.push_back(edge.end[0]), scratch_.peaks.push_back(edge.end[1]);
+  }
+
+  // Returns true if what touches may be outside an edge of two facets, on the side of one of them at least.
+  bool is_outside(const MeshEdge& edge, const Vec3& from, const Vec3& to) {
+    const Vec3 u = reader_.position(mesh_.opposite[edge.first]) - from;
+    const Vec3 v = reader_.position(mesh_.opposite[edge.first + 1]) - from;
+    Vec3 one = cross(to - from, u), other = -cross(to - from, v);
+    if (dot(one, v) > 0.0) one = -one, other = -other;
+    return reach_.is_outside(from, one, other);
   }
 
   bool find_outermost(const MeshEdge& edge, const Vec3& from, const Vec3& along, Edge& found) {

@@ -12,6 +12,7 @@ namespace smartmesh {
 struct Facet {
   int corner[3];
   Vec3 normal;
+  double size = 0.0;  // of meshes: distance of the farthest corner from the first [m]
 };
 
 // Convex edge of a patch. `opposite`: the third corners of the facets at both sides; -1 = no facet. Where more than two
@@ -68,6 +69,10 @@ struct Patch {
 struct Reach {
   virtual bool touches(const Vec3& centre, double radius) const = 0;
 
+  // Returns true if an edge at `p` may be touched from the directions between the outward normals `one` and `other` of
+  // its facets: the centre of what touches is at one of these sides.
+  virtual bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const = 0;
+
  protected:
   ~Reach() = default;
 };
@@ -75,6 +80,7 @@ struct Reach {
 // Reach of everything, for callers that need all triangles in a box.
 struct Everything final : Reach {
   bool touches(const Vec3&, double) const override { return true; }
+  bool is_outside(const Vec3&, const Vec3&, const Vec3&) const override { return true; }
 };
 
 // Adds the facets, convex edges and peaks of those cells of a window that are in `reach`. The window has a ring of
