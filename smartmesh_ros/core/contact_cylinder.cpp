@@ -172,7 +172,7 @@ class CylinderTouch {
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
     const double distance = dot(n, from_axis) - shape_.radius;
     if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
-    const Crossing crossing{on_ground + n * distance, axis_, distance, on_ground};
+    const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]));
   }
@@ -216,8 +216,7 @@ class CylinderTouch {
     if (!(t > 0.0 && t < 1.0) || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
     const double distance = dot(n, on_rim - on_ground);
-    const Crossing crossing{on_rim, cross(axis_, radial), distance, on_ground};
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 

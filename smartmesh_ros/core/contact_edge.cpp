@@ -10,27 +10,11 @@ namespace smartmesh {
 
 namespace {
 
-// Distance outside a shape at which an edge of a mesh still counts as inside [m], against rounding.
-constexpr double BESIDE = 1e-9;
-
 // Returns a direction from the ground's edge into the shape. Meshes may be touched from both sides: there the shape
 // tells, or, of a segment, the way `away` to it.
 Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, const Pose& pose, const Vec3& away) {
   if (!patch.is_mesh) return ground.outward;
   return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
-}
-
-// Returns the point of the ground's edge from `p` to `q` that is as far inside one face of a shape's edge as inside the
-// other; of a segment, which has no faces, the nearest point, at the share `t` of the way.
-Vec3 deepest_inside(const Convex& shape, const PolyEdge& edge, const Pose& pose, const Vec3& p, const Vec3& q, double t) {
-  if (edge.faces[1] >= 0) {
-    const PolyFace &one = shape.core.faces[edge.faces[0]], &other = shape.core.faces[edge.faces[1]];
-    const Vec3 between = one.normal - other.normal;
-    const double closing = dot(between, transposed(pose.turn, q - p));
-    if (std::abs(closing) > 1e-9)
-      t = std::clamp((one.offset - other.offset - dot(between, pose.to_local(p))) / closing, 0.0, 1.0);
-  }
-  return p + (q - p) * t;
 }
 
 }  // namespace
@@ -58,7 +42,7 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     deepest = deepest - crossing.along * (dot(between, crossing.at - a) / closing);
   double below;
   if (patch.is_mesh) {
-    if (!contains(shape, pose.to_local(crossing.deepest), BESIDE - CONE_TOLERANCE * crossing.distance)) return false;
+    if (!is_passed(shape, pose.to_local(a), pose.to_local(b))) return false;
   } else if (way_out(deepest, patch, below) < 0) {
     return false;
   }
@@ -98,10 +82,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
     if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) return;
-    if (from_edge < 0.0) {
-      const Crossing crossing{on_edge, b - a, distance, deepest_inside(shape, edge, pose, p, q, t)};
-      if (!is_shortest(shape, pose, patch, other, crossing)) return;
-    }
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),
                         ground_name(patch, other.end[0], other.end[1])});
   };

@@ -49,15 +49,14 @@ int way_out(const Vec3& point, const Patch& patch, double& distance);
 constexpr double MUCH_SHORTER = 0.5;
 
 // A line on a shape that passes an edge of the ground on its inner side: the point nearest to the edge, the direction, and
-// the distance from the edge [m], negative. `deepest`: the point of the edge that is deepest inside the shape.
+// the distance from the edge [m], negative.
 struct Crossing {
   Vec3 at, along;
   double distance;
-  Vec3 deepest;
 };
 
-// Returns true if the line is inside the ground beside the edge (of a mesh: the edge inside the shape), and the shape can leave the edge's facets by no way that
-// is much shorter: along one of their normals or out of one of its own faces.
+// Returns true if the line is inside the ground beside the edge (of a mesh: the edge is inside the shape), and the shape
+// can leave the edge's facets by no way that is much shorter: along one of their normals or out of one of its own faces.
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing);
 
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,

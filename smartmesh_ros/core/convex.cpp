@@ -101,13 +101,24 @@ double lowest(const Convex& shape, const Vec3& n) {
   return least - shape.radius;
 }
 
-bool contains(const Convex& shape, const Vec3& q, double slack) {
-  if (shape.cylinder) {
-    const double along = dot(q, shape.axis);
-    return std::abs(along) <= shape.half + slack && norm(q - shape.axis * along) <= shape.radius + slack;
-  }
-  return std::all_of(shape.core.faces.begin(), shape.core.faces.end(),
-                     [&](const PolyFace& face) { return dot(face.normal, q) <= face.offset + slack; });
+bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
+  const Vec3 u = q - p;
+  double first = 0.0, last = 1.0;  // shares of the way between which the segment is inside
+  const auto clip = [&](const Vec3& normal, double offset) {
+    const double start = dot(normal, p) - offset, change = dot(normal, u);
+    if (change < 0.0) first = std::max(first, -start / change);
+    else if (change > 0.0) last = std::min(last, -start / change);
+    else if (start > 0.0) last = -1.0;
+  };
+  for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset);
+  if (!shape.cylinder) return first <= last;
+  clip(shape.axis, shape.half), clip(-shape.axis, shape.half);
+  const Vec3 w = p - shape.axis * dot(p, shape.axis), v = u - shape.axis * dot(u, shape.axis);
+  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.radius * shape.radius;
+  if (vv == 0.0) return outside <= 0.0 && first <= last;
+  const double root = vw * vw - vv * outside;
+  if (root < 0.0) return false;
+  return std::max(first, (-vw - std::sqrt(root)) / vv) <= std::min(last, (-vw + std::sqrt(root)) / vv);
 }
 
 Convex ball(double radius) {

@@ -49,8 +49,9 @@ struct Convex {
 // Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
 double lowest(const Convex& shape, const Vec3& n);
 
-// Returns true if a point `q` of the shape's frame lies in the core, or in a cylinder, or outside by at most `slack` [m].
-bool contains(const Convex& shape, const Vec3& q, double slack);
+// Returns true if the segment from `p` to `q` (in the shape's frame) passes through the core, or through a cylinder. A
+// core without faces is passed by all.
+bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 
 Convex ball(double radius);
 Convex capsule(double radius, double half, const Vec3& axis);
