@@ -163,7 +163,9 @@ struct Ground {
     world().surface.set_tiles(grids, meshes);
     tiles = kept;
   }
+  // Returns height and vertical velocity of the highest ground at (x, y); ground of meshes above z does not count.
   std::tuple<double, double> ground_at(double x, double y, double z, double time) const {
+    if (!std::isfinite(x + y + time) || std::isnan(z)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
     const GroundPoint ground = world().surface.at(x, y, time, INSTANT, z);
     return {ground.height, ground.velocity};
   }

@@ -65,8 +65,6 @@ class MeshAdder {
     scratch_.edges.clear(), scratch_.peaks.clear();
     for (int f : scratch_.found) add_facet(f, bounds);
     for (int e : scratch_.edges) add_edge(mesh_.edges[e]);
-    std::sort(scratch_.peaks.begin(), scratch_.peaks.end());
-    scratch_.peaks.erase(std::unique(scratch_.peaks.begin(), scratch_.peaks.end()), scratch_.peaks.end());
     for (int v : scratch_.peaks) add_peak(v);
   }
 
@@ -108,7 +106,11 @@ class MeshAdder {
     Edge found{{a, b}, {-1, -1}, {}};
     if (!find_outermost(edge, from, along, found)) return;
     patch_.edges.push_back(found);
-    scratch_.peaks.push_back(edge.end[0]), scratch_.peaks.push_back(edge.end[1]);
+    for (int v : edge.end) {
+      if (scratch_.stamp_of_peak[v] == scratch_.stamp) continue;
+      scratch_.stamp_of_peak[v] = scratch_.stamp;
+      scratch_.peaks.push_back(v);
+    }
   }
 
   // Returns true if what touches may be outside an edge of two facets, on the side of one of them at least.
@@ -181,7 +183,8 @@ Vec3 turn_of(const Vec3& u, const Vec3& v, const Vec3& du, const Vec3& dv, doubl
 }  // namespace
 
 void MeshScratch::begin(std::size_t vertices, std::size_t edge_count) {
-  if (point_of.size() < vertices) point_of.resize(vertices), stamp_of_vertex.resize(vertices, 0);
+  if (point_of.size() < vertices)
+    point_of.resize(vertices), stamp_of_vertex.resize(vertices, 0), stamp_of_peak.resize(vertices, 0);
   if (stamp_of_edge.size() < edge_count) stamp_of_edge.resize(edge_count, 0);
   ++stamp;
 }

@@ -23,8 +23,8 @@ struct MeshPoint {
 struct MeshScratch {
   std::vector<int> found, edges, peaks;
   std::vector<int> point_of;         // place in the patch of each vertex, valid if its stamp is the present one
-  std::vector<int> stamp_of_vertex, stamp_of_edge;
-  int stamp = 0;
+  std::vector<std::int64_t> stamp_of_vertex, stamp_of_edge, stamp_of_peak;
+  std::int64_t stamp = 0;
 
   void begin(std::size_t vertices, std::size_t edges);
 };

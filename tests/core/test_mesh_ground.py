@@ -343,7 +343,8 @@ def test_ground_at_is_the_highest_below_a_point() -> None:
         assert world.ground.ground_at(0.1, 0.2, 0.55, 0.0) == (0.5, 0.0)
         assert world.ground.ground_at(0.1, 0.2, 0.3, 0.0) == (0.0, 0.0)
         assert world.ground.ground_at(1.0, 0.2, np.inf, 0.0) == (0.0, 0.0)
-        assert np.isnan(world.ground.ground_at(3.0, 0.2, np.inf, 0.0)[0])
+        for nowhere in ((3.0, 0.2, np.inf), (np.nan, 0.2, 1.0), (0.1, np.inf, 1.0), (0.1, 0.2, np.nan)):
+            assert np.isnan(world.ground.ground_at(*nowhere, 0.0)[0])
 
 
 def test_meshes_and_height_maps_are_ground_together() -> None:
