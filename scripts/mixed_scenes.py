@@ -16,6 +16,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 STEP = 1.0 / 240.0
 STEPS = 240  # of one scene
@@ -36,15 +37,8 @@ class Scene:
         self.spacing = float(rng.choice(SPACING))
         self.half = 0.5 * self.spacing * (SAMPLES - 1)
         self.map = HeightMap(self.heights(0.0), resolution=self.spacing, origin=(-self.half, -self.half))
-        kept = self.map
-        self.grid = _core.Grid(
-            kept._heights,
-            kept._velocities,
-            kept._offsets,
-            kept._clocks.view(np.uint8).reshape(*kept._clocks.shape, kept._clocks.dtype.itemsize),
-        )
-        self.refresh()
-        self.ground.set_tiles([self.grid])
+        self.mesh = TriangleMesh(*self.folded(0.0))
+        self.ground.set_tiles([self.map.core_reader, self.mesh.core_reader])
         self.fill()
 
     def heights(self, time: float) -> np.ndarray:
@@ -53,10 +47,12 @@ class Scene:
         found[self.rng.random(found.shape) < 0.01] = np.nan
         return found.astype(np.float32)
 
-    def refresh(self) -> None:
-        geometry, motion = self.map.geometry, self.map.motion
-        self.grid.place(*geometry.origin, geometry.yaw, geometry.resolution)
-        self.grid.set_motion(motion.code, motion.max_velocity, motion.settle, self.map.noise, self.map._shown)
+    def folded(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the vertices and triangles of a tilted fan that opens and closes above the middle of the map."""
+        angle = np.linspace(0.0, 2.0 * np.pi * abs(np.cos(2.0 * time)), 30)
+        rim = np.stack([np.cos(angle), np.sin(angle), 0.5 + 0.1 * np.cos(9.0 * angle)], axis=1) * self.half
+        vertices = np.concatenate([[[0.0, 0.0, 0.6 * self.half]], rim])
+        return vertices, np.stack([np.zeros(29, np.int64), np.arange(1, 30), np.arange(2, 31)], axis=1)
 
     def shapes(self) -> list[int]:
         make, points = self.client.createCollisionShape, self.rng.normal(scale=0.1, size=(30, 3)).tolist()
@@ -115,7 +111,7 @@ class Scene:
         for step in range(STEPS):
             if step % 4 == 0:
                 self.map.replace(self.heights(step * STEP), time=step * STEP)
-                self.refresh()
+                self.mesh.move(self.folded(step * STEP)[0], time=step * STEP)
             if step % 20 == 10:
                 self.disturb()
             self.client.stepSimulation()

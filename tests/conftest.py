@@ -48,6 +48,7 @@ COSTS = {
     "node/test_batches.py": 13,
     "studies/test_accuracy.py": 13,
     "node/test_body_inputs.py": 24,
+    "core/test_mesh_ground.py": 25,
     "node/test_start.py": 12,
     "physics/test_colliders.py": 12,
     "studies/test_bench.py": 12,

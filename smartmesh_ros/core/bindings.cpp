@@ -22,11 +22,23 @@ namespace {
 
 using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Doubles2 = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Doubles3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Whole2 = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Bytes2 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Slots = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using States = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 constexpr int MOST_SLOTS = 1 << 24;
 using Bytes3 = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+// Duration over which a velocity is that of an instant [s], as in terrain/moving_grid.py.
+constexpr double INSTANT = 1e-9;
+
+Mode mode_of(int number) {
+  if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
+  return static_cast<Mode>(number);
+}
 
 // A height map's arrays, which stay alive with it.
 struct Grid {
@@ -66,17 +78,60 @@ struct Grid {
     grid.track = {time, interval, x, y, spin};
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
-    if (mode < 0 || mode > 3) throw std::invalid_argument("the mode must be one of Mode");
-    grid.mode = static_cast<Mode>(mode);
+    grid.mode = mode_of(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
     ++grid.revision;
+  }
+};
+
+// A triangle mesh's arrays, which stay alive with it.
+struct Mesh {
+  MeshSurface surface;
+  Doubles2 now;
+  Doubles3 velocities;
+  Bytes2 clocks;
+  Whole2 triangles;
+
+  Mesh(Doubles2 now_3v, Doubles3 velocities_k3v, Bytes2 clocks_1, Whole2 triangles_t3)
+      : now(now_3v), velocities(velocities_k3v), clocks(clocks_1), triangles(triangles_t3) {
+    const std::size_t count = now.shape(1), most = 1u << 28;
+    if (now.shape(0) != 3 || count < 3 || count > most)
+      throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
+    if (velocities.shape(0) != KEPT || velocities.shape(1) != 3 || velocities.shape(2) != count)
+      throw std::invalid_argument("velocities must have the shape (3, 3, V)");
+    if (clocks.shape(0) != 1 || clocks.shape(1) != sizeof(Clock))
+      throw std::invalid_argument("the clock must be one record of CLOCK");
+    if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
+      throw std::invalid_argument("triangles must have the shape (T, 3), with 1 to 2^28 triangles");
+    check_alignment(now.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
+    check_alignment(clocks.data(), alignof(Clock)), check_alignment(triangles.data(), sizeof(std::int64_t));
+    for (std::size_t k = 0; k < triangles.size(); ++k)
+      if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
+        throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
+                                    std::to_string(count) + ", counted from 0");
+    surface.now = now.data(), surface.velocities = velocities.data();
+    surface.clock = reinterpret_cast<const Clock*>(clocks.data());
+    surface.triangles = triangles.data(), surface.triangle_count = static_cast<int>(triangles.shape(0));
+    surface.vertices = static_cast<int>(count);
+    update();
+  }
+
+  // Must be called after the arrays have changed.
+  void update() {
+    for (std::size_t k = 0; k < now.size(); ++k)
+      if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
+    surface.update();
+  }
+  void set_motion(int mode, double max_velocity) {
+    surface.mode = mode_of(mode), surface.max_velocity = max_velocity;
+    surface.update();
   }
 };
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
   int number, of_world;
-  nb::list tiles;  // keeps the grids alive
+  nb::list tiles;  // keeps the grids and meshes alive
 
   explicit Ground(int of) : number(of), of_world(0) {
     if (world().owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
@@ -105,11 +160,23 @@ struct Ground {
       throw std::runtime_error("the PyBullet client was reset: its bodies are gone; close this ground and make another");
     return *found;
   }
-  void set_tiles(nb::list grids) {
-    std::vector<const HeightGrid*> found;
-    for (nb::handle grid : grids) found.push_back(&nb::cast<Grid&>(grid).grid);
-    world().surface.set_tiles(found);
-    tiles = grids;
+  void set_tiles(nb::list parts) {
+    std::vector<const HeightGrid*> grids;
+    std::vector<const MeshSurface*> meshes;
+    nb::list kept;
+    for (nb::handle part : parts) {
+      if (nb::isinstance<Mesh>(part)) meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else grids.push_back(&nb::cast<Grid&>(part).grid);
+      kept.append(part);
+    }
+    world().surface.set_tiles(grids, meshes);
+    tiles = kept;
+  }
+  // Returns height and vertical velocity of the highest ground at (x, y); ground of meshes above z does not count.
+  std::tuple<double, double> ground_at(double x, double y, double z, double time) const {
+    if (!std::isfinite(x + y + time) || std::isnan(z)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
+    const GroundPoint ground = world().surface.at(x, y, time, INSTANT, z);
+    return {ground.height, ground.velocity};
   }
   void attach(int slot, int body, int link, int proxy) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
@@ -160,11 +227,17 @@ NB_MODULE(_core, m) {
         const Sample s = GridReader(g.grid, time, ahead).read(row, column);
         return std::make_tuple(s.height, s.rise);
       });
+  nb::class_<Mesh>(m, "Mesh")
+      .def(nb::init<Doubles2, Doubles3, Bytes2, Whole2>(), "vertices"_a.noconvert(), "velocities"_a.noconvert(),
+           "clock"_a.noconvert(), "triangles"_a.noconvert())
+      .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a)
+      .def("update", &Mesh::update);
   nb::class_<Ground>(m, "Ground")
       .def(nb::init<int>(), "number"_a)
       .def("release", &Ground::release)
       .def_prop_ro("is_there", &Ground::is_there)
-      .def("set_tiles", &Ground::set_tiles, "grids"_a)
+      .def("set_tiles", &Ground::set_tiles, "tiles"_a)
+      .def("ground_at", &Ground::ground_at, "x"_a, "y"_a, "z"_a, "time"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("enable", &Ground::enable, "flags"_a.noconvert())

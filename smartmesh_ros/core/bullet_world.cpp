@@ -55,7 +55,7 @@ btCollisionObject* BulletWorld::find(int body, int link) const {
 void BulletWorld::release() {
   for (std::size_t k = 0; k < slots_.size(); ++k)
     if (slots_[k].used) detach(static_cast<int>(k));
-  surface.set_tiles({});
+  surface.set_tiles({}, {});
   owned = false;
 }
 
@@ -182,7 +182,7 @@ void BulletWorld::place(Slot& slot) {
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
   const double size = norm(from_bullet(high - low)), turn = std::min(1.0, norm(slot.angular) * duration);
   GroundMotion motion;
-  if (carry_velocity && duration > 0.0) motion = surface.motion_at(at.x, at.y, half, time, duration);
+  if (carry_velocity && duration > 0.0) motion = surface.motion_at(at.x, at.y, half, time, duration, high.z());
   const double moved = norm(motion.linear) * duration;
   const double grown = margin_in(duration) + turn * size + moved;
   const btVector3 by(grown, grown, grown), travel = to_bullet(slot.linear * duration);

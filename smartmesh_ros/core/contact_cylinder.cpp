@@ -55,7 +55,8 @@ class CylinderTouch {
   }
 
   void run() {
-    for (const Facet& facet : patch_.facets) touch_facet(facet);
+    for (const Facet& facet : patch_.facets)
+      touch_facet(facet, patch_.is_mesh ? normal_towards(pose_.at, facet, patch_) : facet.normal);
     for (int k = 0; k < 2; ++k) touch_flat(k);
     for (const Peak& peak : patch_.peaks) touch_peak(peak);
     for (const Edge& edge : patch_.edges) {
@@ -73,31 +74,32 @@ class CylinderTouch {
     if (distance <= reach_at(on_ground)) contacts_.push_back({on_ground, n, distance, name, ground});
   }
 
-  // The lowest point of each rim over a facet.
-  void touch_facet(const Facet& facet) {
+  // The lowest point of each rim over a facet, in the direction of its normal to the side of the cylinder.
+  void touch_facet(const Facet& facet, const Vec3& normal) {
     const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
                &c = patch_.points[facet.corner[2]];
-    const Vec3 across = facet.normal - axis_ * dot(facet.normal, axis_);
+    const Vec3 across = normal - axis_ * dot(normal, axis_);
     const double tilt = norm(across);
     if (tilt < 1e-6) return;  // the points around the rim will do
     for (int k = 0; k < 2; ++k) {
       const Vec3 low = cap_[k] - across * (shape_.radius / tilt);
-      const double distance = dot(facet.normal, low - a);
+      const double distance = dot(normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
       if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
-      const Vec3 foot = low - facet.normal * distance;
+      const Vec3 foot = low - normal * distance;
+      const bool is_over_it = inside_triangle(foot, a, b, c, facet.normal, 0.0);
       if (distance < 0.0) {
-        if (is_over(low, a, b, c) || inside_triangle(foot, a, b, c, facet.normal, 0.0))
-          touch_below(low, name_of(BodyFeature::Rim, k));
+        if (is_over_it || is_over(low, a, b, c)) touch_below(low, name_of(BodyFeature::Rim, k));
         continue;
       }
-      if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {
-        const double closing = -dot(facet.normal, velocity);
+      if (!is_over_it) {
+        const double closing = -dot(normal, velocity);
         if (!(closing * approach_.duration > distance)) continue;
-        if (!inside_triangle(foot + (velocity + facet.normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
+        if (!inside_triangle(foot + (velocity + normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
           continue;
       }
-      add(foot, facet.normal, distance, name_of(BodyFeature::Rim, k),
+      if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) continue;  // the facet is hidden
+      add(foot, normal, distance, name_of(BodyFeature::Rim, k),
           ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
     }
   }
@@ -105,23 +107,34 @@ class CylinderTouch {
   // A point of the shape that may lie below the ground.
   void touch_below(const Vec3& low, int name) {
     double distance;
-    const int way = way_out(low, patch_, distance);
-    if (way < 0) return;
-    const Facet& facet = patch_.facets[way];
-    add(low - facet.normal * distance, facet.normal, distance, name,
-        ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
+    const Facet* facet;
+    if (patch_.is_mesh) {
+      facet = penetrated(pose_.at, low, patch_);
+    } else {
+      const int way = way_out(low, patch_, distance);
+      facet = way < 0 ? nullptr : &patch_.facets[way];
+    }
+    if (facet == nullptr) return;
+    const Vec3 n = patch_.is_mesh ? normal_towards(pose_.at, *facet, patch_) : facet->normal;
+    distance = dot(n, low - patch_.points[facet->corner[0]]);
+    add(low - n * distance, n, distance, name,
+        ground_name(patch_, facet->corner[0], facet->corner[1], facet->corner[2]));
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.
   void touch_flat(int k) {
-    if (patch_.facets.empty()) return;
     const Vec3 outward = k ? axis_ : -axis_;
-    const Vec3 up = patch_.facets[patch_.facets.size() / 2].normal;
-    if (dot(outward, up) > 0.0 || norm(cross(outward, up)) > FLAT) return;
+    const auto is_flat = [&](const Facet& facet) {
+      return norm(cross(outward, facet.normal)) <= FLAT && (patch_.is_mesh || dot(outward, facet.normal) <= 0.0);
+    };
+    const auto& facets = patch_.facets;
+    if (facets.empty()) return;
+    if (patch_.is_mesh ? std::none_of(facets.begin(), facets.end(), is_flat) : !is_flat(facets[facets.size() / 2])) return;
+    const auto touch = patch_.is_mesh ? touch_sheets : touch_facets;
     for (int j = 0; j < 4; ++j) {
       const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -shape_.radius : shape_.radius);
-      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at)};
-      touch_facets(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
+      const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at};
+      touch(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
     }
   }
 
@@ -155,9 +168,9 @@ class CylinderTouch {
     double s, t;
     if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(axis_, q - p));
-    if (dot(n, edge.outward) < 0.0) n = -n;
-    const Vec3 on_ground = p + (q - p) * t;
-    const double distance = dot(n, cap_[0] + (cap_[1] - cap_[0]) * s - on_ground) - shape_.radius;
+    const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
+    if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
+    const double distance = dot(n, from_axis) - shape_.radius;
     if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;

@@ -8,6 +8,17 @@
 
 namespace smartmesh {
 
+namespace {
+
+// Returns a direction from the ground's edge into the shape. Meshes may be touched from both sides: there the shape
+// tells, or, of a segment, the way `away` to it.
+Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, const Pose& pose, const Vec3& away) {
+  if (!patch.is_mesh) return ground.outward;
+  return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
+}
+
+}  // namespace
+
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
@@ -19,7 +30,8 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     if (k < 0) continue;
     Vec3& normal = normals[count - 2];
     normal = unit(cross(b - a, patch.points[k] - a));
-    if (dot(normal, edge.outward) < 0.0) normal = -normal;
+    const bool is_rim = patch.is_mesh && edge.opposite[1] < 0;  // of a sheet, which the shape leaves to its own side
+    if (dot(normal, is_rim ? pose.to_world(shape.centre) - a : edge.outward) < 0.0) normal = -normal;
     if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
@@ -29,7 +41,11 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
   if (count == 4 && std::abs(closing) > 1e-9)
     deepest = deepest - crossing.along * (dot(between, crossing.at - a) / closing);
   double below;
-  if (way_out(deepest, patch, below) < 0) return false;
+  if (patch.is_mesh) {
+    if (!is_passed(shape, pose.to_local(a), pose.to_local(b))) return false;
+  } else if (way_out(deepest, patch, below) < 0) {
+    return false;
+  }
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
     for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);
@@ -62,8 +78,8 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     double s, t;
     if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0)) return;
     Vec3 n = unit(cross(b - a, q - p));
-    if (dot(n, other.outward) < 0.0) n = -n;
     const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
+    if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
     if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;

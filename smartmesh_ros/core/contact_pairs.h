@@ -9,6 +9,7 @@ namespace smartmesh {
 struct MovingPoint {
   Vec3 at, velocity;
   double radius, reach;  // `reach` [m]: distance up to which it may come to the ground in the step
+  Vec3 inside;           // a point deep inside the shape [m]
 };
 
 // Kinds of features of a body, for their names.
@@ -22,6 +23,22 @@ int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
 // Adds the contacts of a point with facets alone. Returns false if the point lies below the ground, which is then its
 // only contact.
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
+
+// Adds the contacts of a point with facets of meshes alone. Returns false if the point has penetrated a facet; it then has
+// no contacts with edges and peaks.
+bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration, std::vector<Contact>& contacts);
+
+// Returns the facet of a mesh through which a point `at` of a shape leaves the ground, null if it has not penetrated the
+// ground; `inside`: a point deep inside the shape.
+const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch);
+
+// Returns the normal of a facet to the side of `p`.
+Vec3 normal_towards(const Vec3& p, const Facet& facet, const Patch& patch);
+
+// Returns true if a point is over a facet or will be when it reaches the facet within the step. `distance` [m]: to the
+// facet's plane, along the unit normal `n` towards the point.
+bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, const Facet& facet,
+                const Patch& patch);
 
 // Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
 // `distance` [m]: from that facet's plane, negative.
@@ -38,8 +55,8 @@ struct Crossing {
   double distance;
 };
 
-// Returns true if the line is inside the ground beside the edge, and the shape can leave the edge's facets by no way that
-// is much shorter: along one of their normals or out of one of its own faces.
+// Returns true if the line is inside the ground beside the edge (of a mesh: the edge is inside the shape), and the shape
+// can leave the edge's facets by no way that is much shorter: along one of their normals or out of one of its own faces.
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing);
 
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,

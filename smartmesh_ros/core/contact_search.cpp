@@ -9,7 +9,8 @@ namespace {
 // Part of the ground that a shape may touch in the step: around its box, grown by the way it may come.
 class ShapeReach final : public Reach {
  public:
-  ShapeReach(const Convex& shape, const Pose& pose, double grown) : shape_(shape), pose_(pose), grown_(grown) {
+  ShapeReach(const Convex& shape, const Pose& pose, double grown)
+      : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown) {
     is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
   }
 
@@ -23,9 +24,14 @@ class ShapeReach final : public Reach {
     return shape_.bounds.grown(most).meets({q, q});
   }
 
+  bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const override {
+    return dot(one, centre_ - p) > 0.0 || dot(other, centre_ - p) > 0.0;
+  }
+
  private:
   const Convex& shape_;
   const Pose& pose_;
+  Vec3 centre_;
   double grown_;
   bool is_ball_;
 };
@@ -47,9 +53,13 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
-  surface.gather(bounds, time, ShapeReach(shape, pose, grown), patch_);
-  patch_.finish();
-  find_contacts(shape, pose, patch_, approach, contacts);
+  const ShapeReach reach(shape, pose, grown);
+  surface.gather(bounds, time, reach, maps_);
+  surface.gather_meshes(bounds, time, reach, meshes_);
+  for (Patch* patch : {&maps_, &meshes_}) {
+    patch->finish();
+    find_contacts(shape, pose, *patch, approach, contacts);
+  }
 }
 
 }  // namespace smartmesh

@@ -16,7 +16,7 @@ class ContactSearch {
            std::vector<Contact>& contacts);
 
  private:
-  Patch patch_;
+  Patch maps_, meshes_;
 };
 
 }  // namespace smartmesh

@@ -20,6 +20,17 @@ void add_contact(const MovingPoint& point, int name, const Vec3& normal, double 
   if (distance <= point.reach) contacts.push_back({point.at - normal * from_core, normal, distance, name, ground});
 }
 
+// Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within the
+// step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
+double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& along, double duration) {
+  const Vec3 w = from - along * dot(from, along), v = ball.velocity - along * dot(ball.velocity, along);
+  const double vv = norm2(v), vw = dot(v, w), apart = norm2(w) - ball.radius * ball.radius;
+  const double root = vw * vw - vv * apart;
+  if (!(apart > 0.0 && vw < 0.0 && root >= 0.0)) return -1.0;
+  const double time = (-vw - std::sqrt(root)) / vv;
+  return time <= duration ? time : -1.0;
+}
+
 }  // namespace
 
 int ground_name(const Patch& patch, int a, int b, int c) {
@@ -72,16 +83,14 @@ bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double
     if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {  // it may still come to the facet within the step
       const double closing = -dot(facet.normal, point.velocity), gap = from_plane - point.radius;
       if (!(gap >= 0.0 && closing * duration > gap)) return;
-      if (!inside_triangle(foot + (point.velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal,
-                           point.radius))
+      if (!inside_triangle(foot + (point.velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
         return;
     }
     add_contact(point, name, facet.normal, from_plane,
                 ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]), contacts);
   };
   const PatchCells& cells = patch.cells;
-  const double half = most + point.radius + ROUNDING;  // what it may come to lies up to a radius beside its way
-  const CellRange near = cells.near(point.at.x, point.at.y, half, half);
+  const CellRange near = cells.near(point.at.x, point.at.y, most + ROUNDING, most + ROUNDING);
   for (int r = near.top; r < near.bottom; ++r)
     for (int f = cells.facets[cells.at(r, near.left)]; f < cells.facets[cells.at(r, near.right - 1) + 1]; ++f)
       touch(patch.facets[f]);
@@ -98,18 +107,32 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration};
+  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration,
+                          pose.to_world(shape.centre)};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
-  if (!touch_facets(point, name, patch, approach.duration, contacts)) return;
+  const auto touch = patch.is_mesh ? touch_sheets : touch_facets;
+  if (!touch(point, name, patch, approach.duration, contacts)) return;
   const double most = point.radius + point.reach;
-  const auto add = [&](const Vec3& foot, const auto& feature, int one, int other) {
-    const Vec3 away = at - foot;
-    const double distance = norm(away);
-    if (!(distance <= most && distance > 1e-9)) return;
-    const Vec3 n = away * (1.0 / distance);
-    if (in_cone(patch, feature, n) && in_cone(core, vertex, transposed(pose.turn, n)))
-      add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
+  const auto add = [&](const Vec3& n, double distance, const auto& feature, int one, int other) {
+    if (!in_cone(patch, feature, n) || !in_cone(core, vertex, transposed(pose.turn, n))) return false;
+    add_contact(point, name, n, distance, ground_name(patch, one, other), contacts);
+    return true;
+  };
+  const auto touches = [&](const Vec3& foot, const auto& feature, int one, int other) {
+    const double distance = norm(at - foot);
+    return distance <= most && distance > 1e-9 && add((at - foot) * (1.0 / distance), distance, feature, one, other);
+  };
+  // What a ball only comes to within the step: from `start` along `side`, which is zero for a peak.
+  const auto meet = [&](const Vec3& start, const Vec3& side, const auto& feature, int one, int other) {
+    if (shape.radius == 0.0) return;
+    const Vec3 along = unit(side);
+    const double time = time_of_touch(point, at - start, along, approach.duration);
+    const Vec3 then = at + velocity * time - start;
+    const double s = dot(then, along), length = norm(side);
+    if (time < 0.0 || (length > 0.0 && !(s > 0.0 && s < length))) return;
+    const Vec3 n = (then - along * s) * (1.0 / shape.radius);
+    add(n, dot(n, at - start), feature, one, other);
   };
   const PatchCells& cells = patch.cells;
   const CellRange near = cells.near(at.x, at.y, most + ROUNDING, most + ROUNDING);
@@ -119,10 +142,13 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
       const Edge& edge = patch.edges[e];
       const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
       const double t = along_segment(at, a, b);
-      if (t > 0.0 && t < 1.0) add(a + (b - a) * t, edge, edge.end[0], edge.end[1]);
+      if (!(t > 0.0 && t < 1.0 && touches(a + (b - a) * t, edge, edge.end[0], edge.end[1])))
+        meet(a, b - a, edge, edge.end[0], edge.end[1]);
     }
-    for (int k = cells.peaks[first]; k < cells.peaks[end]; ++k)
-      add(patch.points[patch.peaks[k].point], patch.peaks[k], patch.peaks[k].point, -1);
+    for (int k = cells.peaks[first]; k < cells.peaks[end]; ++k) {
+      const Peak& peak = patch.peaks[k];
+      if (!touches(patch.points[peak.point], peak, peak.point, -1)) meet(patch.points[peak.point], {}, peak, peak.point, -1);
+    }
   }
 }
 

@@ -17,7 +17,10 @@ void set_bounds(Convex& shape) {
     shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
     shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
   }
-  for (const Vec3& corner : shape.core.vertices) shape.bounds.add(corner);
+  for (const Vec3& corner : shape.core.vertices) {
+    shape.bounds.add(corner);
+    shape.centre = shape.centre + corner * (1.0 / static_cast<double>(shape.core.vertices.size()));
+  }
   shape.bounds = shape.bounds.grown(shape.radius);
   shape.reach = 0.0;
   for (const Vec3& corner : shape.core.vertices) shape.reach = std::max(shape.reach, norm(corner) + shape.radius);
@@ -97,6 +100,26 @@ double lowest(const Convex& shape, const Vec3& n) {
   double least = 1e300;
   for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
   return least - shape.radius;
+}
+
+bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
+  const Vec3 u = q - p;
+  double first = 0.0, last = 1.0;  // shares of the way between which the segment is inside
+  const auto clip = [&](const Vec3& normal, double offset) {
+    const double start = dot(normal, p) - offset, change = dot(normal, u);
+    if (change < 0.0) first = std::max(first, -start / change);
+    else if (change > 0.0) last = std::min(last, -start / change);
+    else if (start > 0.0) last = -1.0;
+  };
+  for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset);
+  if (!shape.cylinder) return first <= last;
+  clip(shape.axis, shape.half), clip(-shape.axis, shape.half);
+  const Vec3 w = p - shape.axis * dot(p, shape.axis), v = u - shape.axis * dot(u, shape.axis);
+  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.radius * shape.radius;
+  if (vv == 0.0) return outside <= 0.0 && first <= last;
+  const double root = vw * vw - vv * outside;
+  if (root < 0.0) return false;
+  return std::max(first, (-vw - std::sqrt(root)) / vv) <= std::min(last, (-vw + std::sqrt(root)) / vv);
 }
 
 Convex ball(double radius) {

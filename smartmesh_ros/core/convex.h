@@ -44,10 +44,15 @@ struct Convex {
   double half = 0.0;
   Bounds bounds;      // in the shape's frame, grown by the radius
   double reach = 0.0; // largest distance of a point of the shape from its origin
+  Vec3 centre;        // a point inside, the mean of the core's vertices
 };
 
 // Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
 double lowest(const Convex& shape, const Vec3& n);
+
+// Returns true if the segment from `p` to `q` (in the shape's frame) passes through the core, or through a cylinder. A
+// core without faces is passed by all.
+bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 
 Convex ball(double radius);
 Convex capsule(double radius, double half, const Vec3& axis);

@@ -5,12 +5,16 @@ namespace smartmesh {
 void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVector3& least,
                                       const btVector3& most) const {
   Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
-  Patch patch;
-  surface_->gather(bounds, *time_, Everything{}, patch);
-  for (std::size_t k = 0; k < patch.facets.size(); ++k) {
-    btVector3 corners[3];
-    for (int j = 0; j < 3; ++j) corners[j] = to_bullet(patch.points[patch.facets[k].corner[j]]) - origin;
-    callback->processTriangle(corners, 0, static_cast<int>(k));
+  Patch maps, meshes;
+  surface_->gather(bounds, *time_, Everything{}, maps);
+  surface_->gather_meshes(bounds, *time_, Everything{}, meshes);
+  int number = 0;
+  for (const Patch* patch : {&maps, &meshes}) {
+    for (const Facet& facet : patch->facets) {
+      btVector3 corners[3];
+      for (int j = 0; j < 3; ++j) corners[j] = to_bullet(patch->points[facet.corner[j]]) - origin;
+      callback->processTriangle(corners, 0, number++);
+    }
   }
 }
 

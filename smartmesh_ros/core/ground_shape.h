@@ -13,11 +13,6 @@ namespace smartmesh {
 // of signed distance fields, too, and Bullet's own algorithms cast it to one.
 constexpr int GROUND_SHAPE_TYPE = FAST_CONCAVE_MESH_PROXYTYPE;
 
-// Reach of everything, for callers that need all triangles in a box.
-struct Everything final : Reach {
-  bool touches(const Vec3&, double) const override { return true; }
-};
-
 // Bounds follow the body; the surface and the time are the world's. Contacts come from `GroundAlgorithm`; the triangles
 // serve whatever else asks Bullet, such as rays and shapes of unknown kinds.
 class GroundShape final : public btConcaveShape {

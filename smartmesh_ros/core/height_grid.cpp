@@ -11,8 +11,6 @@ namespace smartmesh {
 namespace {
 
 constexpr int BLOCK = 1 << BLOCK_SHIFT;
-// Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
-constexpr double REST_AFTER = 4.5;
 
 // Returns the length of a chord over the length of its arc, for an arc of `turn` [rad].
 double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0.5 * turn); }
@@ -37,15 +35,12 @@ GridPose HeightGrid::pose_at(double time) const {
 }
 
 bool HeightGrid::moves(double time) const {
-  const auto goes_on = [&](double last, double lifetime, double delay) {
-    return lifetime > 0.0 && time < last + REST_AFTER * (lifetime + delay);
-  };
-  if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(track.time, track.interval, clocks[0].delay))
+  if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(time, track.time, track.interval, clocks[0].delay))
     return true;
   const int blocks = ((rows + BLOCK - 1) >> BLOCK_SHIFT) * block_columns;
   for (int k = 0; k < blocks; ++k) {
     if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0
-                              : clocks[k].known > 0 && goes_on(clocks[k].time, clocks[k].lifetime, clocks[k].delay))
+                              : clocks[k].known > 0 && goes_on(time, clocks[k].time, clocks[k].lifetime, clocks[k].delay))
       return true;
   }
   return false;

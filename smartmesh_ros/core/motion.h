@@ -21,6 +21,14 @@ struct Clock {
 };
 static_assert(sizeof(Clock) == 168, "the layout of CLOCK in terrain/motion.py");
 
+// Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
+constexpr double REST_AFTER = 4.5;
+
+// Returns true if ground whose last map came at `last` [s] may move at `time` [s]; `lifetime` and `delay` as in `Clock`.
+inline bool goes_on(double time, double last, double lifetime, double delay) {
+  return lifetime > 0.0 && time < last + REST_AFTER * (lifetime + delay);
+}
+
 // Coefficients of the motion at one instant. Height above the last map: velocity * along + acceleration * bend. Its
 // rate: velocity * rate + acceleration * bend_rate. That rate changes by acceleration * curve per second and ends after
 // a time `left` [s]. `inverse`, `inverse_1` [1/s]: reciprocals of the times between the velocities, newest first, zero =

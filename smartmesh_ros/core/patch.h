@@ -8,17 +8,19 @@
 
 namespace smartmesh {
 
-// Triangle of a patch, counterclockwise seen from its outside. `normal`: unit, outwards.
+// Triangle of a patch, counterclockwise seen from its outside. `normal`: unit, outwards; of meshes to either side.
 struct Facet {
   int corner[3];
   Vec3 normal;
+  double size = 0.0;  // of meshes: distance of the farthest corner from the first [m]
 };
 
-// Convex edge of a patch. `opposite`: the third corners of the facets at both sides; -1 = no facet.
+// Convex edge of a patch. `opposite`: the third corners of the facets at both sides; -1 = no facet. Where more than two
+// facets of a mesh meet, the outermost two.
 struct Edge {
   int end[2];
   int opposite[2];
-  Vec3 outward;  // mean of the normals of its facets, not of unit length
+  Vec3 outward;  // between the directions from which it is touched, not of unit length
 };
 
 // A point of a patch where the ground is convex, and its neighbours.
@@ -42,6 +44,7 @@ struct PatchCells {
 };
 
 struct Patch {
+  bool is_mesh = false;  // facets are touched from both sides; else what is under them is below the ground
   PatchCells cells;
   std::vector<Vec3> points;
   std::vector<Facet> facets;
@@ -68,8 +71,18 @@ struct Patch {
 struct Reach {
   virtual bool touches(const Vec3& centre, double radius) const = 0;
 
+  // Returns true if an edge at `p` may be touched from the directions between the outward normals `one` and `other` of
+  // its facets: the centre of what touches is at one of these sides.
+  virtual bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const = 0;
+
  protected:
   ~Reach() = default;
+};
+
+// Reach of everything, for callers that need all triangles in a box.
+struct Everything final : Reach {
+  bool touches(const Vec3&, double) const override { return true; }
+  bool is_outside(const Vec3&, const Vec3&, const Vec3&) const override { return true; }
 };
 
 // Adds the facets, convex edges and peaks of those cells of a window that are in `reach`. The window has a ring of

@@ -44,7 +44,22 @@ GroundPoint grid_ground(const HeightGrid& grid, GridPoint place, double time, do
   return ground;
 }
 
-GroundPoint Surface::at(double x, double y, double time, double ahead) const {
+GroundPoint Surface::at(double x, double y, double time, double ahead, double z) const {
+  const GroundPoint tile = tiles_at(x, y, time, ahead);
+  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
+  return mesh.height <= tile.height || std::isnan(mesh.height) ? tile : GroundPoint{mesh.height, mesh.velocity.z};
+}
+
+MeshPoint Surface::meshes_at(double x, double y, double z, double time, double ahead) const {
+  MeshPoint highest{NONE, {}, {}};
+  for (const MeshSurface* mesh : meshes_) {
+    const MeshPoint ground = mesh->below(x, y, z, time, ahead);
+    if (!(ground.height <= highest.height) && !std::isnan(ground.height)) highest = ground;
+  }
+  return highest;
+}
+
+GroundPoint Surface::tiles_at(double x, double y, double time, double ahead) const {
   for (const HeightGrid* grid : tiles_) {
     const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
     if (beyond(*grid, place) > EDGE) continue;
@@ -80,19 +95,22 @@ double Surface::widest_cell() const {
   return widest;
 }
 
-void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles) {
+void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes) {
   tiles_ = tiles;
+  meshes_ = meshes;
   ++layout_;
 }
 
 long Surface::revision() const {
   long sum = layout_;
   for (const HeightGrid* grid : tiles_) sum += grid->revision;
+  for (const MeshSurface* mesh : meshes_) sum += mesh->revision;
   return sum;
 }
 
 bool Surface::moves(double time) const {
-  return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); });
+  return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
+         std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });
 }
 
 void Surface::heights_under(const Bounds& bounds, double time, std::vector<double>& heights) {
@@ -103,9 +121,20 @@ void Surface::heights_under(const Bounds& bounds, double time, std::vector<doubl
     read_window(*grid, cells, time, window_);
     for (double height : window_.heights) heights.push_back(std::isnan(height) ? 1e300 : height);
   }
+  Patch near;
+  gather_meshes(bounds, time, Everything{}, near);
+  for (const Vec3& p : near.points) heights.insert(heights.end(), {p.x, p.y, p.z});
+}
+
+void Surface::gather_meshes(const Bounds& bounds, double time, const Reach& reach, Patch& patch) {
+  patch.clear();
+  patch.is_mesh = true;
+  for (std::size_t k = 0; k < meshes_.size(); ++k)
+    meshes_[k]->gather(bounds, time, reach, static_cast<int>(k), scratch_, patch);
 }
 
 double Surface::highest_under(const Bounds& bounds, double time) {
+  if (!meshes_.empty()) return 1e300;  // not worth a search of its own
   double highest = -1e300;
   for (const HeightGrid* grid : tiles_) {
     const Bounds grown = tiles_.size() > 1 ? bounds.grown(grid->resolution) : bounds;  // gaps between tiles are bridged
@@ -161,20 +190,23 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = at(p.x, p.y, time, 1e-9).height;
+      window_.at(r, c) = tiles_at(p.x, p.y, time, 1e-9).height;
     }
   }
 }
 
-GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead) const {
-  const GroundPoint here = at(x, y, time, ahead);
+GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead, double z) const {
+  const GroundPoint here = tiles_at(x, y, time, ahead);
+  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
   GroundMotion motion;
+  if (!(mesh.height <= here.height) && !std::isnan(mesh.height))
+    return {true, {x, y, mesh.height}, mesh.velocity, mesh.turn};
   if (std::isnan(here.height)) return motion;
   motion.known = true;
   motion.foot = {x, y, here.height};
   motion.linear = {0.0, 0.0, here.velocity};
   const auto slope = [&](double dx, double dy) {
-    const GroundPoint low = at(x - dx, y - dy, time, ahead), high = at(x + dx, y + dy, time, ahead);
+    const GroundPoint low = tiles_at(x - dx, y - dy, time, ahead), high = tiles_at(x + dx, y + dy, time, ahead);
     if (std::isnan(low.height) || std::isnan(high.height)) return 0.0;
     return (high.velocity - low.velocity) / (2.0 * half);
   };

@@ -1,4 +1,4 @@
-// Entries of the core for tests alone: contacts of one shape with one height map, without PyBullet.
+// Entries of the core for tests alone: contacts of one shape with one height map or mesh, without PyBullet.
 #include "test_entries.h"
 
 #include <algorithm>
@@ -20,6 +20,7 @@ namespace smartmesh {
 namespace {
 
 using Heights = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Triangles = nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Table = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
@@ -48,25 +49,13 @@ Convex hull_of_rows(const Points& points, double margin) {
   return hull_of(found, checked(margin, "the margin"));
 }
 
-// `pose`: the rows of the rotation, then the position. `motion`: linear and angular velocity relative to the ground.
-Table contacts_of(const Convex& shape, const Points& pose, const Heights& heights, double resolution, double yaw,
-                  const Points& motion, double duration, double margin) {
-  const std::size_t rows = heights.shape(0), columns = heights.shape(1);
-  if (rows < 2 || columns < 2 || rows > MOST_SAMPLES || columns > MOST_SAMPLES)
-    throw std::invalid_argument("a test's height map has 2 to 4096 rows and columns");
-  check_alignment(pose.data(), sizeof(double)), check_alignment(motion.data(), sizeof(double)), check_alignment(heights.data(), sizeof(float));
+// How a shape meets the ground. `pose` (4, 3): the rows of the rotation, then the position. `motion` (2, 3): linear and
+// angular velocity relative to the ground.
+Table contacts_with(Surface& surface, const Convex& shape, const Points& pose, const Points& motion, double duration,
+                    double margin) {
+  check_alignment(pose.data(), sizeof(double)), check_alignment(motion.data(), sizeof(double));
   if (pose.shape(0) != 4) throw std::invalid_argument("a pose has the shape (4, 3): rotation and position");
   if (motion.shape(0) != 2) throw std::invalid_argument("a motion has the shape (2, 3): linear and angular velocity");
-  if (!(resolution > 1e-9)) throw std::invalid_argument("the resolution must be above zero");
-  const std::size_t block_columns = (columns + 63) >> BLOCK_SHIFT;
-  const std::vector<Clock> clocks(((rows + 63) >> BLOCK_SHIFT) * block_columns, Clock{});
-  HeightGrid grid;
-  grid.heights = heights.data(), grid.clocks = clocks.data(), grid.block_columns = static_cast<int>(block_columns);
-  grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
-  grid.resolution = checked(resolution, "the resolution"), grid.yaw = yaw;
-  if (!std::isfinite(yaw)) throw std::invalid_argument("the yaw must be finite");
-  Surface surface;
-  surface.set_tiles({&grid});
   Pose at;
   for (std::size_t k = 0; k < 3; ++k) at.turn.row[k] = row_of(pose, k);
   at.at = row_of(pose, 3);
@@ -82,6 +71,49 @@ Table contacts_of(const Convex& shape, const Points& pose, const Heights& height
                          static_cast<double>(c.body_feature), static_cast<double>(c.ground_feature)})
       *next++ = value;
   return Table(found, {contacts.size(), COLUMNS}, owner);
+}
+
+Table mesh_contacts_of(const Convex& shape, const Points& pose, const Points& vertices, const Triangles& triangles,
+                       const Points& motion, double duration, double margin) {
+  const std::size_t count = vertices.shape(0);
+  check_alignment(vertices.data(), sizeof(double)), check_alignment(triangles.data(), sizeof(std::int64_t));
+  if (count > MOST_SAMPLES || triangles.shape(0) < 1 || triangles.shape(0) > MOST_SAMPLES)
+    throw std::invalid_argument("a test's mesh has 1 to 4096 triangles");
+  std::vector<double> now(3 * count);
+  for (std::size_t v = 0; v < count; ++v) {
+    const Vec3 p = row_of(vertices, v);
+    now[v] = p.x, now[count + v] = p.y, now[2 * count + v] = p.z;
+  }
+  for (std::size_t k = 0; k < triangles.size(); ++k)
+    if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
+      throw std::invalid_argument("a triangle uses a vertex that is not there");
+  const Clock clock{};
+  MeshSurface mesh;
+  mesh.now = now.data(), mesh.clock = &clock, mesh.triangles = triangles.data();
+  mesh.vertices = static_cast<int>(count), mesh.triangle_count = static_cast<int>(triangles.shape(0));
+  mesh.update();
+  Surface surface;
+  surface.set_tiles({}, {&mesh});
+  return contacts_with(surface, shape, pose, motion, duration, margin);
+}
+
+Table contacts_of(const Convex& shape, const Points& pose, const Heights& heights, double resolution, double yaw,
+                  const Points& motion, double duration, double margin) {
+  const std::size_t rows = heights.shape(0), columns = heights.shape(1);
+  if (rows < 2 || columns < 2 || rows > MOST_SAMPLES || columns > MOST_SAMPLES)
+    throw std::invalid_argument("a test's height map has 2 to 4096 rows and columns");
+  check_alignment(heights.data(), sizeof(float));
+  if (!(resolution > 1e-9)) throw std::invalid_argument("the resolution must be above zero");
+  const std::size_t block_columns = (columns + 63) >> BLOCK_SHIFT;
+  const std::vector<Clock> clocks(((rows + 63) >> BLOCK_SHIFT) * block_columns, Clock{});
+  HeightGrid grid;
+  grid.heights = heights.data(), grid.clocks = clocks.data(), grid.block_columns = static_cast<int>(block_columns);
+  grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
+  grid.resolution = checked(resolution, "the resolution"), grid.yaw = yaw;
+  if (!std::isfinite(yaw)) throw std::invalid_argument("the yaw must be finite");
+  Surface surface;
+  surface.set_tiles({&grid}, {});
+  return contacts_with(surface, shape, pose, motion, duration, margin);
 }
 
 }  // namespace
@@ -105,6 +137,8 @@ void add_test_entries(nb::module_& m) {
       .def_static("hull", &hull_of_rows, "points"_a.noconvert(), "margin"_a);
   m.def("find_contacts", &contacts_of, "shape"_a, "pose"_a.noconvert(), "heights"_a.noconvert(), "resolution"_a, "yaw"_a,
         "motion"_a.noconvert(), "duration"_a, "margin"_a);
+  m.def("find_mesh_contacts", &mesh_contacts_of, "shape"_a, "pose"_a.noconvert(), "vertices"_a.noconvert(),
+        "triangles"_a.noconvert(), "motion"_a.noconvert(), "duration"_a, "margin"_a);
 }
 
 }  // namespace smartmesh

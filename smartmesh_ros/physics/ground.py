@@ -30,11 +30,12 @@ from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 # Largest gap at which a body at rest touches its ground [m].
 TOUCHING = 1e-3
@@ -74,8 +75,10 @@ class Ground:
     ) -> None:
         self.config = config or PatchConfig()
         self.terrain = Terrain.of(terrain)
-        for mesh in self.terrain.tiles.values():
-            require_usable(self.config, mesh)
+        self.no_proxies = missing_for(client)  # why contacts cannot come from the map, empty if they can
+        if self.no_proxies and self.config.kind == "auto":
+            log.warning("bodies stand on colliders of PyBullet's own, not on the map itself: %s", self.no_proxies)
+        self._require_usable(self.config)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self.colliders = Colliders(client, self.followers)
@@ -94,9 +97,6 @@ class Ground:
         self._tracked_chosen = False  # patches of followers that are not solid are those of the last update
         self._proxies: Proxies | None = None  # None while patches are colliders of PyBullet's own
         self._chosen = True  # the supports are those of the last update
-        self.no_proxies = missing_for(client)  # why contacts cannot come from the map, empty if they can
-        if self.no_proxies and self.config.kind == "auto":
-            log.warning("bodies stand on height fields of PyBullet, not on the map itself: %s", self.no_proxies)
 
     @property
     def supports(self) -> Any:
@@ -259,8 +259,7 @@ class Ground:
         """Replace the settings of patches, and ``gravity`` [m/s^2] unless it is None, from the next update on. Bodies
         may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
         settings."""
-        for mesh in self.terrain.tiles.values():
-            require_usable(config, mesh)
+        self._require_usable(config)
         self.wake()
         self.stale = True
         self.config = config
@@ -306,6 +305,7 @@ class Ground:
         if self._proxies is not None:
             self._proxies.use(self.terrain)
         elif followers.awake.size:
+            self._require_usable(self.config)
             self._choose()
             with self.stopwatch.stage("collider"):
                 self._apply(time)
@@ -338,13 +338,25 @@ class Ground:
             self.update(time, dt, self._steps)
         return woken
 
+    def below(self, points_w: FloatArray, time: float) -> Samples:
+        """Return the ground that points (N, 3) [m] should be above: of a mesh, the highest below the point."""
+        if self._proxies is not None and any(isinstance(mesh, TriangleMesh) for mesh in self.terrain.tiles.values()):
+            return self._proxies.ground_of(points_w, time)
+        return self.terrain.at(points_w[:, :2], time)
+
+    def _wants_proxies(self, config: PatchConfig) -> bool:
+        return not self.no_proxies and config.kind == "auto"
+
+    def _require_usable(self, config: PatchConfig) -> None:
+        """Raise `InputError` if patches of these settings are not possible on the terrain; contacts from the map always
+        are."""
+        if not self._wants_proxies(config):
+            for mesh in self.terrain.tiles.values():
+                require_usable(config, mesh)
+
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""
-        wanted = (
-            not self.no_proxies
-            and self.config.kind == "auto"
-            and all(isinstance(mesh, HeightMap) for mesh in self.terrain.tiles.values())
-        )
+        wanted = self._wants_proxies(self.config)
         if wanted and self._proxies is None:
             for follower in self.followers:
                 self.colliders.release(follower)

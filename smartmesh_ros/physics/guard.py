@@ -36,7 +36,7 @@ class Guard:
         if not slots.size:
             return 0
         middles, lowest = middles_of(slots, followers.shapes, followers.states)
-        heights, velocities = ground.terrain.at(middles[:, :2], time)
+        heights, velocities = ground.below(middles, time)
         below = middles[:, 2] < heights
         lifts: dict[int, tuple[float, float]] = {}
         for slot, lift, rate in zip(

@@ -1,7 +1,7 @@
 """Ground proxies: PyBullet bodies that stand for the ground near one body each, in DIRECT clients.
 
 The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of
-the two from the map, in each ``stepSimulation``. Nothing here runs in a step.
+the two from height maps and meshes, in each ``stepSimulation``. Nothing here runs in a step.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.terrain.core_grid import CORE
-from smartmesh_ros.terrain.grid import BoolArray
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import Terrain
 
 # What the names of the plugin's functions end with.
@@ -98,10 +98,18 @@ class Proxies:
         """Collide the awake followers with the tiles of ``terrain`` from now on."""
         if self._layout != terrain.layout_revision:
             self._layout = terrain.layout_revision
-            self._core.set_tiles([mesh.core_grid for mesh in terrain.tiles.values() if isinstance(mesh, HeightMap)])
+            self._core.set_tiles([mesh.core_reader for mesh in terrain.tiles.values()])
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
             self._switch(self._followers.flags("awake"))
+
+    def ground_of(self, points_w: FloatArray, time: float) -> Samples:
+        """Return the ground that points (N, 3) [m] should be above at ``time`` [s]: the highest of height maps, and of
+        meshes the highest below the point, or else the highest; NaN where there is no ground."""
+        found = np.array([self._core.ground_at(*point, time) for point in points_w.tolist()]).reshape(-1, 2)
+        for k in np.flatnonzero(np.isnan(found[:, 0])).tolist():
+            found[k] = self._core.ground_at(points_w[k, 0], points_w[k, 1], np.inf, time)
+        return Samples(found[:, 0], found[:, 1])
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""

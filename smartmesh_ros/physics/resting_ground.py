@@ -13,6 +13,7 @@ from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import REST_AFTER, Mode
 from smartmesh_ros.terrain.moving_grid import MovingGrid, to_grid, to_world
+from smartmesh_ros.terrain.surface_query import ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Points on each side of the lattice under a body on a general mesh.
@@ -85,7 +86,8 @@ class RestingGround:
     def __init__(self, terrain: Terrain, noise: float) -> None:
         self._terrain = terrain
         self._noise = noise  # see `SleepConfig`
-        self._points: FloatArray = np.empty((0, 2))  # positions of samples under all bodies [m]
+        # Positions of samples under all bodies, and the height of what is above them [m].
+        self._points: FloatArray = np.empty((0, 3))
         self._heights: FloatArray = np.empty(0)  # at the points [m]
         # By slot: first and last + 1 of the points under a body, and number of updates of the blocks under it.
         self._first: IntArray = np.empty(0, np.int64)
@@ -120,15 +122,15 @@ class RestingGround:
         parts = [self._points_under(mesh, chosen, boxes, time) for mesh in self._terrain.tiles.values()]
         owner = np.concatenate([np.repeat(np.arange(len(chosen)), counts) for _, counts in parts] or [chosen[:0]])
         order = np.argsort(owner, kind="stable")
-        points = np.concatenate([points for points, _ in parts] or [np.empty((0, 2))])[order]
+        points = np.concatenate([points for points, _ in parts] or [np.empty((0, 3))])[order]
         firsts = np.searchsorted(owner[order], np.arange(len(chosen) + 1))
-        found = self._terrain.at(points, time)
+        heights, velocities = self._ground_at(points, time)
         self._first[chosen] = len(self._heights) + firsts[:-1]
         self._end[chosen] = len(self._heights) + firsts[1:]
         self._points = np.concatenate([self._points, points])
-        self._heights = np.concatenate([self._heights, found.heights])
+        self._heights = np.concatenate([self._heights, heights])
         self._seen[chosen], self._corrected[chosen], self._moved[chosen] = -1, 0.0, 0.0
-        moves = np.abs(found.velocities) * duration > limit
+        moves = np.abs(velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
 
     def changed(self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> IntArray:
@@ -148,14 +150,23 @@ class RestingGround:
             return touched
         places, firsts = self._places(touched)
         points, known = self._points[places], self._heights[places]
-        found = terrain.at(points, time)
-        limits = np.maximum(limit, self._noise * terrain.deviations_at(points))
-        same = np.abs(found.heights - known) + np.abs(found.velocities) * duration <= limits
-        same |= np.isnan(found.heights) & np.isnan(known)
-        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(found.heights - known))])
+        heights, velocities = self._ground_at(points, time)
+        limits = np.maximum(limit, self._noise * terrain.deviations_at(points[:, :2]))
+        same = np.abs(heights - known) + np.abs(velocities) * duration <= limits
+        same |= np.isnan(heights) & np.isnan(known)
+        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(heights - known))])
         self._found = touched, (total[firsts[1:]] - total[firsts[:-1]]) / np.maximum(np.diff(firsts), 1)
         differ: IntArray = touched[_any_of(~same, firsts) | self._slides(touched, boxes, time)]
         return differ
+
+    def _ground_at(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return the heights [m] and vertical velocities [m/s] of the ground at points (K, 3) [m]."""
+        under = np.isfinite(points[:, 2])
+        heights, velocities = np.empty(len(points)), np.empty(len(points))
+        heights[~under], velocities[~under] = self._terrain.at(points[~under, :2], time)
+        found = ground_samples(self._terrain, points[under], time)
+        heights[under], velocities[under] = found.z, np.nan_to_num(found.velocities[:, 2])
+        return heights, velocities
 
     def corrections(self, slots: IntArray) -> FloatArray:
         """Return by how much the ground under sleeping bodies was corrected since they fell asleep, or since
@@ -203,20 +214,22 @@ class RestingGround:
     def _points_under(
         self, mesh: MainMesh, chosen: IntArray, boxes: FloatArray, time: float
     ) -> tuple[FloatArray, IntArray]:
-        """Return the positions of a tile's samples under bodies (k, 2) [m], and their number for each body (n,)."""
+        """Return the positions of a tile's samples under bodies, and the height up to which ground counts, (k, 3) [m],
+        and their number for each body (n,). On a mesh, ground above a body does not count."""
         counts = np.zeros(len(chosen), np.int64)
         if isinstance(mesh, HeightMap):
             grid = mesh.moved_to(time)
             count_samples(grid, chosen, boxes, counts)
             points = np.empty((int(counts.sum()), 2))
             write_samples(grid, chosen, boxes, points)
-            return points, counts
+            return np.column_stack([points, np.full(len(points), math.inf)]), counts
         share = np.linspace(0.0, 1.0, LATTICE)
         low, size = boxes[chosen, :2], boxes[chosen, 3:5] - boxes[chosen, :2]
         across, along = np.meshgrid(share, share)
         lattice = np.stack([across.ravel(), along.ravel()], axis=1)
         counts[:] = LATTICE * LATTICE
-        return (low[:, None] + size[:, None] * lattice).reshape(-1, 2), counts
+        places = (low[:, None] + size[:, None] * lattice).reshape(-1, 2)
+        return np.column_stack([places, np.repeat(boxes[chosen, 5], LATTICE * LATTICE)]), counts
 
 
 def _any_of(marks: BoolArray, firsts: IntArray) -> BoolArray:

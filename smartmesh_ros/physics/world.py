@@ -434,7 +434,7 @@ class World:
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
         middles, _ = middles_of(own, followers.shapes, followers.states)
-        heights = self.terrain.at(middles[:, :2], self.ground.time).heights
+        heights = self.ground.below(middles, self.ground.time).heights
         return [followers[slot].name for slot in own[middles[:, 2] < heights].tolist()]
 
     def _simulate(self) -> None:

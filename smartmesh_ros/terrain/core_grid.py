@@ -1,4 +1,4 @@
-"""The C++ core, if it is built, and the height maps that it reads."""
+"""The C++ core, if it is built, and the height maps and meshes that it reads."""
 
 from __future__ import annotations
 
@@ -27,3 +27,11 @@ def update_core_grid(grid: Any, heightmap: Any) -> None:
     grid.place(*geometry.origin, geometry.yaw, geometry.resolution)
     grid.move(track.time, track.interval, *track.motion)
     grid.set_motion(motion.code, motion.max_velocity, motion.settle, heightmap.noise, heightmap.shown)
+
+
+def core_mesh_of(mesh: Any) -> Any:
+    """Return the core's reader of a general mesh, which shares its arrays."""
+    now, velocities, clock = mesh.arrays
+    made = CORE.Mesh(now, velocities, clock.view(np.uint8).reshape(1, clock.dtype.itemsize), mesh.triangles)
+    made.set_motion(mesh.motion.code, mesh.motion.max_velocity)
+    return made

@@ -116,7 +116,7 @@ class HeightMap:
         return self._heights, self._velocities, self._clocks, self._offsets
 
     @property
-    def core_grid(self) -> Any:
+    def core_reader(self) -> Any:
         """The reader of this map in the C++ core, which must be built."""
         if self._core is None:
             self._core = core_grid_of(self)

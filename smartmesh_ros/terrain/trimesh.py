@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.compiled import compiled
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.core_grid import core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples
@@ -57,7 +58,7 @@ class TriangleMesh:
         motion: MotionConfig | None = None,
     ) -> None:
         self.triangles = _checked_triangles(triangles, len(np.asarray(vertices)))
-        self.motion = motion or MotionConfig()
+        self._motion = motion or MotionConfig()
         # (3, V), so that the search reads each coordinate contiguously.
         self._now = _checked_vertices(vertices, None).T.copy()
         self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
@@ -69,11 +70,23 @@ class TriangleMesh:
         self._incident = corners // 3  # triangles, sorted by vertex
         self._incident_at = np.searchsorted(self.triangles.ravel()[corners], np.arange(self.size + 1))
         self._shape: MeshShape | None = None
+        self._core: Any = None
         self.version = 0
         self.revision = next_revision()
         if velocities is not None:
             self.move(vertices, time=time, velocities=velocities)
         self.triangles.setflags(write=False)
+
+    @property
+    def motion(self) -> MotionConfig:
+        """Motion of the vertices between updates."""
+        return self._motion
+
+    @motion.setter
+    def motion(self, motion: MotionConfig) -> None:
+        self._motion = motion
+        if self._core is not None:
+            self._core.set_motion(motion.code, motion.max_velocity)
 
     @property
     def size(self) -> int:
@@ -96,6 +109,18 @@ class TriangleMesh:
     def coordinates(self) -> FloatArray:
         """Positions at the last update, by coordinate (3, V) [m]."""
         return self._now
+
+    @property
+    def arrays(self) -> tuple[FloatArray, FloatArray, NDArray[np.void]]:
+        """The arrays that change in place: positions (3, V) [m], velocities (KEPT, 3, V) [m/s] and the clock (1,)."""
+        return self._now, self._velocities, self._clock
+
+    @property
+    def core_reader(self) -> Any:
+        """The reader of this mesh in the C++ core, which must be built."""
+        if self._core is None:
+            self._core = core_mesh_of(self)
+        return self._core
 
     @property
     def shape(self) -> MeshShape:
@@ -141,6 +166,8 @@ class TriangleMesh:
         self._shape = shape
         self.version += 1
         self.revision = next_revision()
+        if self._core is not None:
+            self._core.update()
 
     def _note_velocities(self, new: FloatArray, target: Any, speeds: FloatArray | None, time: float) -> None:
         """Store the velocities of an update: given ones, or the difference quotient to the positions before."""

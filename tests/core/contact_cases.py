@@ -10,18 +10,23 @@ from typing import Any
 import coal
 import numpy as np
 import pybullet_data
+from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
 from tests.coal_shapes import coal_hull, coal_triangle
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
-AT_REST = np.zeros((2, 3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
 # of a metre.
 SIDES = 200
 # Samples of level ground around the random ones, so that no shape reaches beyond the map's edge.
 RIM = 6
 SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel", "lattice", "mesh")
+
+
+def motion_of(way: ArrayLike) -> np.ndarray:
+    """Returns the linear and angular velocity (2, 3) of a body that goes a ``way`` [m] in a second."""
+    return np.array([way, (0.0, 0.0, 0.0)], np.float64)
 
 
 def request() -> Any:
@@ -186,7 +191,8 @@ class Case:
     def moved(self, by: np.ndarray) -> Case:
         return Case(self.ground, self.body, self.turn, self.position + by, self.margin)
 
-    def contacts(self) -> np.ndarray:
+    def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
         return np.asarray(
             _core.find_contacts(
@@ -195,8 +201,8 @@ class Case:
                 self.ground.heights,
                 self.ground.resolution,
                 self.ground.yaw,
-                AT_REST,
-                0.0,
+                motion_of(way),
+                1.0,
                 self.margin,
             )
         )

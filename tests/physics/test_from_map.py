@@ -27,6 +27,8 @@ from smartmesh_ros import (
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.physics import proxies
 from smartmesh_ros.physics.shapes import Shape
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.core import mesh_parts
 
 DT = 1.0 / 240.0
 LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
@@ -44,8 +46,8 @@ def flat(spacing: float = 0.05, cells: int = 201) -> HeightMap:
     return HeightMap(np.zeros((cells, cells)), resolution=spacing, origin=(-half, -half))
 
 
-def world_of(heightmap: HeightMap, **physics: Any) -> World:
-    world = World(heightmap, WorldConfig(physics=PhysicsConfig(**physics)))
+def world_of(ground: HeightMap | TriangleMesh, **physics: Any) -> World:
+    world = World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
     world.refresh()
     assert world.ground.exact
     return world
@@ -389,3 +391,81 @@ def test_a_rod_whose_tip_comes_down_from_the_side_stops_at_the_surface(spin: flo
             world.step()
             lowest = min(lowest, world.client.getAABB(world.bodies["rod"].uid)[0][2])
         assert lowest > -1e-3
+
+
+def table() -> TriangleMesh:
+    """A floor, and a table of 1 m x 1 m whose top is 0.6 m above the floor and 20 mm thick."""
+    return TriangleMesh(
+        *mesh_parts.joined(mesh_parts.sheet(6.0, 1), mesh_parts.box((-0.5, -0.5, 0.58), (0.5, 0.5, 0.6)))
+    )
+
+
+@pytest.mark.parametrize(("shape", "turn", "height"), SHAPES)
+def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(shape: Shape, turn: Any, height: float) -> None:
+    with world_of(table()) as world:
+        places = {"on": (0.1, 0.05, 0.6), "under": (0.05, 0.1, 0.0), "beside": (1.5, 0.0, 0.0)}
+        for name, (x, y, z) in places.items():
+            world.spawn(name, shape, 1.0, BodyState((x, y, z + height + 0.02), turn))
+        world.step(960)
+        for name, (_, _, z) in places.items():
+            centre = world.state(name).position
+            ground = float(world.ground.at([centre], world.time).z[0])
+            assert ground == pytest.approx(z, abs=1e-9)
+            assert centre[2] - height == pytest.approx(ground, abs=1e-3)
+        assert world.rescues == 0
+
+
+def test_a_moving_mesh_carries_a_box() -> None:
+    vertices, triangles = mesh_parts.sheet(4.0, 8)
+    mesh, rates = TriangleMesh(vertices, triangles), np.tile([0.05, 0.0, 0.1], (81, 1))
+    with world_of(mesh) as world:
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.1, 0.1, 0.1)))
+        for step in range(720):
+            if step % 12 == 0:
+                mesh.move(vertices + rates * step * DT, time=step * DT, velocities=rates)
+            world.step()
+        state = world.state("box")
+        assert state.linear == pytest.approx((0.05, 0.0, 0.1), abs=2e-3)
+        assert state.position == pytest.approx((0.25, 0.1, 0.4), abs=2e-3)
+
+
+def test_what_sleeps_under_a_table_wakes_when_its_floor_falls() -> None:
+    mesh = table()
+    with world_of(mesh) as world:
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 0.1)))
+        world.step(480)
+        assert world.is_asleep("box")
+        lowered = mesh.vertices - np.where(np.arange(mesh.size) < 4, 0.5, 0.0)[:, None] * [0.0, 0.0, 1.0]
+        mesh.move(lowered, time=world.time + 100.0)
+        world.step(480)
+        assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
+
+
+def test_what_is_below_a_mesh_is_put_back() -> None:
+    with world_of(table()) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((1.5, 0.0, -1.0)))
+        world.step(240)
+        assert world.rescues == 1
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_meshes_of_several_parts_are_ground_for_contacts_from_the_map_alone(client: Any) -> None:
+    with pytest.raises(InputError, match="parts"):
+        Ground(client, table())
+    ground = Ground(client, table())
+    with pytest.raises(InputError, match="parts"):
+        ground.configure(PatchConfig(kind="heightfield"))
+    ground.attach(ball(client))
+    ground.step(0.0, DT)
+    assert ground.exact
+
+
+def test_height_maps_and_meshes_are_ground_together() -> None:
+    with world_of(flat()) as world:
+        world.terrain.put("table", TriangleMesh(*mesh_parts.box((-0.5, -0.5, 0.58), (0.5, 0.5, 0.6))))
+        for name, z in (("on", 0.75), ("under", 0.15)):
+            world.spawn(name, Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, z)))
+        world.step(480)
+        assert world.state("on").position[2] == pytest.approx(0.7, abs=1e-4)
+        assert world.state("under").position[2] == pytest.approx(0.1, abs=1e-4)
+        assert world.rescues == 0

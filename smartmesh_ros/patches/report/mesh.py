@@ -19,7 +19,7 @@ from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.search.best_first import best_first_vertices
 from smartmesh_ros.search.brute_force import BruteForce
 from smartmesh_ros.search.grid import uniform_grid_vertices
-from smartmesh_ros.search.methods import require_search
+from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.search.ray_cast import ray_cast
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -54,7 +54,8 @@ class MeshPatches:
     ) -> dict[int, MeshPatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
         `FixedPatches.select`."""
-        require_search(config.search, self.mesh)
+        if config.search not in ANYWHERE:
+            require_search_on(config.search, self.mesh.shape)
         positions_w = bodies[chosen, :3]
         with self._stopwatch.stage("search"):
             found = self._search(chosen, positions_w, before, config)

@@ -1,0 +1,36 @@
+// A binary tree of axis-aligned boxes, for those that meet a given box.
+#pragma once
+
+#include <vector>
+
+#include "vec3.h"
+
+namespace smartmesh {
+
+class BoxTree {
+ public:
+  // Makes the tree anew of `boxes`, which are known by their places.
+  void build(const std::vector<Bounds>& boxes);
+
+  // Takes over boxes that have moved. The tree stays right; it is best while neighbours stay neighbours.
+  void refit(const std::vector<Bounds>& boxes);
+
+  // Replaces `found` by the places of the boxes that meet `bounds`.
+  void find(const Bounds& bounds, std::vector<int>& found) const;
+
+ private:
+  // A leaf holds the boxes `order_[first]` to `order_[first + count - 1]`. Any other node has no boxes of its own; its
+  // children are the node after it and node `first`.
+  struct Node {
+    Bounds box;
+    int first, count;
+  };
+
+  int add(int first, int count, const std::vector<Vec3>& centres);
+
+  std::vector<Node> nodes_;
+  std::vector<int> order_;
+  std::vector<Bounds> boxes_;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,67 @@
+// Reader of a moving triangle mesh of any form: what lies near a body, and the ground under a point.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "box_tree.h"
+#include "mesh_topology.h"
+#include "motion.h"
+#include "patch.h"
+
+namespace smartmesh {
+
+// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s]
+// and the rate of turning [rad/s] over a duration.
+struct MeshPoint {
+  double height;
+  Vec3 velocity, turn;
+};
+
+// Which vertices and edges of a mesh a patch has already. A surface has one for all its meshes.
+struct MeshScratch {
+  std::vector<int> found, edges, peaks;
+  std::vector<int> point_of;         // place in the patch of each vertex, valid if its stamp is the present one
+  std::vector<std::int64_t> stamp_of_vertex, stamp_of_edge, stamp_of_peak;
+  std::int64_t stamp = 0;
+
+  void begin(std::size_t vertices, std::size_t edges);
+};
+
+// The arrays belong to Python and have the meanings of TriangleMesh in terrain/trimesh.py.
+struct MeshSurface {
+  const double* now = nullptr;         // positions at the last update, (3, vertices)
+  const double* velocities = nullptr;  // (KEPT, 3, vertices)
+  const Clock* clock = nullptr;
+  const std::int64_t* triangles = nullptr;
+  int vertices = 0, triangle_count = 0;
+  Mode mode = Mode::Extrapolate;
+  double max_velocity = 0.0;
+  long revision = 0;  // grows with every update
+
+  // Must be called once at first, and after the arrays have changed.
+  void update();
+
+  // Returns true if any vertex may move at `time` [s].
+  bool moves(double time) const;
+
+  // Adds the facets inside `bounds` at `time` [s] that are in `reach`, and their convex edges and peaks. `number`: of
+  // the mesh, for the names of points.
+  void gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
+              Patch& patch) const;
+
+  // Returns the highest ground at (x, y) that is not above `z` [m], at `time` [s].
+  MeshPoint below(double x, double y, double z, double time, double ahead) const;
+
+ private:
+  friend class VertexReader;
+  double drift(double time) const;
+
+  std::vector<Vec3> points_;  // positions at the last update, vertex by vertex
+  MeshTopology topology_;
+  BoxTree tree_;
+  double speed_ = 0.0, acceleration_ = 0.0;  // largest of a vertex along an axis [m/s], [m/s^2]
+};
+
+}  // namespace smartmesh
