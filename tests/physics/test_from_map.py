@@ -450,8 +450,6 @@ def test_what_is_below_a_mesh_is_put_back() -> None:
 
 
 def test_meshes_of_several_parts_are_ground_for_contacts_from_the_map_alone(client: Any) -> None:
-    with pytest.raises(InputError, match="parts"):
-        Ground(client, table())
     ground = Ground(client, table())
     with pytest.raises(InputError, match="parts"):
         ground.configure(PatchConfig(kind="heightfield"))

@@ -99,7 +99,7 @@ def test_robots_stand_and_sleep_for_a_minute() -> None:
             for each in (world, awake):
                 stand(each, name, robot(name), APART * index)
         sleep_all(world)
-        awake.step(5 * RATE)  # a humanoid sways for some seconds
+        awake.step(4 * RATE)  # a humanoid sways for some seconds
         for name in MODELS:
             assert abs(world.state(name).position[2] - robot(name).height) < 0.02, f"{name} does not stand"
             assert poses(world, name) == pytest.approx(poses(awake, name), abs=2e-3), name

@@ -66,7 +66,7 @@ class Colliders:
                 self.built += 1
             turn = (0.0, 0.0, 0.0, 1.0)
         else:
-            base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), support.foot_z])
+            base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
             turn = self._apply_field(follower, vertices, base, support)
         uid = self._held[follower].uid
         self._client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
