@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from smartmesh_ros import machine_code
+from smartmesh_ros.patches.config import PatchConfig, PatchKind
 from smartmesh_ros.patches.shapes import DIRECTIONS, directions, hull
 from smartmesh_ros.physics.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.physics.sleep_config import SleepConfig
@@ -45,15 +46,17 @@ def warm_up() -> float:
 
 def run_through() -> None:
     """Call all compiled functions on maps of a few samples."""
-    with World() as world:
-        _spawn_bodies(world)
-        for scene in (_on_hills, _on_corrected_ground, _on_a_plane, _across_tiles, _on_a_general_mesh):
-            scene(world)
-            world.step(2)
-            world.ground.choose_tracked()
-            _ask(world)
-            world.reset_bodies()
-        _with_remote_bodies(world)
+    kinds: tuple[PatchKind, ...] = ("auto", "heightfield")
+    for kind in kinds:
+        with World(config=WorldConfig(patch=PatchConfig(kind=kind))) as world:
+            _spawn_bodies(world)
+            for scene in (_on_hills, _on_corrected_ground, _on_a_plane, _across_tiles, _on_a_general_mesh):
+                scene(world)
+                world.step(2)
+                world.shown_batches()
+                _ask(world)
+                world.reset_bodies()
+            _with_remote_bodies(world)
     _with_sleeping_bodies()
     _ask_in_a_gap()
     hull(directions(2 * len(DIRECTIONS)))
@@ -87,7 +90,7 @@ def _spawn_bodies(world: World) -> None:
 
 
 def _on_hills(world: World) -> None:
-    """Use field colliders, on a sliding map after whole and partial updates, with and without velocities."""
+    """Use a sliding map after whole and partial updates, with and without velocities."""
     hills = _hills(0.0)
     hills.replace(hills.heights, time=-0.3)
     hills.update_region(1, 1, hills.heights[1:3, 1:3], time=-0.2)
@@ -107,18 +110,18 @@ def _on_corrected_ground(world: World) -> None:
 
 
 def _on_a_plane(world: World) -> None:
-    """Use box colliders."""
+    """Use flat ground at rest."""
     world.terrain.put("", HeightMap(np.zeros((SIDE, SIDE), np.float32), resolution=SPACING, time=world.time))
 
 
 def _across_tiles(world: World) -> None:
-    """Use field colliders that cross the edge of a tile."""
+    """Use two tiles."""
     world.terrain.put("", _hills(0.0))
     world.terrain.put("beside", _hills(LENGTH))
 
 
 def _on_a_general_mesh(world: World) -> None:
-    """Use triangle mesh colliders."""
+    """Use a triangle mesh."""
     world.terrain.remove("beside")
     rows, columns = np.mgrid[:SIDE, :SIDE]
     vertices = SPACING * np.stack([columns, rows, 0.1 * rows], axis=-1).reshape(-1, 3)

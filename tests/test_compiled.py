@@ -26,7 +26,7 @@ with warnings.catch_warnings(record=True) as caught:
     selector.reserve(2)
     bodies = np.zeros((2, 13))
     bodies[:, :3], bodies[:, 6] = [(1.0, 1.0, 0.2), (1.0, 1.0, 3.0)], 1.0
-    selector.update(np.arange(2), table.shapes, bodies, 0.0, 0.02, 9.81)
+    selector.update(np.arange(2), table.shapes, bodies, 0.0, 0.02)
 print(selector.supports["state"].tolist())
 for warning in caught:
     if issubclass(warning.category, RuntimeWarning):
@@ -57,13 +57,13 @@ def path_with(folder: Path) -> str:
 def test_without_numba_it_runs_as_python_and_says_so_once(tmp_path: Path, problem: str) -> None:
     (tmp_path / "numba.py").write_text(f"raise {problem}\n")
     states, *warnings = run(SMALL, PYTHONPATH=path_with(tmp_path))
-    assert states == "[2, 0]", "as with Numba, see below"
+    assert states == "[1, 1]", "as with Numba, see below"
     assert len(warnings) == 1
     assert "pip install numba" in warnings[0]
 
 
 def test_with_numba_it_warns_of_nothing() -> None:
-    assert run(SMALL) == ["[2, 0]"]
+    assert run(SMALL) == ["[1, 1]"]
 
 
 CALLS = """

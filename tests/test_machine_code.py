@@ -23,10 +23,10 @@ PATIENCE = 300.0
 # A caller in one file and the function that it calls in another.
 GAP = """
 import numpy as np
-from smartmesh_ros.patches import facets, contact_candidates
+from smartmesh_ros.patches import facets, foot
 from smartmesh_ros import machine_code
 corner = np.array([0.0, 0.0, 0.05])
-print(contact_candidates.gap_to_corner(corner) if hasattr(contact_candidates, "gap_to_corner") else "missing")
+print(foot.gap_to_corner(corner) if hasattr(foot, "gap_to_corner") else "missing")
 """
 CALLEE = """
 
@@ -91,7 +91,7 @@ def run(
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A copy of the package in which a function of `contact_candidates` calls one of `facets`."""
+    """A copy of the package in which a function of `foot` calls one of `facets`."""
     return copied(tmp_path)
 
 
@@ -115,7 +115,7 @@ def copied(folder: Path) -> Path:
     shutil.copytree(machine_code.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME))
     for name, more in (
         ("facets", CALLEE),
-        ("contact_candidates", "\nfrom smartmesh_ros.patches import facets\n" + CALLER),
+        ("foot", "\nfrom smartmesh_ros.patches import facets\n" + CALLER),
     ):
         with (copy / "patches" / f"{name}.py").open("a") as file:
             file.write(more)
@@ -215,7 +215,7 @@ def test_where_nothing_can_be_written_a_line_says_so_and_the_choice_of_patches_i
     place = machine_code.prepare()
     assert place is not None
     expected, _ = run(SMALL + records, place.parent)
-    assert expected.splitlines()[0] == "[2, 0]"
+    assert expected.splitlines()[0] == "[1, 1]"
     said, [line] = run(prepare + SMALL + records, "/proc/nowhere")
     assert said == expected
     assert "no folder for machine code is writable (tried /proc/nowhere): every start compiles" in line

@@ -35,12 +35,12 @@ def gap_to_corner(corner):
 SMALL_WARM_UP = """
 
 def run_through() -> None:
-    from smartmesh_ros.patches.contact_candidates import gap_to_corner
+    from smartmesh_ros.patches.foot import gap_to_corner
 
     gap_to_corner(np.zeros(3))
 """
 ASK_GAP = (
-    "import numpy; from smartmesh_ros.patches.contact_candidates import gap_to_corner; "
+    "import numpy; from smartmesh_ros.patches.foot import gap_to_corner; "
     "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
 )
 ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
@@ -116,7 +116,7 @@ def add_caller_and_callee(package: Path) -> None:
     """Adds a compiled function to one file of a package, one that calls it to another, and a warm-up of no others."""
     for name, more in (
         ("patches/facets.py", CALLEE),
-        ("patches/contact_candidates.py", CALLER),
+        ("patches/foot.py", CALLER),
         ("warm_up.py", SMALL_WARM_UP),
     ):
         with (package / name).open("a") as file:
