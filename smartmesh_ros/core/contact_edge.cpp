@@ -17,6 +17,16 @@ Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, co
   return edge.faces[0] < 0 ? away : pose.turn * (edge.into[0] + edge.into[1]);
 }
 
+// Returns true if a line is below the ground where it is as far below one facet of an edge as below the other. `a`: an
+// end of the edge; `between`: difference of the facets' normals.
+bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Patch& patch) {
+  const double closing = dot(between, line.along);
+  const Vec3 deepest =
+      std::abs(closing) > 1e-9 ? line.at - line.along * (dot(between, line.at - a) / closing) : line.at;
+  double below;
+  return way_out(deepest, patch, below) >= 0;
+}
+
 }  // namespace
 
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing) {
@@ -35,17 +45,8 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     if (lowest(shape, transposed(pose.turn, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
-  Vec3 deepest = crossing.at;  // of the line: as far below one facet as below the other
-  const Vec3 between = normals[0] - normals[1];
-  const double closing = dot(between, crossing.along);
-  if (count == 4 && std::abs(closing) > 1e-9)
-    deepest = deepest - crossing.along * (dot(between, crossing.at - a) / closing);
-  double below;
-  if (patch.is_mesh) {
-    if (!is_passed(shape, pose.to_local(a), pose.to_local(b))) return false;
-  } else if (way_out(deepest, patch, below) < 0) {
-    return false;
-  }
+  const Vec3 between = count == 4 ? normals[0] - normals[1] : Vec3{};
+  if (!(patch.is_mesh ? is_passed(shape, corners[0], corners[1]) : is_below(crossing, a, between, patch))) return false;
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
     for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);

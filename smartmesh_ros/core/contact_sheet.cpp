@@ -1,10 +1,10 @@
 // Facets of meshes, which are touched from both sides.
 //
 // The straight way from a shape's centre to a point of the shape lies inside the shape. If the way goes through an odd
-// number of facets, the point has penetrated the ground. If the number is even, the way has gone through something thin: a
-// ridge beside the point, which does not matter, or a plate that the point is behind. The point leaves by the nearest of
-// these facets that leads out, to the side of the centre. So bodies on a table, under it and beside it are right without knowing which side of a facet is its
-// outside, or how thick the table is.
+// number of facets, the point has penetrated the ground. If the number is even, the way has gone through something
+// thin: a ridge beside the point, which does not matter, or a plate that the point is behind. The point leaves by the
+// nearest of these facets that leads out, to the side of the centre. So bodies on a table, under it and beside it are
+// right without knowing which side of a facet is its outside, or how thick the table is.
 #include <algorithm>
 #include <cmath>
 

@@ -26,7 +26,8 @@ struct GroundMotion {
 
 class Surface {
  public:
-  // The first height map that has ground at a point counts there.
+  // The first height map that has ground at a point counts there. The seam between two meshes is an edge of both, which
+  // bodies feel; the parts of one mesh join where they abut.
   void set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes);
 
   // Fills `patch` with the ground of height maps, or of meshes, inside `bounds` at `time` [s], as far as it is in `reach`.

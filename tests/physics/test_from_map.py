@@ -467,3 +467,28 @@ def test_height_maps_and_meshes_are_ground_together() -> None:
         assert world.state("on").position[2] == pytest.approx(0.7, abs=1e-4)
         assert world.state("under").position[2] == pytest.approx(0.1, abs=1e-4)
         assert world.rescues == 0
+
+
+def test_a_robot_drives_over_a_mesh_as_over_the_same_height_map() -> None:
+    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.asarray(0.03 * np.sin(3.0 * x) * np.cos(2.0 * y))
+
+    x, y = np.meshgrid(*[np.linspace(-4.0, 4.0, 161)] * 2)
+    heightmap = HeightMap(height(x, y), resolution=0.05, origin=(-4.0, -4.0))
+    places = []
+    for terrain in (heightmap, TriangleMesh(*mesh_parts.soup(mesh_parts.sheet(8.0, 160, height)))):
+        bullet: Any = BulletClient(pb.DIRECT)
+        bullet.setGravity(0.0, 0.0, -9.81)
+        robot = bullet.loadURDF(f"{pybullet_data.getDataPath()}/husky/husky.urdf", [-1.0, 0.0, 0.25])
+        ground = Ground(bullet, terrain, from_map=True)
+        ground.attach(robot)
+        for joint in range(bullet.getNumJoints(robot)):
+            if b"wheel" in bullet.getJointInfo(robot, joint)[1]:
+                bullet.setJointMotorControl2(robot, joint, pb.VELOCITY_CONTROL, targetVelocity=4.0, force=30.0)
+        for step in range(720):
+            ground.step(step * DT, DT)
+        assert ground.exact
+        places.append(bullet.getBasePositionAndOrientation(robot)[0])
+        bullet.disconnect()
+    assert places[0][0] > 0.5
+    assert places[0] == pytest.approx(places[1], abs=2e-3)
