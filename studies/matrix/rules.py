@@ -169,9 +169,7 @@ def rests(method: PatchConfig) -> float:
 
 _WHOLE = ("whole trimesh", "whole heightfield")
 ROWS = (
-    Row(
-        name="T3 edits as rebuilt", figure=edits_as_rebuilt, limit=2.0, unit="mm", source="equal"
-    ),
+    Row(name="T3 edits as rebuilt", figure=edits_as_rebuilt, limit=2.0, unit="mm", source="equal"),
     Row(
         name="T4 raised above all before",
         figure=raised_above_all,
