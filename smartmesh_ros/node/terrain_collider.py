@@ -35,7 +35,6 @@ from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.startup.dds import send_without_waiting
 from smartmesh_ros.warm_up import warm_up
 
@@ -195,7 +194,7 @@ class TerrainCollider(ParameterNode):
         """Raises `InputError` if the settings do not fit the current terrain, or need a package that is missing."""
         require_transforms(settings.publish.tf)
         for mesh in self.session.world.terrain.tiles.values():
-            require_usable(settings.world.patch, mesh)
+            self.session.world.ground.require_usable(mesh, settings.world.patch)
 
     def _on_parameters_set(self, changes: list[Parameter]) -> None:
         names = {change.name for change in changes}

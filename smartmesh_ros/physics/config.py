@@ -27,7 +27,7 @@ class PhysicsConfig:
     contact_erp: float = 0.3
     guard: bool = True
     sleep: bool = True
-    solver_residual: float = 1e-7
+    solver_residual: float = 1e-9
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate) and self.rate > 0.0):

@@ -28,6 +28,7 @@ from smartmesh_ros.physics.sleeping import Sleeping
 from smartmesh_ros.physics.stepper import Stepper, physics_of
 from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.physics.whole_mesh import WholeMesh
+from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
@@ -347,12 +348,18 @@ class Ground:
     def _wants_proxies(self, config: PatchConfig) -> bool:
         return not self.no_proxies and config.kind == "auto"
 
-    def _require_usable(self, config: PatchConfig) -> None:
-        """Raise `InputError` if patches of these settings are not possible on the terrain; contacts from the map always
-        are."""
+    def require_usable(self, mesh: MainMesh, config: PatchConfig | None = None) -> None:
+        """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None). Contacts come
+        from every mesh; only the search for a patch that is shown may not work on it."""
+        config = config or self.config
         if not self._wants_proxies(config):
-            for mesh in self.terrain.tiles.values():
-                require_usable(config, mesh)
+            require_usable(config, mesh)
+        elif isinstance(mesh, TriangleMesh) and config.search not in ANYWHERE:
+            require_search_on(config.search, mesh.shape)
+
+    def _require_usable(self, config: PatchConfig) -> None:
+        for mesh in self.terrain.tiles.values():
+            self.require_usable(mesh, config)
 
     def _use_proxies(self, time: float, dt: float) -> None:
         """Switch between ground proxies and colliders of PyBullet's own as the settings and the terrain ask for."""

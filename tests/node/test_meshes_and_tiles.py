@@ -81,6 +81,24 @@ def test_bodies_ride_a_rising_mesh(shared: Probe) -> None:
         shared.wait_for(risen)
 
 
+def test_a_mesh_of_several_parts_carries_bodies_on_and_under_its_table(shared: Probe) -> None:
+    square = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], float)
+    floor, table = (np.column_stack([square, np.full(4, z)]) for z in (0.0, 1.0))
+    corners = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    shared.publishers["terrain_mesh"].publish(mesh_message(np.concatenate([floor, table]), corners, stamp=shared.now()))
+    shared.wait_for(lambda: shared.diagnostics("terrain")["tiles"] == "1")
+    box = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.5, 0.5, 0.2])
+    for name, z in (("on", 1.3), ("under", 0.3)):
+        answer = shared.call("spawn_body", SpawnBody, id=name, shape=box, mass=1.0, pose=pose_message((2, 2, z)))
+        assert answer.success, answer.message
+
+    def rest() -> bool:
+        heights = {body.id: body.pose.position.z for body in shared.latest("body_states").bodies}
+        return abs(heights.get("on", 0.0) - 1.1) < 1e-3 and abs(heights.get("under", 0.0) - 0.1) < 1e-3
+
+    shared.wait_for(rest)
+
+
 def test_methods_that_a_mesh_does_not_allow_are_refused_and_named(
     shared: Probe, shared_node: tuple[Probe, Process]
 ) -> None:

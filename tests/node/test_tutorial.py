@@ -135,7 +135,7 @@ def test_what_the_page_on_testing_names_is_there() -> None:
     from smartmesh_ros import testing
 
     page = (ROOT / "docs" / "testing.md").read_text()
-    table = page[page.index("## What there is") : page.index("With `patch.kind: auto`")]
+    table = page[page.index("## What there is") : page.index("The vertices of a patch")]
     for method in re.findall(r"probe\.(\w+)", table):
         assert hasattr(testing.Probe, method) or method == "received", method
     for name in ("domain", "probe", "Process", "assert_on_map", "heightmap_message", "mesh_message", "pose_message"):

@@ -480,7 +480,7 @@ def test_a_robot_drives_over_a_mesh_as_over_the_same_height_map() -> None:
         bullet: Any = BulletClient(pb.DIRECT)
         bullet.setGravity(0.0, 0.0, -9.81)
         robot = bullet.loadURDF(f"{pybullet_data.getDataPath()}/husky/husky.urdf", [-1.0, 0.0, 0.25])
-        ground = Ground(bullet, terrain, from_map=True)
+        ground = Ground(bullet, terrain)
         ground.attach(robot)
         for joint in range(bullet.getNumJoints(robot)):
             if b"wheel" in bullet.getJointInfo(robot, joint)[1]:

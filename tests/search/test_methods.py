@@ -215,6 +215,6 @@ def test_a_mesh_of_several_parts_is_refused_with_the_reason(search: SearchMethod
     two = TriangleMesh(np.concatenate([floor.vertices, rock]), np.concatenate([floor.triangles, [[100, 101, 102]]]))
     for mesh, parts in ((two, "2 parts"), (split, f"{len(split.triangles)} parts")):
         with pytest.raises(InputError, match=parts) as error:
-            World(mesh, WorldConfig(patch=PatchConfig(search=search)))
+            World(mesh, WorldConfig(patch=PatchConfig(kind="trimesh", search=search)))
         assert "height map" in str(error.value)
         assert "brute_force" not in str(error.value)

@@ -24,7 +24,6 @@ from smartmesh_ros.node.inputs.optional_messages import find_message, require_me
 from smartmesh_ros.node.inputs.rivals import Rivals, publisher_names
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import Placed, StampClock
-from smartmesh_ros.physics.usable import require_usable
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -209,7 +208,7 @@ class TerrainInputs:
         return late
 
     def _put(self, tile: str, mesh: MainMesh) -> None:
-        require_usable(self._session.settings.world.patch, mesh)
+        self._session.world.ground.require_usable(mesh)
         self._terrain.put(tile, mesh)
 
     @contextmanager
