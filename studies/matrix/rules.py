@@ -82,8 +82,8 @@ def doubled_patch(method: PatchConfig) -> float:
             arena.settle(1.0)
             each = []
             for _ in arena.run(0.5):
-                points = arena.world.client.getContactPoints()
-                each.append(sum(point[9] * abs(point[7][2]) for point in points))
+                contacts = arena.world.contacts()
+                each.append(sum(contact.normal_force * abs(contact.normal[2]) for contact in contacts))
             forces.append(float(np.mean(each)))
     return 100.0 * abs(forces[1] / forces[0] - 1.0)
 

@@ -116,14 +116,14 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Pr
 
     def drawn(colours: np.ndarray) -> bool:
         patches = all(count(colours, orange, corners[name]) > 30 for name in names)
-        return patches and all(count(colours, purple, position(probe, name)) > 30 for name in names)
+        return patches and all(count(colours, purple, position(probe, name), margin=8) > 30 for name in names)
 
     seen = wait(probe, page, lambda: [p] if drawn(p := hues(page)) else [])[0]
     for colour in (purple, orange):
         assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
     with changed(probe, {"physics.sleep": True}):
-        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name)) < 5 for name in names))
-    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name)) > 30 for name in names))
+        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) < 5 for name in names))
+    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) > 30 for name in names))
     spawn(probe, "later", BARE)
     place = position(probe, "later")
     wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)
