@@ -95,6 +95,10 @@ double Surface::widest_cell() const {
   return widest;
 }
 
+Bounds Surface::with_gaps(const Bounds& bounds) const {
+  return tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;
+}
+
 void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes) {
   tiles_ = tiles;
   meshes_ = meshes;
@@ -115,8 +119,9 @@ bool Surface::moves(double time) const {
 
 void Surface::heights_under(const Bounds& bounds, double time, std::vector<double>& heights) {
   heights.clear();
+  const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, bounds);
+    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown);
     if (cells.empty()) continue;
     read_window(*grid, cells, time, window_);
     for (double height : window_.heights) heights.push_back(std::isnan(height) ? 1e300 : height);
@@ -136,8 +141,8 @@ void Surface::gather_meshes(const Bounds& bounds, double time, const Reach& reac
 double Surface::highest_under(const Bounds& bounds, double time) {
   if (!meshes_.empty()) return 1e300;  // not worth a search of its own
   double highest = -1e300;
+  const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
-    const Bounds grown = tiles_.size() > 1 ? bounds.grown(grid->resolution) : bounds;  // gaps between tiles are bridged
     const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown);
     if (cells.empty()) continue;
     read_window(*grid, cells, time, window_);
@@ -150,7 +155,7 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
   patch.clear();
   const HeightGrid* finest = nullptr;
   int met = 0;
-  const Bounds grown = tiles_.size() > 1 ? bounds.grown(widest_cell()) : bounds;  // over gaps that are bridged
+  const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
     if (cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown).empty()) continue;
     ++met;

@@ -54,6 +54,8 @@ class Surface {
  private:
   std::vector<const HeightGrid*> tiles_;
   double widest_cell() const;
+  // Returns bounds that hold the tiles on both sides of each gap that is bridged inside `bounds`.
+  Bounds with_gaps(const Bounds& bounds) const;
   std::vector<const MeshSurface*> meshes_;
   void sample_across(const HeightGrid& finest, const Bounds& bounds, double time);
   GroundPoint tiles_at(double x, double y, double time, double ahead) const;
