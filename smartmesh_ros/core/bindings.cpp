@@ -32,8 +32,6 @@ using States = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 constexpr int MOST_SLOTS = 1 << 24;
 using Bytes3 = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-// Duration over which a velocity is that of an instant [s], as in terrain/moving_grid.py.
-constexpr double INSTANT = 1e-9;
 
 Mode mode_of(int number) {
   if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
@@ -133,32 +131,30 @@ struct Ground {
   int number, of_world;
   nb::list tiles;  // keeps the grids and meshes alive
 
-  explicit Ground(int of) : number(of), of_world(0) {
-    if (world().owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
-    world().owned = true;
-    of_world = world().worlds();
+  explicit Ground(int of) : number(of) {
+    BulletWorld* found = world_of(number);
+    if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
+    if (found->owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
+    found->owned = true;
+    of_world = found->worlds();
   }
   ~Ground() { release(); }
   Ground(const Ground&) = delete;
 
   // Takes the ground from all bodies; another ground may then use the client.
   void release() {
-    BulletWorld* found = world_of(number);
-    if (found != nullptr && found->worlds() == of_world) found->release();
+    if (BulletWorld* found = find_world()) found->release();
     number = -1;
   }
 
-  // False after `resetSimulation` or the end of the client.
-  bool is_there() const {
-    const BulletWorld* found = world_of(number);
-    return found != nullptr && found->worlds() == of_world;
+  // Returns the world of this ground; null after `resetSimulation` or the end of the client.
+  BulletWorld* find_world() const {
+    BulletWorld* found = world_of(number);
+    return found != nullptr && found->worlds() == of_world ? found : nullptr;
   }
   BulletWorld& world() const {
-    BulletWorld* found = world_of(number);
-    if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
-    if (of_world != 0 && found->worlds() != of_world)
-      throw std::runtime_error("the PyBullet client was reset: its bodies are gone; close this ground and make another");
-    return *found;
+    if (BulletWorld* found = find_world()) return *found;
+    throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
   }
   void set_tiles(nb::list parts) {
     std::vector<const HeightGrid*> grids;
@@ -235,7 +231,7 @@ NB_MODULE(_core, m) {
   nb::class_<Ground>(m, "Ground")
       .def(nb::init<int>(), "number"_a)
       .def("release", &Ground::release)
-      .def_prop_ro("is_there", &Ground::is_there)
+      .def_prop_ro("is_there", [](const Ground& g) { return g.find_world() != nullptr; })
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
       .def("ground_at", &Ground::ground_at, "x"_a, "y"_a, "z"_a, "time"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)

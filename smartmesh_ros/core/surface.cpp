@@ -195,7 +195,7 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = tiles_at(p.x, p.y, time, 1e-9).height;
+      window_.at(r, c) = tiles_at(p.x, p.y, time, INSTANT).height;
     }
   }
 }

@@ -14,6 +14,8 @@ struct GroundPoint {
   double height, velocity;
 };
 
+// Duration over which a velocity is that of an instant [s], as in terrain/moving_grid.py.
+constexpr double INSTANT = 1e-9;
 // Height of a point above all ground [m].
 constexpr double ABOVE_ALL = 1e300;
 
