@@ -136,13 +136,10 @@ def describe(
         foot = Point(
             solid.centre.x - above * facet.x, solid.centre.y - above * facet.y, solid.centre.z - above * facet.z
         )
-    normal = nearest.gap.normal
     cos, sin = grid.cos, grid.sin
     x, y = foot.x + place.column * grid.resolution, foot.y + place.row * grid.resolution
     support.gap = nearest.gap.distance
     support.foot_x, support.foot_y, support.foot_z = grid.x + x * cos - y * sin, grid.y + x * sin + y * cos, foot.z
-    support.normal_x, support.normal_y = normal.x * cos - normal.y * sin, normal.x * sin + normal.y * cos
-    support.normal_z = normal.z
     support.facet_x, support.facet_y = facet.x * cos - facet.y * sin, facet.x * sin + facet.y * cos
     support.facet_z = facet.z
     inverse = 1.0 / duration

@@ -21,8 +21,8 @@ class Support(IntEnum):
 
 # ``state``: a `Support`; ``tile``: index of the tile, -1 = none.
 # The rectangle: first sample ``row``, ``column``; ``rows`` x ``columns`` samples, ``stride`` samples of the map apart.
-# ``foot_*`` [m]: the ground's point nearest to the body; ``normal_*``: unit direction from the foot to the body;
-# ``gap`` [m]: distance between ground and body, negative if they overlap; ``facet_*``: the ground's upward unit normal.
+# ``foot_*`` [m]: the ground's point nearest to the body; ``facet_*``: the ground's upward unit normal; ``gap`` [m]:
+# distance between ground and body, negative if they overlap.
 # ``rise`` [m/s]: vertical velocity of the ground at the foot; ``slide_x``, ``slide_y`` [m/s]: horizontal velocity;
 # ``turn_*`` [rad/s]: angular velocity. All three are means until the next update.
 # ``deviation`` [m]: bound on the distance between the patch and the main mesh where the body can touch it; NaN =
@@ -38,7 +38,7 @@ SUPPORT = np.dtype(
             ("rows", np.int64),
             ("columns", np.int64),
             ("stride", np.int64),
-            *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "normal_x", "normal_y", "normal_z", "gap")),
+            *((name, np.float64) for name in ("foot_x", "foot_y", "foot_z", "gap")),
             *((name, np.float64) for name in ("facet_x", "facet_y", "facet_z")),
             *((name, np.float64) for name in ("rise", "turn_x", "turn_y", "turn_z", "slide_x", "slide_y", "deviation")),
         ],

@@ -95,8 +95,8 @@ class BodyFactory:
     def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
         """Create a body that moves by physics, with the configured friction and restitution or the given ones.
 
-        It is a rigid body (PyBullet's maximal coordinates), because against a patch this is several times faster than a
-        multibody without joints, and the only kind that supports continuous collision detection.
+        It is a rigid body (PyBullet's maximal coordinates), because this is several times faster than a multibody
+        without joints.
         """
         require_between(f"mass of {name!r}", mass, MASSES, "kg")
         client, config = self._client, self.config

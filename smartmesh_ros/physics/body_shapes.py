@@ -10,7 +10,6 @@ import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, compound, cylinder, hull
-from smartmesh_ros.patches.solids import ShapeKind
 from smartmesh_ros.physics.obj_parts import obj_parts
 from smartmesh_ros.physics.quaternions import rotate
 from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
@@ -104,16 +103,6 @@ def _has_shape(client: Any, body: int, link: int) -> bool:
 def _link_name(client: Any, body: int, link: int) -> str:
     name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
     return name.decode(errors="replace")
-
-
-def is_ball(shape: BodyShape) -> bool:
-    """Return True if a shape is a ball about the body's centre: inner edges take little of a ball's speed."""
-    return shape.kind == ShapeKind.BALL and not np.any(shape.record["offset"])
-
-
-def is_round(shape: BodyShape) -> bool:
-    """Return True if a shape is a cylinder or a capsule."""
-    return shape.kind in (ShapeKind.CYLINDER, ShapeKind.CAPSULE)
 
 
 def _simple(kind: int, size: Any, position: Vector, turn: Quaternion) -> list[BodyShape]:

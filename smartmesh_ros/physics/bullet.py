@@ -42,14 +42,3 @@ class BulletCalls:
         found = pb.getLinkStates(body, links, 1, 0, self._client)
         numbers = chain.from_iterable(chain(state[0], state[1], state[6], state[7]) for state in found)
         return np.fromiter(numbers, np.float64, 13 * len(links)).reshape(-1, 13)
-
-    def add_velocities(self, bodies: list[int], changes: list[list[float]]) -> list[list[float]]:
-        """Add ``changes`` to the linear velocities of bodies; returns the new velocities, three numbers each [m/s]."""
-        get, reset, client = pb.getBaseVelocity, pb.resetBaseVelocity, self._client
-        found = []
-        for body, (x, y, z) in zip(bodies, changes, strict=True):
-            (u, v, w), angular = get(body, client)
-            linear = [u + x, v + y, w + z]
-            reset(body, linear, angular, client)
-            found.append(linear)
-        return found

@@ -140,10 +140,6 @@ class Ground:
         """Casts rays onto this ground."""
         return RayCaster(self.terrain)
 
-    def colliders_of(self, follower: Follower) -> list[int]:
-        """Return the PyBullet bodies that are ground to a follower: its own collider, or those of the whole terrain."""
-        return self._whole.bodies if follower.collider is None else [follower.collider]
-
     def will_move(self, slots: list[int], moved_w: FloatArray) -> None:
         """Set the motion of attached bodies (n,) in the next step (n, 3) [m] if it differs from their motion in the
         last one."""
@@ -277,7 +273,8 @@ class Ground:
         physics = physics_of(self._client, dt)
         self.gravity = math.hypot(*physics.gravity)
         self.stepper.prepare(time, physics)
-        self.stepper.step(self._client.stepSimulation)
+        with self.stopwatch.stage("step"):
+            self._client.stepSimulation()
 
     @property
     def rescues(self) -> int:

@@ -1,4 +1,4 @@
-"""One step of a PyBullet world on moving ground: refresh the patches, rescue, step.
+"""One step of a PyBullet world on moving ground: refresh the patches, rescue.
 
 `World` steps its own PyBullet client this way, and `Ground.step` steps that of a user.
 """
@@ -66,11 +66,6 @@ class Stepper:
             self.refresh(time, physics, behind_real_time=behind_real_time)
         elif ground.go_on(time, physics.dt):
             self.counts.refreshes += 1
-
-    def step(self, simulate: Callable[[], object]) -> None:
-        """Run a step by calling ``simulate``."""
-        with self._ground.stopwatch.stage("step"):
-            simulate()
 
 
 def physics_of(client: Any, dt: float) -> PhysicsConfig:

@@ -58,8 +58,8 @@ def measure_updates(bench: Bench) -> None:
         player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=rings), BATCH)
         with player.world as world:
             runs = {
-                Case("update", "unfiltered", SIDE, BATCH, rings): world.refresh,
-                Case("replace", "unfiltered", SIDE, BATCH, rings): _replacements(world.client, rings),
+                Case("update", "heightfield", SIDE, BATCH, rings): world.refresh,
+                Case("replace", "heightfield", SIDE, BATCH, rings): _replacements(world.client, rings),
             }
             bench.race(runs, player.next_frame)
 
@@ -92,7 +92,7 @@ def measure_batches(bench: Bench, count: int) -> None:
     waves = Waves(SIDE)
     player = Player(waves, height_map(waves), PatchConfig(kind="heightfield", rings=2), count)
     with player.world as world:
-        bench.time(Case("update", "unfiltered", SIDE, count, 2), world.refresh, player.next_frame)
+        bench.time(Case("update", "heightfield", SIDE, count, 2), world.refresh, player.next_frame)
 
 
 def measure_ingest(bench: Bench) -> None:

@@ -98,11 +98,10 @@ def figure_14(axes: Any, results: Results) -> None:
         "varying": (ORANGE, report.LOCAL_VARYING, ("local", "varying")),
         "constant": (BLUE, report.LOCAL_CONSTANT, ("local", "constant")),
         "heightfield": (GREEN, {}, ("local", "heightfield")),
-        "heightfield, edge filter": (PURPLE, {}, ("local", "heightfield_filtered")),
     }
     _pairs(axes, results, _collider_names(), list(report.RINGS), bars, by="rings")
     places = [index + 0.45 for index in range(len(report.RINGS))]
-    batch = [update_per_body(results, "unfiltered", rings) / 1e3 for rings in report.RINGS]
+    batch = [update_per_body(results, rings) / 1e3 for rings in report.RINGS]
     axes.plot(places, batch, "D", color=GREEN, markeredgecolor="black", label="heightfield, one of 100")
     axes.set(title="Figure 14: update of one local collider, main mesh 200x200", xlabel="collider", ylabel=MS)
     _finish(axes, None)
@@ -158,7 +157,7 @@ def figure_17(axes: Any, results: Results) -> None:
         times = [results.ms(what, method, side=side) for side in sides]
         _line(axes, [side**2 for side in reported], list(reported.values()), colour, f"{name}, report", REPORT)
         _line(axes, [side**2 for side in sides], times, colour, f"{name}, today")
-    batch = update_per_body(results, "unfiltered", 1) / 1e3
+    batch = update_per_body(results, 1) / 1e3
     if not math.isnan(batch):
         axes.axhline(batch, color=GREEN, label="uniform grid, one of 100, today")
     axes.set(title="Figure 17: update for one body, collider of 3x3", xlabel="vertices of the main mesh", ylabel=MS)

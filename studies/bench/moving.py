@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from smartmesh_ros.physics.shapes import Sphere
 from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
@@ -24,9 +24,6 @@ S = TypeVar("S")
 
 RESOLUTION = 0.25
 RADIUS = 0.2
-BALL = Sphere(RADIUS)
-# Of the same bounding radius; unlike a ball it needs the edge filter.
-BOX = Box(*[2.0 * RADIUS / math.sqrt(3.0)] * 3)
 FRAME = 1.0 / 60.0
 # Distance of the bodies of a crowd [m].
 _APART = 1.5
@@ -103,9 +100,7 @@ def crowd_positions(count: int, side: int, resolution: float = RESOLUTION) -> Fl
 class Player:
     """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
 
-    def __init__(
-        self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1, rate: float = 60.0, shape: Shape = BALL
-    ) -> None:
+    def __init__(self, waves: Waves, mesh: MainMesh, patch: PatchConfig, count: int = 1, rate: float = 60.0) -> None:
         self._waves = waves
         self._mesh = mesh
         self._steps_per_frame = max(round(rate * FRAME), 1)
@@ -114,7 +109,7 @@ class Player:
         places = crowd_positions(count, waves.side)
         heights = self.world.terrain.at(places, 0.0).heights + RADIUS
         for index, (x, y) in enumerate(places.tolist()):
-            self.world.spawn(f"body_{index}", shape, 1.0, BodyState((x, y, float(heights[index]))))
+            self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))
         self.world.refresh()
 
     def next_frame(self) -> None:

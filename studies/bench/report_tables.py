@@ -63,7 +63,7 @@ def table_3(results: Results) -> str:
     for rings in report.RINGS:
         today = {
             method: results.ms("local", method, side=200, rings=rings)
-            for method in ("varying", "constant", "heightfield", "heightfield_filtered")
+            for method in ("varying", "constant", "heightfield")
         }
         rows.append(
             [
@@ -71,14 +71,13 @@ def table_3(results: Results) -> str:
                 *beside(report.LOCAL_VARYING[rings], today["varying"]),
                 *beside(report.LOCAL_CONSTANT[rings], today["constant"]),
                 number(today["heightfield"]),
-                number(today["heightfield_filtered"]),
-                number(update_per_body(results, "unfiltered", rings) / 1e3),
+                number(update_per_body(results, rings) / 1e3),
             ]
         )
     return table(
         [
             "collider", "varying, report", "today", RATIO, "constant, report", "today", RATIO,
-            "heightfield, today", "with edge filter", "heightfield, one of 100",
+            "heightfield, today", "heightfield, one of 100",
         ],
         rows,
     )  # fmt: skip
@@ -124,7 +123,7 @@ def table_6(results: Results) -> str:
                 *beside(report.FINAL_GENERAL.get(side, math.nan), results.ms("smart", "general", side=side)),
                 *beside(report.FINAL_UNIFORM.get(side, math.nan), uniform),
                 times(trimesh / uniform / 1e3),
-                times(trimesh / update_per_body(results, "unfiltered", 1)),
+                times(trimesh / update_per_body(results, 1)),
             ]
         )
     return table(

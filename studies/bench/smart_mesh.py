@@ -10,7 +10,6 @@ from smartmesh_ros.evaluation.engines.engine import Setup
 from smartmesh_ros.patches.config import PatchConfig
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
-    BALL,
     FRAME,
     RADIUS,
     RESOLUTION,
@@ -87,7 +86,7 @@ def measure_local_colliders(bench: Bench) -> None:
             ("heightfield", plain),
         ):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            player = Player(waves, mesh, config, shape=BALL)
+            player = Player(waves, mesh, config)
             with player.world as world:
                 bench.time(Case("local", method, SIDE, rings=rings), world.refresh, player.next_frame)
 

@@ -116,7 +116,7 @@ def batches(results: Results) -> str:
                 *(number(search_per_body(results, side, count)) for side in searching.EQUAL_SIDES),
                 number(best_first),
                 number(collect_per_body(results, count)),
-                number(update_per_body(results, "unfiltered", 2, count)),
+                number(update_per_body(results, 2, count)),
             ]
         )
     searches = [f"grid traversal on {size(side)}" for side in searching.EQUAL_SIDES]
@@ -139,13 +139,9 @@ def colliders(results: Results) -> str:
     """Updates in a batch, and how much of them is PyBullet's own replacement of the heightfields."""
     rows = []
     for rings in report.RINGS:
-        cells = [size(2 * rings + 1)]
-        for method in ("unfiltered", "filtered"):
-            alone = results.us("replace", method, side=crowds.SIDE, bodies=crowds.BATCH, rings=rings) / crowds.BATCH
-            cells += [number(update_per_body(results, method, rings)), number(alone)]
-        rows.append(cells)
-    own = "of it PyBullet's replacement"
-    return table(["collider", "update", own, "update, edge filter", own], rows)
+        alone = results.us("replace", "heightfield", side=crowds.SIDE, bodies=crowds.BATCH, rings=rings) / crowds.BATCH
+        rows.append([size(2 * rings + 1), number(update_per_body(results, rings)), number(alone)])
+    return table(["collider", "update", "of it PyBullet's replacement"], rows)
 
 
 def _scale(scale: crowds.Scale) -> str:

@@ -37,17 +37,17 @@ def collect_per_body(results: Results, count: int = crowds.BATCH) -> float:
     return batch / collecting.REPEATS / count
 
 
-def update_per_body(results: Results, method: str, rings: int, count: int = crowds.BATCH) -> float:
+def update_per_body(results: Results, rings: int, count: int = crowds.BATCH) -> float:
     """Update of a heightfield patch in a batch, all in, per body [us]."""
-    return results.us("update", method, side=crowds.SIDE, bodies=count, rings=rings) / count
+    return results.us("update", "heightfield", side=crowds.SIDE, bodies=count, rings=rings) / count
 
 
 def _search_of_all(results: Results) -> list[float]:
     return [search_per_body(results, side) for side in searching.EQUAL_SIDES]
 
 
-def _update(method: str, rings: int) -> Callable[[Results], float]:
-    return lambda results: update_per_body(results, method, rings)
+def _update(rings: int) -> Callable[[Results], float]:
+    return lambda results: update_per_body(results, rings)
 
 
 def _step(count: int, rate: int) -> Callable[[Results], float]:
@@ -60,7 +60,7 @@ def _general(method: str) -> Callable[[Results], float]:
 
 def _gain(results: Results) -> float:
     """How many times faster the patch of one body in a batch is than a trimesh of 200 x 200 vertices."""
-    return results.us("simple", "bullet_trimesh", side=200) / update_per_body(results, "unfiltered", 1)
+    return results.us("simple", "bullet_trimesh", side=200) / update_per_body(results, 1)
 
 
 def _ingest(method: str) -> Callable[[Results], float]:
@@ -71,7 +71,7 @@ def _size(rings: int) -> str:
     return f"{2 * rings + 1}x{2 * rings + 1}"
 
 
-_LIMITS = {"unfiltered": (10.0, 13.0, 17.0, 22.0), "filtered": (17.0, 45.0, 90.0, 160.0)}
+_LIMITS = (10.0, 13.0, 17.0, 22.0)
 
 TARGETS = (
     Target(
@@ -85,11 +85,10 @@ TARGETS = (
     Target("collect, per body of 100", "us", 0.2, "2", collect_per_body),
     *(
         Target(
-            f"collider update {_size(rings)}, per body of 100, {method}", "us", limit,
-            f"{report.LOCAL_CONSTANT[rings] * 1e3:.0f}", _update(method, rings),
+            f"collider update {_size(rings)}, per body of 100", "us", limit,
+            f"{report.LOCAL_CONSTANT[rings] * 1e3:.0f}", _update(rings),
         )
-        for method, limits in _LIMITS.items()
-        for rings, limit in zip(report.RINGS, limits, strict=True)
+        for rings, limit in zip(report.RINGS, _LIMITS, strict=True)
     ),
     Target(
         "Simple-Mesh 200x200 (trimesh built anew) over the patch of one body of 100", "x", 10_000.0,

@@ -16,7 +16,7 @@ from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.patches.facets import Point
 from smartmesh_ros.patches.shapes import BodyShape, solid_of
 from smartmesh_ros.patches.solids import ShapeKind, reach_along
-from smartmesh_ros.physics.body_shapes import HULL_MARGIN, body_shape, is_ball, read_shape
+from smartmesh_ros.physics.body_shapes import HULL_MARGIN, body_shape, read_shape
 from tests.bodies import shapes_of
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
@@ -36,7 +36,7 @@ def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
-    assert is_ball(read) == isinstance(shape, Sphere)
+    assert (read.kind == ShapeKind.BALL) == isinstance(shape, Sphere)
 
 
 def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:

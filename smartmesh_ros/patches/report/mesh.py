@@ -143,7 +143,6 @@ def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
             best, up = gap, facet_normal(facet)
     support.gap = best.distance
     support.foot_x, support.foot_y, support.foot_z = best.nearest.x, best.nearest.y, best.nearest.z
-    support.normal_x, support.normal_y, support.normal_z = best.normal.x, best.normal.y, best.normal.z
     support.facet_x, support.facet_y, support.facet_z = up.x, up.y, up.z
 
 
