@@ -1,1 +1,11 @@
 """The core in C++: the reader of moving ground, contacts of convex shapes with it, and PyBullet's plugin."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+try:
+    CORE: Any = importlib.import_module("smartmesh_ros.core._core")
+except ImportError:
+    CORE = None

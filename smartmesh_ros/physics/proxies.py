@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.followers import Follower, Followers
-from smartmesh_ros.terrain.core_grid import CORE
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.heightmap import Samples
 from smartmesh_ros.terrain.terrain import Terrain

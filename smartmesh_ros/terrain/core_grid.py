@@ -1,16 +1,12 @@
-"""The C++ core, if it is built, and the height maps and meshes that it reads."""
+"""The height maps and meshes that the C++ core reads."""
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
 
-try:
-    CORE: Any = importlib.import_module("smartmesh_ros.core._core")
-except ImportError:
-    CORE = None
+from smartmesh_ros.core import CORE
 
 
 def core_grid_of(heightmap: Any) -> Any:

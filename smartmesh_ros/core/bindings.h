@@ -1,0 +1,137 @@
+// Arrays that Python gives to the core, and the parts of the ground that keep them. Each bindings_*.cpp adds one room.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include "alignment.h"
+#include "surface.h"
+
+namespace smartmesh {
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+// Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
+template <class T, std::size_t N>
+using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+
+using Floats2 = Array<const float, 2>;
+using Floats3 = Array<const float, 3>;
+using Doubles2 = Array<const double, 2>;
+using Doubles3 = Array<const double, 3>;
+using Whole2 = Array<const std::int64_t, 2>;
+using Bytes2 = Array<const std::uint8_t, 2>;
+using Bytes3 = Array<const std::uint8_t, 3>;
+using Slots = Array<const std::int64_t, 1>;
+using Flags = Array<const bool, 1>;
+using States = Array<double, 2>;
+
+inline Mode mode_of(int number) {
+  if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
+  return static_cast<Mode>(number);
+}
+
+// A height map's arrays, which stay alive with it.
+struct Grid {
+  HeightGrid grid;
+  Floats2 heights, offsets;
+  Floats3 velocities;
+  Bytes3 clocks;
+
+  Grid(Floats2 heights_rc, Floats3 velocities_krc, Floats2 offsets_rc, Bytes3 clocks_rc)
+      : heights(heights_rc), offsets(offsets_rc), velocities(velocities_krc), clocks(clocks_rc) {
+    const std::size_t rows = heights.shape(0), columns = heights.shape(1);
+    const std::size_t block_rows = (rows + 63) >> BLOCK_SHIFT, block_columns = (columns + 63) >> BLOCK_SHIFT;
+    if (rows < 2 || columns < 2 || rows > (1u << 24) || columns > (1u << 24))
+      throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
+    if (offsets.shape(0) != rows || offsets.shape(1) != columns)
+      throw std::invalid_argument("offsets must have the shape of heights");
+    if (velocities.shape(0) != KEPT || velocities.shape(1) != rows || velocities.shape(2) != columns)
+      throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
+    if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
+      throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
+    check_alignment(heights.data(), sizeof(float)), check_alignment(offsets.data(), sizeof(float));
+    check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
+    grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
+    grid.clocks = reinterpret_cast<const Clock*>(clocks.data());
+    grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
+    grid.block_columns = static_cast<int>(block_columns);
+  }
+
+  void place(double x, double y, double z, double yaw, double resolution) {
+    if (!(resolution > 0.0 && std::isfinite(resolution)))
+      throw std::invalid_argument("the resolution must be above zero and finite");
+    if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
+    grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
+  }
+  void move(double time, double interval, double x, double y, double spin) {
+    if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
+    grid.track = {time, interval, x, y, spin};
+  }
+  void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
+    grid.mode = mode_of(mode);
+    grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;
+    ++grid.revision;
+  }
+};
+
+// A triangle mesh's arrays, which stay alive with it.
+struct Mesh {
+  MeshSurface surface;
+  Doubles2 now;
+  Doubles3 velocities;
+  Bytes2 clocks;
+  Whole2 triangles;
+
+  Mesh(Doubles2 now_3v, Doubles3 velocities_k3v, Bytes2 clocks_1, Whole2 triangles_t3)
+      : now(now_3v), velocities(velocities_k3v), clocks(clocks_1), triangles(triangles_t3) {
+    const std::size_t count = now.shape(1), most = 1u << 28;
+    if (now.shape(0) != 3 || count < 3 || count > most)
+      throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
+    if (velocities.shape(0) != KEPT || velocities.shape(1) != 3 || velocities.shape(2) != count)
+      throw std::invalid_argument("velocities must have the shape (3, 3, V)");
+    if (clocks.shape(0) != 1 || clocks.shape(1) != sizeof(Clock))
+      throw std::invalid_argument("the clock must be one record of CLOCK");
+    if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
+      throw std::invalid_argument("triangles must have the shape (T, 3), with 1 to 2^28 triangles");
+    check_alignment(now.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
+    check_alignment(clocks.data(), alignof(Clock)), check_alignment(triangles.data(), sizeof(std::int64_t));
+    for (std::size_t k = 0; k < triangles.size(); ++k)
+      if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
+        throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
+                                    std::to_string(count) + ", counted from 0");
+    surface.now = now.data(), surface.velocities = velocities.data();
+    surface.clock = reinterpret_cast<const Clock*>(clocks.data());
+    surface.triangles = triangles.data(), surface.triangle_count = static_cast<int>(triangles.shape(0));
+    surface.vertices = static_cast<int>(count);
+    update();
+  }
+
+  // Must be called after the arrays have changed.
+  void update() {
+    for (std::size_t k = 0; k < now.size(); ++k)
+      if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
+    surface.update();
+  }
+  void set_motion(int mode, double max_velocity) {
+    surface.mode = mode_of(mode), surface.max_velocity = max_velocity;
+    surface.update();
+  }
+};
+
+// Each adds what its room needs.
+void add_ground(nb::module_& m);
+void add_queries(nb::module_& m);
+void add_updates(nb::module_& m);
+void add_soil(nb::module_& m);
+void add_bodies(nb::module_& m);
+void add_rows(nb::module_& m);
+
+}  // namespace smartmesh

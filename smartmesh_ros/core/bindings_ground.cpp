@@ -1,0 +1,118 @@
+// What Python sees of the ground in PyBullet's world.
+#include <algorithm>
+#include <limits>
+
+#include "bindings.h"
+#include "plugin.h"
+
+namespace smartmesh {
+namespace {
+
+constexpr int MOST_SLOTS = 1 << 24;
+
+// The ground in the client of one PyBullet server, by the number that its plugin gave.
+struct Ground {
+  int number, of_world;
+  nb::list tiles;  // keeps the grids and meshes alive
+
+  explicit Ground(int of) : number(of) {
+    BulletWorld* found = world_of(number);
+    if (found == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
+    if (found->owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
+    found->owned = true;
+    of_world = found->worlds();
+  }
+  ~Ground() { release(); }
+  Ground(const Ground&) = delete;
+
+  // Takes the ground from all bodies; another ground may then use the client.
+  void release() {
+    if (BulletWorld* found = find_world()) found->release();
+    number = -1;
+  }
+
+  // Returns the world of this ground; null after `resetSimulation` or the end of the client.
+  BulletWorld* find_world() const {
+    BulletWorld* found = world_of(number);
+    return found != nullptr && found->worlds() == of_world ? found : nullptr;
+  }
+  BulletWorld& world() const {
+    if (BulletWorld* found = find_world()) return *found;
+    throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
+  }
+  void set_tiles(nb::list parts) {
+    std::vector<const HeightGrid*> grids;
+    std::vector<const MeshSurface*> meshes;
+    nb::list kept;
+    for (nb::handle part : parts) {
+      if (nb::isinstance<Mesh>(part)) meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else grids.push_back(&nb::cast<Grid&>(part).grid);
+      kept.append(part);
+    }
+    world().surface.set_tiles(grids, meshes);
+    tiles = kept;
+  }
+  // Returns height and vertical velocity of the highest ground at (x, y); ground of meshes above z does not count.
+  std::tuple<double, double> ground_at(double x, double y, double z, double time) const {
+    if (!std::isfinite(x + y + time) || std::isnan(z)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
+    const GroundPoint ground = world().surface.at(x, y, time, INSTANT, z);
+    return {ground.height, ground.velocity};
+  }
+  void attach(int slot, int body, int link, int proxy) {
+    if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
+    if (world().has(slot)) throw std::invalid_argument("the slot is used already");
+    if (body < 0 || link < -1 || !world().attach(slot, body, link, proxy))
+      throw std::invalid_argument("PyBullet has no such body, link or proxy");
+  }
+  void detach(int slot) {
+    if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
+    world().detach(slot);
+  }
+  // Switches the ground of the slots (S,) on or off.
+  void enable(Flags flags) {
+    world().find_objects();
+    for (std::size_t k = 0; k < flags.shape(0); ++k)
+      if (world().has(static_cast<int>(k))) world().enable(static_cast<int>(k), flags.data()[k]);
+  }
+  // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
+  void read(Slots slots, States states) {
+    if (states.shape(1) != 13) throw std::invalid_argument("states must have the shape (S, 13)");
+    BulletWorld& found = world();
+    found.find_objects();
+    for (std::size_t k = 0; k < slots.shape(0); ++k) {
+      const std::int64_t slot = slots.data()[k];
+      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
+        throw std::invalid_argument("a slot is not in states");
+      double* state = states.data() + 13 * slot;
+      if (!found.has(static_cast<int>(slot)) || !found.read(static_cast<int>(slot), state))
+        std::fill(state, state + 13, std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+};
+
+}  // namespace
+
+void add_ground(nb::module_& m) {
+  nb::class_<Ground>(m, "Ground")
+      .def(nb::init<int>(), "number"_a)
+      .def("release", &Ground::release)
+      .def_prop_ro("is_there", [](const Ground& g) { return g.find_world() != nullptr; })
+      .def("set_tiles", &Ground::set_tiles, "tiles"_a)
+      .def("ground_at", &Ground::ground_at, "x"_a, "y"_a, "z"_a, "time"_a)
+      .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
+      .def("detach", &Ground::detach, "slot"_a)
+      .def("enable", &Ground::enable, "flags"_a.noconvert())
+      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
+      .def_prop_rw(
+          "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })
+      .def_prop_rw(
+          "duration", [](const Ground& g) { return g.world().duration; },
+          [](Ground& g, double t) { g.world().duration = t; })
+      .def_prop_rw(
+          "margin", [](const Ground& g) { return g.world().margin; }, [](Ground& g, double t) { g.world().margin = t; })
+      .def_prop_rw(
+          "carry_velocity", [](const Ground& g) { return g.world().carry_velocity; },
+          [](Ground& g, bool on) { g.world().carry_velocity = on; });
+}
+
+}  // namespace smartmesh
