@@ -1,5 +1,6 @@
 #include "contact_search.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace smartmesh {
@@ -22,6 +23,29 @@ class ShapeReach final : public Reach {
     }
     const Vec3 q = pose_.to_local(centre);
     return shape_.bounds.grown(most).meets({q, q});
+  }
+
+  bool is_clear_of(const Vec3 (&corners)[4]) const override {
+    if (is_ball_) {
+      const double limit = shape_.radius + grown_;
+      Bounds bounds;
+      for (const Vec3& p : corners)
+        if (!std::isnan(p.z)) bounds.add(p);
+      const Vec3 nearest{std::clamp(pose_.at.x, bounds.low.x, bounds.high.x), std::clamp(pose_.at.y, bounds.low.y, bounds.high.y),
+                         std::clamp(pose_.at.z, bounds.low.z, bounds.high.z)};
+      return norm2(nearest - pose_.at) > limit * limit;
+    }
+    // Beyond a face of the shape's box that looks down.
+    const Vec3 &low = shape_.bounds.low, &high = shape_.bounds.high, up = pose_.turn.row[2];
+    bool x = true, y = true, z = true;
+    for (const Vec3& p : corners) {
+      if (std::isnan(p.z)) continue;
+      const Vec3 q = pose_.to_local(p);
+      x &= up.x > 0.0 ? q.x < low.x - grown_ : q.x > high.x + grown_;
+      y &= up.y > 0.0 ? q.y < low.y - grown_ : q.y > high.y + grown_;
+      z &= up.z > 0.0 ? q.z < low.z - grown_ : q.z > high.z + grown_;
+    }
+    return x || y || z;
   }
 
   bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const override {
@@ -47,12 +71,12 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
 
 }  // namespace
 
-void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+bool ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
                         std::vector<Contact>& contacts) {
   contacts.clear();
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
-  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
+  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return false;
   const ShapeReach reach(shape, pose, grown);
   surface.gather(bounds, time, reach, maps_);
   surface.gather_meshes(bounds, time, reach, meshes_);
@@ -60,6 +84,7 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
     patch->finish();
     find_contacts(shape, pose, *patch, approach, contacts);
   }
+  return !(maps_.points.empty() && meshes_.points.empty());
 }
 
 }  // namespace smartmesh

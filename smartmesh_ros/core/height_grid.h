@@ -36,6 +36,7 @@ struct HeightGrid {
   const Clock* clocks = nullptr;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
+  double cos_yaw = 1.0, sin_yaw = 0.0;
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, shown = 0.0;
   GridTrack track;
@@ -49,6 +50,7 @@ struct HeightGrid {
     return clocks[(row >> BLOCK_SHIFT) * block_columns + (column >> BLOCK_SHIFT)];
   }
 
+  void place(const Vec3& origin, double turned, double spacing);
   GridPose pose_at(double time) const;
 
   // Returns true if any sample may move at `time` [s].
@@ -62,7 +64,13 @@ class GridReader {
   GridReader(const HeightGrid& grid, double time, double ahead) : grid_(grid), time_(time), ahead_(ahead) {}
   Sample read(int row, int column);
 
+  // Writes the heights [m] of the samples from column `first` to `end` - 1 of a row; NaN outside the grid. They are equal
+  // to those of `read`.
+  void read_row(int row, int first, int end, double* heights);
+
  private:
+  void enter(const Clock& clock);
+
   const HeightGrid& grid_;
   double time_, ahead_;
   const Clock* clock_ = nullptr;

@@ -1,17 +1,14 @@
 #include "motion.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace smartmesh {
 
 namespace {
 
-// Age of the last map at which extrapolation ends, in map intervals, and limit of the acceleration as a multiple of the
-// one before. See terrain/motion.py for the reasons.
+// Age of the last map at which extrapolation ends, in map intervals. See terrain/motion.py for the reasons.
 constexpr double LATE_AFTER = 1.5;
-constexpr double AGREEMENT = 4.0;
 constexpr double FOREVER = std::numeric_limits<double>::infinity();
 
 }  // namespace
@@ -47,20 +44,6 @@ Phase block_phase(const Clock& clock, double time, Mode mode) {
   phase.inverse = 1.0 / (clock.middle - clock.middle_1);
   phase.inverse_1 = 1.0 / (clock.middle_1 - clock.middle_2);
   return phase;
-}
-
-double agreed(double change, double before) {
-  if (change * before <= 0.0) return 0.0;
-  const double most = AGREEMENT * std::abs(before);
-  return std::abs(change) <= most ? change : std::copysign(most, change);
-}
-
-Motion motion_of(double velocity, double velocity_1, double velocity_2, const Phase& phase, double max_velocity) {
-  if (!(std::abs(velocity) <= max_velocity)) return {};
-  if (phase.inverse == 0.0 || !(std::abs(velocity_1) <= max_velocity && std::abs(velocity_2) <= max_velocity))
-    return {velocity, 0.0};
-  return {velocity,
-          agreed((velocity - velocity_1) * phase.inverse, (velocity_1 - velocity_2) * phase.inverse_1)};
 }
 
 double rise_of(const Motion& motion, const Phase& phase, double duration) {

@@ -1,6 +1,7 @@
 // Motion of the ground between maps: second order, from the last three velocities of a sample.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 namespace smartmesh {
@@ -50,12 +51,24 @@ Phase phase_of(double time, double last, double lifetime, double lag, Mode mode,
 // Returns the phase of a block at `time` [s].
 Phase block_phase(const Clock& clock, double time, Mode mode);
 
+// Limit of the acceleration as a multiple of the one before. See terrain/motion.py for the reasons.
+constexpr double AGREEMENT = 4.0;
+
 // Returns a `change` limited to a multiple of the one `before`; zero if their signs differ.
-double agreed(double change, double before);
+inline double agreed(double change, double before) {
+  if (change * before <= 0.0) return 0.0;
+  const double most = AGREEMENT * std::abs(before);
+  return std::abs(change) <= most ? change : std::copysign(most, change);
+}
 
 // Returns the motion of a sample from its velocities, newest first [m/s]. A velocity that is NaN (the sample is or was a
 // hole) or above `max_velocity` (a jump) counts as no motion.
-Motion motion_of(double velocity, double velocity_1, double velocity_2, const Phase& phase, double max_velocity);
+inline Motion motion_of(double velocity, double velocity_1, double velocity_2, const Phase& phase, double max_velocity) {
+  if (!(std::abs(velocity) <= max_velocity)) return {};
+  if (phase.inverse == 0.0 || !(std::abs(velocity_1) <= max_velocity && std::abs(velocity_2) <= max_velocity))
+    return {velocity, 0.0};
+  return {velocity, agreed((velocity - velocity_1) * phase.inverse, (velocity_1 - velocity_2) * phase.inverse_1)};
+}
 
 inline double displacement(const Motion& motion, const Phase& phase) {
   return motion.velocity * phase.along + motion.acceleration * phase.bend;

@@ -13,44 +13,60 @@ constexpr double CONVEX = 1e-7;
 // Steps in rows and columns to the neighbours of a sample, in a circle. Cells are cut from (r, c) to (r + 1, c + 1).
 constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}};
 
+// Facet beside an edge: its third corner and its cell, relative to the start of the edge, and which half of the cell.
+struct Side {
+  int row, column, cell_row, cell_column, half;
+};
+
+// The edges that start at a sample: where they end, and the facets to their left and right.
+struct EdgeKind {
+  int row, column;
+  Side sides[2];
+};
+constexpr EdgeKind EDGES[3] = {{0, 1, {{1, 1, 0, 0, 0}, {-1, 0, -1, 0, 1}}},
+                               {1, 0, {{0, -1, 0, -1, 0}, {1, 1, 0, 0, 1}}},
+                               {1, 1, {{1, 0, 0, 0, 1}, {0, 1, 0, 0, 0}}}};
+
 // Adds the parts of one window to a patch.
 class CellAdder {
  public:
   CellAdder(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch)
-      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch), index_(patch.index), active_(patch.active) {
+      : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch),
+        index_(patch.index), facet_of_(patch.facet_of), active_(patch.active) {
     const std::size_t count = window.heights.size();
     patch.index.assign(count, -1);
+    patch.facet_of.assign(2 * count, -1);
     patch.active.assign(count, 0);
   }
 
   void run() {
-    for (int r = 1; r < window_.rows - 2; ++r)
-      for (int c = 1; c < window_.columns - 2; ++c) active_[at(r, c)] = in_reach(r, c);
+    find_active();
     PatchCells& cells = patch_.cells;
-    cells.pose = window_.pose, cells.resolution = window_.resolution;
-    cells.rows = window_.rows, cells.columns = window_.columns;
+    cells.resolution = window_.resolution;
     for (auto* starts : {&cells.facets, &cells.edges, &cells.peaks}) starts->clear();
-    for (int r = 0; r < window_.rows; ++r) {
-      for (int c = 0; c < window_.columns; ++c) {
+    cells.rows = cells.columns = 0;
+    if (active_cells_.empty()) return;
+    // Edges and peaks belong to the cells at all their sides.
+    const CellRange range{active_cells_.top, active_cells_.left, active_cells_.bottom + 1, active_cells_.right + 1};
+    cells.rows = range.bottom - range.top, cells.columns = range.right - range.left;
+    const Vec3 corner = window_.point(range.top, range.left);
+    cells.pose = window_.pose, cells.pose.x = corner.x, cells.pose.y = corner.y;
+    patch_.steepest = 1.0;
+    for (int r = range.top; r < range.bottom; ++r) {
+      for (int c = range.left; c < range.right; ++c) {
         cells.facets.push_back(static_cast<int>(patch_.facets.size()));
         if (active_[at(r, c)]) add_facets(r, c);
       }
     }
-    cells.facets.push_back(static_cast<int>(patch_.facets.size()));
-    patch_.steepest = 1.0;
-    // Edges and peaks belong to the cells at all their sides.
-    for (int r = 0; r < window_.rows; ++r) {
-      for (int c = 0; c < window_.columns; ++c) {
+    for (int r = range.top; r < range.bottom; ++r) {
+      for (int c = range.left; c < range.right; ++c) {
         cells.edges.push_back(static_cast<int>(patch_.edges.size()));
         cells.peaks.push_back(static_cast<int>(patch_.peaks.size()));
-        if (r < 1 || c < 1 || r >= window_.rows - 1 || c >= window_.columns - 1) continue;
-        const bool here = active_[at(r, c)], below = active_[at(r - 1, c)], left = active_[at(r, c - 1)];
-        if (here || below) add_edge(r, c, r, c + 1, r + 1, c + 1, r - 1, c);
-        if (here || left) add_edge(r, c, r + 1, c, r, c - 1, r + 1, c + 1);
-        if (here) add_edge(r, c, r + 1, c + 1, r + 1, c, r, c + 1);
-        if (here || below || left || active_[at(r - 1, c - 1)]) add_peak(r, c);
+        for (const EdgeKind& kind : EDGES) add_edge(r, c, kind);
+        if (active_[at(r, c)] || active_[at(r - 1, c)] || active_[at(r, c - 1)] || active_[at(r - 1, c - 1)]) add_peak(r, c);
       }
     }
+    cells.facets.push_back(static_cast<int>(patch_.facets.size()));
     cells.edges.push_back(static_cast<int>(patch_.edges.size()));
     cells.peaks.push_back(static_cast<int>(patch_.peaks.size()));
   }
@@ -62,6 +78,19 @@ class CellAdder {
   }
   double height(int row, int column) const { return inside(row, column) ? window_.at(row, column) : NAN; }
 
+  // Finds the cells that may be touched, and the rectangle that holds them.
+  void find_active() {
+    active_cells_ = {window_.rows, window_.columns, 0, 0};
+    for (int r = 1; r < window_.rows - 2; ++r) {
+      for (int c = 1; c < window_.columns - 2; ++c) {
+        if (!in_reach(r, c)) continue;
+        active_[at(r, c)] = 1;
+        CellRange& found = active_cells_;
+        found = {std::min(found.top, r), std::min(found.left, c), std::max(found.bottom, r + 1), std::max(found.right, c + 1)};
+      }
+    }
+  }
+
   bool in_reach(int r, int c) const {
     const double a = window_.at(r, c), b = window_.at(r, c + 1), d = window_.at(r + 1, c), e = window_.at(r + 1, c + 1);
     double low = 1e300, high = -1e300;
@@ -72,7 +101,8 @@ class CellAdder {
     const double u = (c + 0.5) * size, v = (r + 0.5) * size;
     const GridPose& pose = window_.pose;
     const Vec3 centre{pose.x + u * pose.cos - v * pose.sin, pose.y + u * pose.sin + v * pose.cos, low + half};
-    return reach_.touches(centre, std::sqrt(0.5 * size * size + half * half));
+    if (!reach_.touches(centre, std::sqrt(0.5 * size * size + half * half))) return false;
+    return !reach_.is_clear_of({window_.point(r, c), window_.point(r, c + 1), window_.point(r + 1, c), window_.point(r + 1, c + 1)});
   }
 
   // Returns the index of a sample in the patch, -1 for a hole.
@@ -87,8 +117,9 @@ class CellAdder {
     return known;
   }
 
-  void add_facet(int a, int b, int c) {
+  void add_facet(int a, int b, int c, int& facet) {
     if (a < 0 || b < 0 || c < 0) return;
+    facet = static_cast<int>(patch_.facets.size());
     patch_.facets.push_back({{a, b, c}, normal_of(a, b, c)});
   }
 
@@ -97,33 +128,35 @@ class CellAdder {
     return unit(cross(p[b] - p[a], p[c] - p[a]));
   }
 
-  Vec3 beside(const Vec3& normal) {
-    patch_.steepest = std::min(patch_.steepest, normal.z);
-    return normal;
-  }
-
   void add_facets(int r, int c) {
     const int a = point(r, c), b = point(r, c + 1), d = point(r + 1, c), e = point(r + 1, c + 1);
-    add_facet(a, b, e);
-    add_facet(a, e, d);
+    add_facet(a, b, e, facet_of_[2 * at(r, c)]);
+    add_facet(a, e, d, facet_of_[2 * at(r, c) + 1]);
   }
 
-  // Adds the edge from sample (r, c) to (r2, c2) if the ground is convex there. Its facets have their third corners at
-  // (left_r, left_c), to the left of the edge, and at (right_r, right_c).
-  void add_edge(int r, int c, int r2, int c2, int left_r, int left_c, int right_r, int right_c) {
-    const double za = height(r, c), zb = height(r2, c2);
-    if (std::isnan(za + zb)) return;
-    const double zl = height(left_r, left_c), zr = height(right_r, right_c);
-    const bool left = !std::isnan(zl), right = !std::isnan(zr);
+  // Adds an edge that starts at sample (r, c) if it belongs to a cell that may be touched and the ground is convex there.
+  void add_edge(int r, int c, const EdgeKind& kind) {
+    const auto cell = [&](const Side& side) { return at(r + side.cell_row, c + side.cell_column); };
+    const auto third = [&](const Side& side) { return height(r + side.row, c + side.column); };
+    const auto& [left, right] = kind.sides;
+    if (!active_[cell(left)] && !active_[cell(right)]) return;
+    const int r2 = r + kind.row, c2 = c + kind.column;
+    const double ends = height(r, c) + height(r2, c2), thirds = third(left) + third(right);
+    if (std::isnan(ends)) return;
     // The four corners are a parallelogram seen from above.
-    if (!(left || right) || (left && right && !(zl + zr < za + zb - CONVEX))) return;
-    const int a = point(r, c), b = point(r2, c2);
-    const int l = left ? point(left_r, left_c) : -1, t = right ? point(right_r, right_c) : -1;
-    Vec3 outward;
-    if (left) outward = outward + beside(normal_of(a, b, l));
-    if (right) outward = outward + beside(normal_of(b, a, t));
-    if (!(left && right)) patch_.steepest = -1.0;
-    patch_.edges.push_back({{a, b}, {l, t}, outward});
+    if (std::isnan(thirds) ? std::isnan(third(left)) && std::isnan(third(right)) : !(thirds < ends - CONVEX)) return;
+    Edge edge{{point(r, c), point(r2, c2)}, {-1, -1}, {}};
+    if (std::isnan(thirds)) patch_.steepest = -1.0;
+    for (int k = 0; k < 2; ++k) {
+      const Side& side = kind.sides[k];
+      const int corner = edge.opposite[k] = point(r + side.row, c + side.column);
+      if (corner < 0) continue;
+      const int facet = facet_of_[2 * cell(side) + side.half];
+      const Vec3 normal = facet >= 0 ? patch_.facets[facet].normal : normal_of(edge.end[k], edge.end[1 - k], corner);
+      patch_.steepest = std::min(patch_.steepest, normal.z);
+      edge.outward = edge.outward + normal;
+    }
+    patch_.edges.push_back(edge);
   }
 
   void add_peak(int r, int c) {
@@ -148,8 +181,9 @@ class CellAdder {
   const long first_row_, first_column_;
   const Reach& reach_;
   Patch& patch_;
-  std::vector<int>& index_;
+  std::vector<int>&index_, &facet_of_;
   std::vector<char>& active_;
+  CellRange active_cells_;
 };
 
 }  // namespace

@@ -55,7 +55,8 @@ struct Patch {
 
   double highest = 0.0;    // of the points [m]
   double steepest = -1.0;  // least upward component of the normals beside the convex edges
-  std::vector<int> index;  // of the samples of a window in `points`, while cells are added
+  // While cells are added: the samples of a window in `points`, and the two halves of its cells in `facets`.
+  std::vector<int> index, facet_of;
   std::vector<char> active;
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
@@ -71,6 +72,10 @@ struct Patch {
 struct Reach {
   virtual bool touches(const Vec3& centre, double radius) const = 0;
 
+  // Returns true if no point of a cell of a height map with these corners may be touched, because what touches lies above
+  // it. Height NaN: no ground.
+  virtual bool is_clear_of(const Vec3 (&corners)[4]) const = 0;
+
   // Returns true if an edge at `p` may be touched from the directions between the outward normals `one` and `other` of
   // its facets: the centre of what touches is at one of these sides.
   virtual bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const = 0;
@@ -82,6 +87,7 @@ struct Reach {
 // Reach of everything, for callers that need all triangles in a box.
 struct Everything final : Reach {
   bool touches(const Vec3&, double) const override { return true; }
+  bool is_clear_of(const Vec3 (&)[4]) const override { return false; }
   bool is_outside(const Vec3&, const Vec3&, const Vec3&) const override { return true; }
 };
 

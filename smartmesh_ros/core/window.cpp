@@ -41,7 +41,7 @@ void read_window(const HeightGrid& grid, const CellRange& cells, double time, Wi
   window.heights.resize(static_cast<std::size_t>(window.rows) * window.columns);
   GridReader reader(grid, time, 0.0);
   for (int r = 0; r < window.rows; ++r)
-    for (int c = 0; c < window.columns; ++c) window.at(r, c) = reader.read(top + r, left + c).height;
+    reader.read_row(top + r, left, left + window.columns, &window.at(r, 0));
 }
 
 }  // namespace smartmesh
