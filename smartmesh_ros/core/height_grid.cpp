@@ -10,8 +10,6 @@ namespace smartmesh {
 
 namespace {
 
-constexpr int BLOCK = 1 << BLOCK_SHIFT;
-
 // The last three velocities of the samples of a row, newest first [m/s].
 struct KeptRow {
   const float *newest, *before, *oldest;
@@ -56,13 +54,20 @@ GridPose HeightGrid::pose_at(double time) const {
 bool HeightGrid::moves(double time) const {
   if ((track.x != 0.0 || track.y != 0.0 || track.spin != 0.0) && goes_on(time, track.time, track.interval, clocks[0].delay))
     return true;
-  const int blocks = ((rows + BLOCK - 1) >> BLOCK_SHIFT) * block_columns;
-  for (int k = 0; k < blocks; ++k) {
+  for (int k = 0; k < blocks(); ++k) {
     if (mode == Mode::Correct ? remaining(clocks[k], shown, settle) > 0.0
                               : clocks[k].known > 0 && goes_on(time, clocks[k].time, clocks[k].lifetime, clocks[k].delay))
       return true;
   }
   return false;
+}
+
+double HeightGrid::lifetime() const {
+  double newest = -std::numeric_limits<double>::infinity(), longest = track.interval;
+  for (int k = 0; k < blocks(); ++k) newest = std::max(newest, clocks[k].time);
+  for (int k = 0; k < blocks(); ++k)
+    if (goes_on(newest, clocks[k].time, clocks[k].lifetime, clocks[k].delay)) longest = std::max(longest, clocks[k].lifetime);
+  return longest;
 }
 
 double remaining(const Clock& clock, double shown, double settle) {

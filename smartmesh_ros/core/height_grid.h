@@ -46,6 +46,7 @@ struct HeightGrid {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
   bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
+  int blocks() const { return ((rows + (1 << BLOCK_SHIFT) - 1) >> BLOCK_SHIFT) * block_columns; }
   const Clock& clock(int row, int column) const {
     return clocks[(row >> BLOCK_SHIFT) * block_columns + (column >> BLOCK_SHIFT)];
   }
@@ -55,6 +56,8 @@ struct HeightGrid {
 
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
+  // Returns the expected time between maps of ground that moves [s]; 0 = no map expected.
+  double lifetime() const;
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last

@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
 from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, REST_AFTER, MotionConfig, phase_of
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, MotionConfig, phase_of
 from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import samples_in, take_heights, take_rectangles
@@ -135,8 +135,7 @@ class HeightMap:
     @property
     def lifetime(self) -> float:
         """Expected time between updates of moving ground [s]; 0 = no update expected."""
-        moves = self._rests_at > self.time
-        return float(self._clocks["lifetime"][moves].max(initial=self.track.interval))
+        return float(self.core_reader.lifetime())
 
     @property
     def delay(self) -> float:
@@ -146,13 +145,6 @@ class HeightMap:
     @delay.setter
     def delay(self, delay: float) -> None:
         self._clocks["delay"] = delay
-
-    @property
-    def _rests_at(self) -> FloatArray:
-        """Instants at which the blocks come to rest if no update follows [s]."""
-        clocks = self._clocks
-        expected = np.where(clocks["lifetime"] > 0.0, clocks["lifetime"] + clocks["delay"], 0.0)
-        return np.asarray(clocks["time"] + REST_AFTER * expected)
 
     @property
     def noise(self) -> float:
@@ -287,8 +279,7 @@ class HeightMap:
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return self.correcting
-        slides = self.track.moves and time < self.track.time + REST_AFTER * (self.track.interval + self.delay)
-        return slides or bool((time < self._rests_at).any())
+        return bool(self.core_reader.moves(time))
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
