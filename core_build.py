@@ -1,7 +1,7 @@
 """Builds smartmesh_ros.core._core, the C++ core: in place when run, and for setup.py.
 
 Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
-its own package. Libraries are kept in build/core under a digest of what they are made of, so that `colcon build`, pip
+its own package. Without Bullet's headers the core is built without its folder bullet. Libraries are kept in build/core under a digest of what they are made of, so that `colcon build`, pip
 and a build in place compile once.
 """
 
@@ -109,7 +109,7 @@ def _compiler() -> str:
 def _digest(sources: list[Path], flags: list[str]) -> str:
     """Return a digest of what the core is made of, but not of where that lies: pip builds in folders of new names."""
     found = hashlib.sha256("\n".join([sys.version, PYBULLET, version("nanobind"), *flags]).encode())
-    for path in [*sources, *sorted((ROOT / CORE).glob("*.h"))]:
+    for path in [*sources, *sorted((ROOT / CORE).rglob("*.h"))]:
         found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
@@ -136,14 +136,22 @@ def _compile(library: Path, command: list[str], sources: list[Path], extra: tupl
 def build(target: Path, extra: tuple[str, ...] = ()) -> None:
     """Write the library ``target``; compile it, with ``extra`` flags, unless build/core has it. Raises `MissingError`,
     and ``CalledProcessError`` if the compiler fails."""
-    compiler, bullet, binding = _compiler(), bullet_sources(), nanobind_folder()
-    sources = sorted((ROOT / CORE).glob("*.cpp"))
-    sources += [bullet / "src" / path for path in OF_BULLET] + [binding / "src/nb_combined.cpp"]
+    compiler, binding = _compiler(), nanobind_folder()
+    sources = [*sorted((ROOT / CORE).glob("*.cpp")), binding / "src/nb_combined.cpp"]
+    includes = [binding / "include", binding / "ext/robin_map/include", Path(sysconfig.get_path("include"))]
     flags = [*FLAGS, *(["-DPy_LIMITED_API=0x030C0000"] if STABLE_ABI else []), *extra]
+    try:
+        bullet = bullet_sources()
+    except MissingError as missing:
+        # colcon shows the standard error alone.
+        print(f"{missing}. Until then bodies stand on PyBullet's own height fields", file=sys.stderr)
+    else:
+        sources += [*sorted((ROOT / CORE / "bullet").glob("*.cpp")), *(bullet / "src" / path for path in OF_BULLET)]
+        includes += [bullet / "src", bullet]
+        flags.append("-DSMARTMESH_BULLET")
     library = ROOT / "build" / "core" / _digest(sources, flags) / "_core.so"
     if not library.is_file():
-        includes = [bullet / "src", bullet, binding / "include", binding / "ext/robin_map/include"]
-        folders = [f"-isystem{path}" for path in (*includes, sysconfig.get_path("include"))]
+        folders = [f"-I{ROOT / CORE}", *(f"-isystem{path}" for path in includes)]
         _compile(library, [compiler, *flags, *folders], sources, extra)
     target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over

@@ -92,18 +92,10 @@ def compile_beforehand() -> Path | None:
 
 
 @cache
-def core() -> Path | None:
-    """Builds the core in place; returns the library, or None and prints what is missing. Ends the build if the compiler
-    fails."""
-    if PURE:
-        return None
+def core() -> Path:
+    """Builds the core in place and returns the library. Ends the build if something is missing or the compiler fails."""
     library = ROOT / core_build.CORE / core_build.library_name()
-    try:
-        core_build.build(library)
-    except core_build.MissingError as missing:
-        # colcon shows the standard error alone.
-        print(f"{missing}; without it the package has no C++ core: all contacts are PyBullet's own", file=sys.stderr)
-        return None
+    core_build.build(library)
     return library
 
 
@@ -120,8 +112,7 @@ class BuildCompiled(build_py):
         package = Path(self.build_lib) / NAME
         shutil.rmtree(package, ignore_errors=True)
         super().run()
-        if (library := core()) is not None:
-            shutil.copy2(library, Path(self.build_lib) / core_build.CORE)
+        shutil.copy2(core(), Path(self.build_lib) / core_build.CORE)
         if (made := compile_beforehand()) is not None:
             shutil.copytree(made, package / FOLDER_NAME / made.name)
 

@@ -7,5 +7,8 @@ from typing import Any
 
 try:
     CORE: Any = importlib.import_module("smartmesh_ros.core._core")
-except ImportError:
-    CORE = None
+except ImportError as error:
+    raise ImportError(
+        "the C++ core of smartmesh_ros is not built for this Python: run make, colcon build or pip install, with a C++ "
+        "compiler (Debian: apt install g++ python3-dev)"
+    ) from error

@@ -1,11 +1,9 @@
 // What Python sees of the core. Arguments are checked here or by nanobind's types; nothing else in the core knows Python.
 #include "bindings.h"
-#include "test_entries.h"
 
 NB_MODULE(_core, m) {
   using namespace smartmesh;
   nb::set_leak_warnings(false);  // a ground may live until the process ends
-  add_test_entries(m);
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<Floats2, Floats3, Floats2, Bytes3>(), "heights"_a.noconvert(), "velocities"_a.noconvert(),
            "offsets"_a.noconvert(), "clocks"_a.noconvert())
@@ -23,7 +21,10 @@ NB_MODULE(_core, m) {
            "clock"_a.noconvert(), "triangles"_a.noconvert())
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a)
       .def("update", &Mesh::update);
+#ifdef SMARTMESH_BULLET
   add_ground(m);
+  add_test_entries(m);
+#endif
   add_queries(m);
   add_updates(m);
   add_soil(m);

@@ -28,8 +28,8 @@ PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0
 
 def missing_for(client: Any) -> str:
     """Return why a client cannot have ground proxies, empty if it can."""
-    if CORE is None:
-        return "the core is not built"
+    if not hasattr(CORE, "Ground"):
+        return "the core is built without Bullet's headers"
     method = client.getConnectionInfo().get("connectionMethod")
     if method != pb.DIRECT:
         return "the PyBullet client is not a DIRECT one"
@@ -68,7 +68,6 @@ class Proxies:
     """The ground proxies of one client. Bodies are addressed by slot."""
 
     def __init__(self, client: Any, followers: Followers, *, time: float, dt: float) -> None:
-        assert CORE is not None
         self._client = client
         self._followers = followers
         self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))

@@ -1,5 +1,5 @@
 // Entries of the core for tests alone: contacts of one shape with one height map or mesh, without PyBullet.
-#include "test_entries.h"
+#include "bindings.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include <nanobind/ndarray.h>
 
 #include "alignment.h"
-#include "bullet_convert.h"
+#include "convert.h"
 #include "contact_search.h"
 
 namespace nb = nanobind;

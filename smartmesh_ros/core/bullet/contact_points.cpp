@@ -7,7 +7,7 @@
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
-#include "bullet_convert.h"
+#include "convert.h"
 
 namespace smartmesh {
 

@@ -1,4 +1,4 @@
-#include "bullet_convert.h"
+#include "convert.h"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 // The worlds that PyBullet's plugin interface knows, one for each client that loaded the plugin.
 #pragma once
 
-#include "bullet_world.h"
+#include "world.h"
 
 namespace smartmesh {
 

@@ -1,4 +1,4 @@
-#include "bullet_world.h"
+#include "world.h"
 
 #include <algorithm>
 #include <cmath>

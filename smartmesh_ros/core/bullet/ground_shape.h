@@ -4,7 +4,7 @@
 #include <BulletCollision/CollisionShapes/btConcaveShape.h>
 #include <BulletCollision/CollisionShapes/btTriangleCallback.h>
 
-#include "bullet_convert.h"
+#include "convert.h"
 #include "surface.h"
 
 namespace smartmesh {

@@ -10,7 +10,7 @@
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 
-#include "bullet_world.h"
+#include "world.h"
 
 namespace smartmesh {
 

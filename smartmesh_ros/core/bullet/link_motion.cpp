@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "bullet_convert.h"
+#include "convert.h"
 
 namespace smartmesh {
 
