@@ -1,8 +1,8 @@
 """Builds smartmesh_ros.core._core, the C++ core: in place when run, and for setup.py.
 
 Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
-its own package. Without Bullet's headers the core is built without its folder bullet. Libraries are kept in build/core under a digest of what they are made of, so that `colcon build`, pip
-and a build in place compile once.
+its own package. Without Bullet's headers the core is built without its folder bullet. Libraries are kept in build/core
+under a digest of what they are made of, so that `colcon build`, pip and a build in place compile once.
 """
 
 from __future__ import annotations

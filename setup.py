@@ -93,7 +93,7 @@ def compile_beforehand() -> Path | None:
 
 @cache
 def core() -> Path:
-    """Builds the core in place and returns the library. Ends the build if something is missing or the compiler fails."""
+    """Builds the core in place and returns the library. Ends the build if that fails."""
     library = ROOT / core_build.CORE / core_build.library_name()
     core_build.build(library)
     return library
