@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, overlap
 from studies.mapper.poses import Pose
 from studies.mapper.sensors import Scan
@@ -104,7 +103,6 @@ def _scrolled(cells: FloatArray, moved: tuple[int, int]) -> FloatArray:
     return result
 
 
-@compiled
 def _fuse(
     heights: FloatArray,
     variances: FloatArray,
@@ -113,51 +111,43 @@ def _fuse(
     noises: FloatArray,
     least: float,
 ) -> None:
-    """Fuses heights (N,) with variances ``noises`` (N,), measured at fractional (row, column) ``places`` (N, 2)."""
-    rows, columns = heights.shape
-    for k in range(len(places)):
-        row, column = math.floor(places[k, 0] + 0.5), math.floor(places[k, 1] + 0.5)
-        if not (0 <= row < rows and 0 <= column < columns):
-            continue
-        height, variance, noise = heights[row, column], variances[row, column], max(noises[k], least)
-        if math.isnan(height):
-            heights[row, column], variances[row, column] = measured[k], noise
-            continue
-        spread = variance + noise
-        gain = variance / spread if spread > 0.0 else 1.0
-        heights[row, column] = height + gain * (measured[k] - height)
-        variances[row, column] = max(gain * noise, least)
+    """Fuses heights (N,) with variances ``noises`` (N,), measured at fractional (row, column) ``places`` (N, 2).
+
+    One point after the other in each cell, and all cells at once.
+    """
+    cells = np.floor(places + 0.5).astype(np.int64)
+    inside = np.flatnonzero(((cells >= 0) & (cells < heights.shape)).all(axis=1))
+    flat = cells[inside, 0] * heights.shape[1] + cells[inside, 1]
+    order = np.argsort(flat, kind="stable")
+    of_cell, points = flat[order], inside[order]
+    turns = np.arange(len(of_cell)) - np.searchsorted(of_cell, of_cell)
+    known, spreads = heights.reshape(-1), variances.reshape(-1)
+    for turn in range(turns.max(initial=-1) + 1):
+        chosen = turns == turn
+        at, new, noise = of_cell[chosen], measured[points[chosen]], np.maximum(noises[points[chosen]], least)
+        first, total = np.isnan(known[at]), spreads[at] + noise
+        gain = np.divide(spreads[at], total, out=np.ones_like(total), where=total > 0.0)
+        known[at] = np.where(first, new, known[at] + gain * (new - known[at]))
+        spreads[at] = np.where(first, noise, np.maximum(gain * noise, least))
 
 
-@compiled
 def _resampled(values: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
-    """Values at fractional places, (n, n) each; NaN where the nearest cell is not known."""
-    result = np.empty_like(rows)
-    for i in range(rows.shape[0]):
-        for j in range(rows.shape[1]):
-            result[i, j] = _among_known(values, rows[i, j], columns[i, j])
-    return result
-
-
-@compiled
-def _among_known(values: FloatArray, row: float, column: float) -> float:
-    """The bilinear mean of the four cells around a place, as far as they are known; NaN if the nearest is not."""
-    if math.isnan(_value(values, math.floor(row + 0.5), math.floor(column + 0.5))):
-        return math.nan
-    r, c = math.floor(row), math.floor(column)
-    total, weights = 0.0, 0.0
+    """The bilinear mean of the four cells around fractional places, (n, n) each, as far as these cells are known; NaN
+    where the nearest cell is not known."""
+    r, c = np.floor(rows), np.floor(columns)
+    total, weights = np.zeros_like(rows), np.zeros_like(rows)
     for i in range(2):
         for j in range(2):
-            value = _value(values, r + i, c + j)
-            if not math.isnan(value):
-                weight = (1.0 - abs(row - r - i)) * (1.0 - abs(column - c - j))
-                total += weight * value
-                weights += weight
-    return total / weights
+            value = _values(values, r + i, c + j)
+            weight = np.where(np.isnan(value), 0.0, (1.0 - abs(rows - r - i)) * (1.0 - abs(columns - c - j)))
+            total += weight * np.nan_to_num(value)
+            weights += weight
+    unknown = np.isnan(_values(values, np.floor(rows + 0.5), np.floor(columns + 0.5)))
+    return np.divide(total, weights, out=np.full_like(rows, np.nan), where=~unknown)
 
 
-@compiled
-def _value(values: FloatArray, row: int, column: int) -> float:
-    """A cell's value; NaN outside."""
-    rows, columns = values.shape
-    return values[row, column] if 0 <= row < rows and 0 <= column < columns else math.nan
+def _values(values: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """Values of cells (n, n); NaN outside."""
+    inside = (rows >= 0) & (rows < values.shape[0]) & (columns >= 0) & (columns < values.shape[1])
+    found = values[np.where(inside, rows, 0).astype(np.int64), np.where(inside, columns, 0).astype(np.int64)]
+    return np.where(inside, found, np.nan)
