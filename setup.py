@@ -1,4 +1,4 @@
-"""Installs the ament_python package smartmesh_ros, with its C++ core and its machine code."""
+"""Installs the ament_python package smartmesh_ros, with its C++ core."""
 
 import json
 import os
@@ -17,7 +17,6 @@ NAME = "smartmesh_ros"
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 import core_build  # noqa: E402
-from smartmesh_ros.machine_code import FOLDER_NAME  # noqa: E402  # needs nothing but Python
 
 # For `ros2 run`. A wheel puts its commands onto everybody's path, where `view` is vim's: there it is smartmesh-view.
 IN_WORKSPACES = [
@@ -28,8 +27,6 @@ IN_WORKSPACES = [
     f"view = {NAME}.startup.executables:view",
 ]
 IS_WHEEL = bool({"bdist_wheel", "dist_info"} & {*sys.argv})
-# Builds without the core and machine code: a wheel for all machines, whose nodes compile when they are first started.
-PURE = os.environ.get("SMARTMESH_PURE") == "1"
 # PyBullet has wheels for Linux up to Python 3.11. A fork of it has them for 3.12 and 3.13, and is imported by the same
 # name. The markers are those of requirements/pybullet.txt.
 PYBULLET = [
@@ -38,57 +35,34 @@ PYBULLET = [
     'pybullet; platform_system != "Linux" or platform_machine != "x86_64"'
     ' or python_version < "3.12" or python_version >= "3.14"',
 ]
-# Prints what compiling in advance lacks, and which packages a PyBullet is from that is there.
+# Prints whether PyBullet is there, and which packages it is from.
 ASK = """
 import json
 from importlib.metadata import packages_distributions
 from importlib.util import find_spec
-missing = [name for name in ("pybullet", "numba", "numpy") if find_spec(name) is None]
-names = [] if "pybullet" in missing else packages_distributions().get("pybullet", [])
-print(json.dumps({"missing": missing, "pybullet": sorted(set(names))}))
+there = find_spec("pybullet") is not None
+packages = packages_distributions().get("pybullet", []) if there else []
+print(json.dumps({"there": there, "packages": sorted(set(packages))}))
 """
 
 
-def environment() -> tuple[dict[str, str], list[str], list[str]]:
-    """Return the variables of a Python that has PyBullet, what it lacks for compiling, and its packages named PyBullet.
+def installed_pybullet() -> list[str] | None:
+    """Return the packages of the PyBullet in the environment that this one is installed into, None without PyBullet.
 
-    pip builds in an environment that holds the build's requirements alone, which two variables set up. Without them
-    Python is that of the environment which the package is installed into.
+    pip builds in an environment that holds the build's requirements alone, which two variables set up.
     """
     outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONNOUSERSITE")}
     for variables in ({**os.environ}, outside):
-        found = json.loads(python(ASK, variables))
-        if "pybullet" not in found["missing"]:
-            break
-    return variables, found["missing"], found["pybullet"]
+        command = [sys.executable, "-c", ASK]
+        found = json.loads(subprocess.run(command, env=variables, stdout=subprocess.PIPE, check=True).stdout)
+        if found["there"]:
+            return list(found["packages"])
+    return None
 
 
-def python(script: str, variables: dict[str, str]) -> str:
-    """Run a script with these environment variables; return what it prints."""
-    command = [sys.executable, "-c", script]
-    return subprocess.run(command, env=variables, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
-
-
-VARIABLES, MISSING, INSTALLED = environment()
-# A PyBullet that is there stays: two packages of the same modules would overwrite each other's files. A wheel for all
-# machines cannot know.
-if not PURE and "pybullet" not in MISSING:
-    PYBULLET = INSTALLED[:1]
-
-
-def compile_beforehand() -> Path | None:
-    """Compiles from the sources here, on all cores; returns the folder, or None and prints the reason."""
-    if PURE:
-        return None
-    if MISSING:
-        print(f"no machine code is built, because of missing packages ({', '.join(MISSING)}); the first start compiles")
-        return None
-    here = f"import sys; sys.path.insert(0, {str(ROOT)!r}); "
-    compiling = [sys.executable, "-c", f"{here}from smartmesh_ros.compiling import main; main()"]
-    if subprocess.run(compiling, env=VARIABLES, check=False).returncode:
-        print("no machine code is built, for the reason above; the first start compiles")
-    place = python(f"{here}from smartmesh_ros import machine_code; print(machine_code.complete() or '')", VARIABLES)
-    return Path(place) if place else None
+# A PyBullet that is there stays: two packages of the same modules would overwrite each other's files.
+if (there := installed_pybullet()) is not None:
+    PYBULLET = there[:1]
 
 
 @cache
@@ -99,43 +73,37 @@ def core() -> Path:
     return library
 
 
-class BuildCompiled(build_py):
-    """Copies the package, its core and its machine code, and nothing that an earlier build left."""
+class BuildWithCore(build_py):
+    """Copies the package and its core, and nothing that an earlier build left."""
 
     def run(self) -> None:
         """Runs the command."""
         if self.editable_mode:
             super().run()
             core()
-            compile_beforehand()
             return
-        package = Path(self.build_lib) / NAME
-        shutil.rmtree(package, ignore_errors=True)
+        shutil.rmtree(Path(self.build_lib) / NAME, ignore_errors=True)
         super().run()
         shutil.copy2(core(), Path(self.build_lib) / core_build.CORE)
-        if (made := compile_beforehand()) is not None:
-            shutil.copytree(made, package / FOLDER_NAME / made.name)
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
-        """All files that are copied, the core and the machine code among them."""
-        made = (Path(self.build_lib) / NAME).glob(f"{FOLDER_NAME}/*/*")
+        """All files that are copied, the core among them."""
         library = Path(self.build_lib) / core_build.CORE / core_build.library_name()
-        return [*super().get_outputs(include_bytecode), *(str(path) for path in (library, *made) if path.is_file())]
+        return [*super().get_outputs(include_bytecode), *([str(library)] if library.is_file() else [])]
 
 
-class DevelopCompiled(develop):
-    """Compiles for the sources where they are, as `colcon build --symlink-install` runs them."""
+class DevelopWithCore(develop):
+    """Builds the core where the sources are, as `colcon build --symlink-install` runs them."""
 
     def run(self) -> None:
         """Runs the command."""
         super().run()
         if not self.uninstall:
             core()
-            compile_beforehand()
 
 
 class InstallAnew(install_lib):
-    """Installs in the place of what was there: a module or machine code of before would belong to other sources."""
+    """Installs in the place of what was there: a module of before would belong to other sources."""
 
     def run(self) -> None:
         """Runs the command."""
@@ -145,12 +113,12 @@ class InstallAnew(install_lib):
         super().run()
 
 
-class Compiled(Distribution):
-    """A wheel for the Python and the kind of processor that its core and its machine code are for."""
+class WithCore(Distribution):
+    """A wheel for the Python and the kind of processor that its core is for."""
 
     def has_ext_modules(self) -> bool:
-        """Whether there is more than Python in it."""
-        return IS_WHEEL and not PURE and (not MISSING or core() is not None)
+        """Whether there is more than Python in it. Elsewhere setuptools would look for libraries of its own."""
+        return IS_WHEEL
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -161,10 +129,9 @@ def files(folder: str, pattern: str) -> list[str]:
 setup(
     name=NAME,
     version="0.1.0",
-    distclass=Compiled,
-    cmdclass={"build_py": BuildCompiled, "develop": DevelopCompiled, "install_lib": InstallAnew},
-    # Unlike machine code, the core alone is for later versions of Python as well.
-    options={"bdist_wheel": {"py_limited_api": "cp312"}} if core_build.STABLE_ABI and MISSING else {},
+    distclass=WithCore,
+    cmdclass={"build_py": BuildWithCore, "develop": DevelopWithCore, "install_lib": InstallAnew},
+    options={"bdist_wheel": {"py_limited_api": "cp312"}} if core_build.STABLE_ABI else {},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "evaluation/scenes/*.yaml", "soil/soils.yaml"]},
     data_files=[
@@ -174,7 +141,7 @@ setup(
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
     ],
     python_requires=">=3.10",
-    install_requires=["numba", "numpy", *PYBULLET],
+    install_requires=["numpy", *PYBULLET, "pyyaml"],
     extras_require={
         "bags": ["rosbags"],
         "files": ["pillow", "rasterio"],
@@ -195,7 +162,6 @@ setup(
             f"smartmesh-fleet = {NAME}.startup.executables:fleet",
             f"terrain_sensor = {NAME}.startup.executables:terrain_sensor",
             f"terrain_source = {NAME}.startup.executables:terrain_source",
-            f"smartmesh-compile = {NAME}.startup.executables:compile_ahead",
             f"smartmesh-demo = {NAME}.startup.executables:demo",
             f"smartmesh-fleet-front = {NAME}.startup.executables:fleet_front",
             f"smartmesh-rover = {NAME}.startup.executables:rover",

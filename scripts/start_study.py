@@ -4,15 +4,13 @@
     make start-study ARGS="--runs 5"
 
 Each case starts with an empty user cache. The cases: the colcon workspace of ``make``; a wheel, installed by pip into a
-separate folder; a bare copy of the sources, which one node compiles; and four nodes of such a copy that start together.
+separate folder; and four nodes of the workspace that start together.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import shutil
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -26,7 +24,6 @@ from ament_index_python.packages import get_package_prefix
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from smartmesh_ros import machine_code
 from smartmesh_ros.startup.domains import isolated
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -45,11 +42,7 @@ class Start:
 
 def environment(cache: Path, package: Path | None) -> dict[str, str]:
     """Return this environment with an empty user cache, and with ``package`` in front of the installed package."""
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in ("NUMBA_CACHE_DIR", machine_code.FOLDER_VARIABLE)
-    }
+    kept = {**os.environ}
     path = [str(package), kept.get("PYTHONPATH", "")] if package else [kept.get("PYTHONPATH", "")]
     return {**kept, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": os.pathsep.join(path), "PYTHONUNBUFFERED": "1"}
 
@@ -100,14 +93,6 @@ def started(count: int, package: Path | None) -> list[Start]:
     return list(answers.values())
 
 
-def bare(folder: Path) -> Path:
-    """Return a copy of the sources without machine code."""
-    shutil.rmtree(folder, ignore_errors=True)
-    ignored = shutil.ignore_patterns("__pycache__", machine_code.FOLDER_NAME)
-    shutil.copytree(ROOT / "smartmesh_ros", folder / "smartmesh_ros", ignore=ignored)
-    return folder
-
-
 def wheel(folder: Path) -> Path:
     """Build a wheel from these sources, install it by pip into ``folder``; return the folder of the package."""
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
@@ -121,9 +106,14 @@ def wheel(folder: Path) -> Path:
     return folder / "target"
 
 
+def last_answer(starts: list[Start]) -> float:
+    """Return the time until the last answer [s]."""
+    return max(start.answer for start in starts)
+
+
 def report(name: str, starts: list[Start]) -> float:
     """Print a row of the table; return the time until the last answer [s]."""
-    line, answer = max(start.line for start in starts), max(start.answer for start in starts)
+    line, answer = max(start.line for start in starts), last_answer(starts)
     print(f"| {name} | {line:.2f} s | {answer:.2f} s | {max(start.memory for start in starts):.0f} MiB |", flush=True)
     return answer
 
@@ -131,23 +121,23 @@ def report(name: str, starts: list[Start]) -> float:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=3, help="starts of each case that is not compiled")
+    parser.add_argument("--runs", type=int, default=3, help="starts of each case")
     options = parser.parse_args()
-    print(
-        f"load before: {os.getloadavg()[0]:.1f}; {machine_code.platform_tag()}; {machine_code.processes()} processes\n"
-    )
-    print("| first start | first line | answered | memory |\n|---|---|---|---|")
+    print(f"load before: {os.getloadavg()[0]:.1f}\n")
+    print("| start | first line | answered | memory |\n|---|---|---|---|")
     with isolated(), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rclpy.init()
-        for case, package in (("make, colcon build", None), ("pip install of the wheel", wheel(folder / "wheel"))):
-            starts = [started(1, package)[0] for _ in range(options.runs)]
-            middle = statistics.median_low([start.answer for start in starts])
-            report(case, [next(start for start in starts if start.answer == middle)])
-        one = report("bare checkout", started(1, bare(folder / "bare")))
-        four = report("bare checkout, four nodes together", started(4, bare(folder / "bare")))
+        medians = []
+        for case, count, package in (
+            ("make, colcon build", 1, None),
+            ("pip install of the wheel", 1, wheel(folder / "wheel")),
+            ("make, four nodes together", 4, None),
+        ):
+            runs = sorted((started(count, package) for _ in range(options.runs)), key=last_answer)
+            medians.append(report(case, runs[len(runs) // 2]))
         rclpy.shutdown()
-    print(f"\nfour nodes took {four / one:.2f} times as long as one")
+    print(f"\nfour nodes took {medians[2] / medians[0]:.2f} times as long as one")
 
 
 if __name__ == "__main__":

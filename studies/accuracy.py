@@ -11,7 +11,6 @@ from typing import Any
 
 from smartmesh_ros.evaluation.machine import describe
 from smartmesh_ros.evaluation.scene import read_scenes
-from smartmesh_ros.warm_up import warm_up
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
 from studies.contest import PIECES, Result, run_scene
@@ -32,7 +31,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out = folder_of(options)
     images = out / "images" / "accuracy"
     images.mkdir(parents=True, exist_ok=True)
-    warm_up()
     say = Progress()
 
     found = describe()

@@ -7,4 +7,3 @@ from smartmesh_ros.startup.quiet import silence_pybullet
 silence_pybullet()
 for name in ("demo.terrain_source", "fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):
     import_module(f"smartmesh_ros.node.{name}")
-import_module("smartmesh_ros.warm_up").warm_up()

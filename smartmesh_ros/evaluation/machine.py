@@ -7,7 +7,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("numpy", "numba", "pybullet", "mujoco", "sapien", "rapier3d", "coal")
+PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "rapier3d", "coal")
 
 
 def describe() -> dict[str, object]:

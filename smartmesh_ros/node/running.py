@@ -50,9 +50,7 @@ def executor_of(kind: ExecutorKind) -> Executor:
 class Stop:
     """Notes SIGINT and SIGTERM in ``asked`` (bool).
 
-    While ``starting``, the first signal also raises `KeyboardInterrupt`, which interrupts the wait for processes that
-    compile. Later signals raise nothing: an exception from a signal handler while Numba makes the named tuple that a
-    compiled function returns ends Python with a segmentation fault (Numba 0.68).
+    While ``starting``, the first signal also raises `KeyboardInterrupt`, which ends what the start waits for.
     """
 
     def __init__(self) -> None:

@@ -36,7 +36,6 @@ from smartmesh_ros.node.services.initial_bodies import InitialBodies
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.startup.dds import send_without_waiting
-from smartmesh_ros.warm_up import warm_up
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -48,7 +47,6 @@ class TerrainCollider(ParameterNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, parameters.SPECS, **node_options)
         self.settings = parameters.declare(self)
-        compiling = warm_up()  # before any topic or service exists, so that no peer waits for compilation
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals
         self._initial = InitialBodies(session)
@@ -73,7 +71,7 @@ class TerrainCollider(ParameterNode):
         session.clock.on_set_back(self._forget_stamps)
         self._namesakes = Namesakes(self)
         self._values = declaring.current_values(self, parameters.SPECS)
-        announce(self, self.settings, compiling)
+        announce(self, self.settings)
 
     @property
     def handled(self) -> int:

@@ -9,7 +9,6 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from smartmesh_ros import machine_code
 from smartmesh_ros.startup.quiet import ending_with_reader, import_pybullet_quietly, silence_pybullet
 
 # Arguments that make a node print something and exit without starting.
@@ -19,8 +18,6 @@ QUESTIONS = {"-h", "--help", "--print-parameters"}
 def terrain_collider() -> None:
     """Run the node terrain_collider."""
     _exit_on_signals()
-    if not QUESTIONS & {*sys.argv}:
-        machine_code.announce()  # before the slow imports, which take a second
     silence_pybullet()
     _start("smartmesh_ros.node.terrain_collider")
 
@@ -77,13 +74,6 @@ def view() -> None:
     _exit_on_signals()
     import_pybullet_quietly()
     _start("smartmesh_ros.view.main")
-
-
-def compile_ahead() -> None:
-    """Compile the functions before the first start. Needs no ROS."""
-    main = importlib.import_module("smartmesh_ros.compiling").main
-    with ending_with_reader():
-        main()
 
 
 def tune() -> None:

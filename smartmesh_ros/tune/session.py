@@ -28,7 +28,6 @@ from smartmesh_ros.tune.start import read_start
 from smartmesh_ros.tune.store import Store, open_storage
 from smartmesh_ros.tune.words import closing_lines, progress
 from smartmesh_ros.tune.workers import Workers
-from smartmesh_ros.warm_up import warm_up
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +111,6 @@ def find(request: Request, case: Case, jobs: int) -> tuple[list[Point], Verdict]
     """Search and confirm; return all tried points and the verdict."""
     quiet_optuna()
     store = request.open_store(case, request.seed)
-    warm_up()
     base = prepare(store, case, request.asked, request.plan, _line)
     search(request, case, store, base, jobs)
     points = store.points()

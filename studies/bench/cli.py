@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from smartmesh_ros.evaluation import machine
-from smartmesh_ros.warm_up import warm_up
 from studies.bench import (
     collecting,
     crowds,
@@ -73,7 +72,6 @@ def jobs(*, quick: bool) -> list[Job]:
 
 def measure(*, quick: bool) -> Results:
     """Runs every part; a bar on stderr shows how far it is."""
-    warm_up()
     bench = Bench(QUICK if quick else FULL)
     todo = jobs(quick=quick)
     total, done, start = sum(job.share for job in todo), 0.0, perf_counter()

@@ -26,7 +26,6 @@ from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.stopwatch import STAGES, Stopwatch
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.warm_up import warm_up
 from studies.load.cases import MAX_VELOCITY
 
 
@@ -125,7 +124,6 @@ class Naive(Node):
 
 def main() -> None:
     """Run the node until SIGINT or SIGTERM."""
-    warm_up()
     rclpy.init()
     try:
         rclpy.spin(Naive())

@@ -12,7 +12,6 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.evaluation.machine import describe
-from smartmesh_ros.warm_up import warm_up
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Family
 from studies.contest import Result
@@ -41,7 +40,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out = folder_of(options)
     images = out / "images" / "robots"
     images.mkdir(parents=True, exist_ok=True)
-    warm_up()
     say = Progress()
 
     chosen = [known[name] for name in options.scenes] or scenes(quick=options.quick)

@@ -11,39 +11,13 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from smartmesh_ros import machine_code
-
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 # What is made, and not part of the repository.
 MADE = (
-    ".git", ".venv", "build", "install", "log", "out", "__pycache__", "_machine_code", "*.egg-info", ".*_cache",
+    ".git", ".venv", "build", "install", "log", "out", "__pycache__", "*.egg-info", ".*_cache",
     ".hypothesis", "*.so",
 )  # fmt: skip
-# A function that is called from another file, its caller, and what calls that.
-RETURNED = "return corner[2]"
-CALLEE = f"\n\n@compiled\ndef corner_gap(corner):\n    {RETURNED}\n"
-CALLER = """
-from smartmesh_ros.patches import facets
-
-
-@compiled
-def gap_to_corner(corner):
-    return facets.corner_gap(corner)
-"""
-# A warm-up with nothing else to compile, which takes seconds.
-SMALL_WARM_UP = """
-
-def run_through() -> None:
-    from smartmesh_ros.patches.foot import gap_to_corner
-
-    gap_to_corner(np.zeros(3))
-"""
-ASK_GAP = (
-    "import numpy; from smartmesh_ros.patches.foot import gap_to_corner; "
-    "print(gap_to_corner(numpy.array([0.0, 0.0, 0.05])))"
-)
-ASK_PLACE = "from smartmesh_ros import machine_code; print(machine_code.complete())"
 ASK_CORE = "from smartmesh_ros.core import _core; print(_core.__file__)"
 MESSAGES = "smartmesh_msgs"
 # Patience with commands that compile [s].
@@ -100,35 +74,12 @@ def line_with(words: str, lines: list[str]) -> str:
     return line
 
 
-def copy_of_this(folder: Path, *, compiled: bool = False) -> None:
+def copy_of_this(folder: Path) -> None:
     """Copies this repository as it is in version control, what is not committed yet included, and libraries of the core
-    that are compiled already; on request with the machine code of all functions, which takes long to make."""
+    that are compiled already."""
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*MADE))
     if (compiled_core := ROOT / "build" / "core").is_dir():
         shutil.copytree(compiled_core, folder / "build" / "core")
-    if compiled:
-        made = machine_code.prepare()
-        assert made is not None
-        shutil.copytree(made, folder / "smartmesh_ros" / machine_code.FOLDER_NAME / made.name)
-
-
-def add_caller_and_callee(package: Path) -> None:
-    """Adds a compiled function to one file of a package, one that calls it to another, and a warm-up of no others."""
-    for name, more in (
-        ("patches/facets.py", CALLEE),
-        ("patches/foot.py", CALLER),
-        ("warm_up.py", SMALL_WARM_UP),
-    ):
-        with (package / name).open("a") as file:
-            file.write(more)
-
-
-def change_callee(package: Path) -> None:
-    """Changes what the called function returns, and nothing in the file of its caller."""
-    file = package / "patches" / "facets.py"
-    text = file.read_text()
-    assert text.count(RETURNED) == 1
-    file.write_text(text.replace(RETURNED, "return -corner[2]"))
 
 
 @pytest.fixture(scope="session")
@@ -136,7 +87,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """The workspace before it is built: this repository, linked as the README says, and the user's package."""
     folder = tmp_path_factory.mktemp("newcomer") / "ws"
     (folder / "src").mkdir(parents=True)
-    copy_of_this(folder / "src" / "smartmesh_ros", compiled=True)
+    copy_of_this(folder / "src" / "smartmesh_ros")
     shutil.copytree(HERE / "my_robot", folder / "src" / "my_robot")
     made = Workspace(folder)
     made.run(line_with("ln -s", readme_block("ln -s")), sourced=False)

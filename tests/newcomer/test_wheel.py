@@ -9,20 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.newcomer.conftest import (
-    ASK_GAP,
-    ASK_PLACE,
-    LONG,
-    ROOT,
-    add_caller_and_callee,
-    change_callee,
-    copy_of_this,
-)
+from tests.newcomer.conftest import LONG, ROOT, copy_of_this
 
-OWN = ("compile", "demo", "fleet", "fleet-front", "rover", "soil", "tune", "view")
+OWN = ("demo", "fleet", "fleet-front", "rover", "soil", "tune", "view")
 CONSTRAINTS = ROOT / "requirements" / "constraints.txt"
 COMMANDS = {"terrain_collider", "terrain_sensor", "terrain_source", *(f"smartmesh-{name}" for name in OWN)}
-WITHOUT_ROS = {"smartmesh-compile", "smartmesh-tune"}
+WITHOUT_ROS = {"smartmesh-tune"}
 
 
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
@@ -49,7 +41,7 @@ def install(environment: Path, *arguments: str | Path, **settings: str) -> None:
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual environment that holds the wheel and what it asks for, and nothing else."""
     folder = tmp_path_factory.mktemp("wheel")
-    copy_of_this(folder / "source", compiled=True)
+    copy_of_this(folder / "source")
     pip(sys.executable, "wheel", "--no-deps", "--wheel-dir", folder, folder / "source")
     [wheel] = folder.glob("smartmesh_ros-*.whl")
     made = folder / "empty"
@@ -86,36 +78,3 @@ def entry_points(python: Path) -> tuple[set[str], set[str]]:
     code = f"import importlib.metadata; [print(e.name, e.value) for e in {entries}]"
     pairs = [line.split() for line in run(python, "-c", code).stdout.splitlines()]
     return {name for name, _ in pairs}, {function for _, function in pairs}
-
-
-def test_machine_code_is_in_the_wheel_and_used(environment: Path) -> None:
-    place = run(environment / "bin" / "python", "-c", ASK_PLACE).stdout.strip()
-    assert Path(place).is_relative_to(environment / "lib")
-    start = "from smartmesh_ros.warm_up import warm_up; warm_up()"
-    files = sorted(Path(place).iterdir())
-    assert "smartmesh_ros" not in run(environment / "bin" / "python", "-c", start).stderr
-    assert sorted(Path(place).iterdir()) == files, "nothing was compiled"
-
-
-def test_a_changed_callee_is_fresh_after_an_upgrade(environment: Path, tmp_path: Path) -> None:
-    """The wheels hold no machine code, which takes long to make: it is kept in the installation when it is run."""
-    source = tmp_path / "source"
-    copy_of_this(source)
-    add_caller_and_callee(source / "smartmesh_ros")
-    for gap in ("0.05", "-0.05"):
-        folder = tmp_path / gap
-        pip(
-            sys.executable,
-            "wheel",
-            "--no-deps",
-            "--no-build-isolation",
-            "--wheel-dir",
-            folder,
-            source,
-            SMARTMESH_PURE="1",
-        )
-        [wheel] = folder.glob("*-py3-none-any.whl")
-        install(environment, "--no-deps", "--force-reinstall", wheel)
-        assert run(environment / "bin" / "python", "-c", ASK_GAP).stdout.strip() == gap
-        if gap == "0.05":
-            change_callee(source / "smartmesh_ros")

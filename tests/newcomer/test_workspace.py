@@ -7,20 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros import machine_code
-from tests.newcomer.conftest import (
-    ASK_CORE,
-    ASK_GAP,
-    ASK_PLACE,
-    HERE,
-    ROOT,
-    Workspace,
-    add_caller_and_callee,
-    change_callee,
-    copy_of_this,
-    line_with,
-    readme_block,
-)
+from tests.newcomer.conftest import ASK_CORE, HERE, ROOT, Workspace, copy_of_this, line_with, readme_block
 
 ROSDEP = f"""
 export ROS_DISTRO=jazzy ROS_PYTHON_VERSION=3 ROS_HOME=$PWD/ros_home ROSDEP_SOURCE_PATH=$PWD/rosdep_sources
@@ -83,31 +70,27 @@ def test_all_packages_are_built_and_the_scripts_run_under_the_python_that_built_
     assert Path(script.read_text().splitlines()[0].removeprefix("#!")).samefile(python)
 
 
-def test_machine_code_and_the_core_are_installed(workspace: Workspace) -> None:
-    for ask in (ASK_PLACE, ASK_CORE):
-        place = workspace.run(f"python3 -c '{ask}'").stdout.strip()
-        assert Path(place).is_relative_to(workspace.folder / "install")
+def test_the_core_is_installed(workspace: Workspace) -> None:
+    place = workspace.run(f"python3 -c '{ASK_CORE}'").stdout.strip()
+    assert Path(place).is_relative_to(workspace.folder / "install")
 
 
 @pytest.mark.parametrize("option", ["", "--symlink-install"])
-def test_a_changed_callee_is_fresh_after_a_build(tmp_path: Path, option: str) -> None:
-    """The build compiles both functions, and what runs compiles nothing more."""
+def test_a_changed_core_is_fresh_after_a_build(tmp_path: Path, option: str) -> None:
     made = Workspace(tmp_path)
-    package = tmp_path / "src" / "smartmesh_ros" / "smartmesh_ros"
-    copy_of_this(package.parent)
-    build = f"colcon build --packages-select smartmesh_ros {option}"
-    add_caller_and_callee(package)
-    for gap in ("0.05", "-0.05"):
-        made.run(build, sourced=False)
-        files = set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*"))
-        found, place, core = made.run(f"python3 -c '{ASK_GAP}; {ASK_PLACE}; {ASK_CORE}'").stdout.split()
-        assert found == gap
-        for path in (place, core):
-            assert Path(path).resolve().is_relative_to(package if option else tmp_path / "install")
-        assert any("gap_to_corner" in file.name for file in files if file.parent == Path(place))
-        assert set(tmp_path.rglob(f"{machine_code.FOLDER_NAME}/*/*")) == files
-        if gap == "0.05":
-            change_callee(package)
+    source = tmp_path / "src" / "smartmesh_ros"
+    copy_of_this(source)
+    bindings = source / "smartmesh_ros" / "core" / "bindings.cpp"
+    begin = "nb::set_leak_warnings(false);"
+    assert begin in bindings.read_text()
+    ask = f"{ASK_CORE}; print(_core.answer)"
+    for answer in ("41", "42"):
+        text = re.sub(r'm\.attr\("answer"\) = \d+; ', "", bindings.read_text())
+        bindings.write_text(text.replace(begin, f'm.attr("answer") = {answer}; {begin}'))
+        made.run(f"colcon build --packages-select smartmesh_ros {option}", sourced=False)
+        core, found = made.run(f"python3 -c '{ask}'").stdout.split()
+        assert found == answer
+        assert Path(core).resolve().is_relative_to(source if option else tmp_path / "install")
 
 
 def test_a_user_takes_the_first_steps_with_a_package_of_his_own(workspace: Workspace) -> None:

@@ -42,7 +42,6 @@ from smartmesh_msgs.msg import (
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros import machine_code
 from smartmesh_ros.node.demo import demo_pictures
 from smartmesh_ros.node.demo.demo_pictures import Snapshot
 from smartmesh_ros.node.inputs.conversions import map_from
@@ -195,11 +194,7 @@ class Demo(Node):
 
 @contextmanager
 def node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run an installed executable of the package as a process for the length of the block; yield the process.
-
-    Machine code is compiled before the start, because compiling takes longer than callers wait for the node.
-    """
-    machine_code.prepare()
+    """Run an installed executable of the package as a process for the length of the block; yield the process."""
     path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
         yaml.safe_dump({"/**": {"ros__parameters": parameters}}, file)

@@ -18,7 +18,6 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros import machine_code
 from smartmesh_ros.node.fleet.layout import WAVES, front_of
 from smartmesh_ros.node.fleet.plan import FleetPlan
 from smartmesh_ros.node.fleet.watcher import FleetWatcher
@@ -99,7 +98,6 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
     watcher = Watcher()
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
-        machine_code.prepare()  # once for all nodes, and outside the time limit for their start
         with tempfile.TemporaryDirectory() as name, processes(commands := commands_of(plan, Path(name))) as running:
             print(f"starting {plan.count} nodes ...", flush=True)
             watcher.wait_for(lambda: watcher.living() == plan.count, "fleet")

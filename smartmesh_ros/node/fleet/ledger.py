@@ -119,7 +119,7 @@ class Ledger:
 
     @property
     def starting(self) -> list[str]:
-        """Names of the nodes that are connected but have sent nothing yet, because they still compile or load."""
+        """Names of the nodes that are connected but have sent nothing yet, because they still load."""
         return [node for node in self._present if self.members[node].heard == -math.inf]
 
     @property

@@ -8,7 +8,6 @@ from time import monotonic
 from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
@@ -52,8 +51,6 @@ class PeerBodies:
         self._peers: dict[str, _Peer] = {}
         self._due = 0.0
         self._last_refresh = math.inf
-        if session.settings.peers:
-            PeerReader().read(_empty_message(), 0, 0)  # compile before the first message arrives
         for name in self._named:
             self._listen(name)
 
@@ -165,8 +162,3 @@ class PeerBodies:
                 "gravity", f"{name} has gravity ({theirs}) m/s^2, this node ({ours}) m/s^2; set one physics.gravity"
             )
         return True
-
-
-def _empty_message() -> bytes:
-    """Return the bytes of a message without bodies."""
-    return bytes(serialize_message(TrackedBodyArray()))

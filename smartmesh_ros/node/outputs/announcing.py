@@ -12,8 +12,8 @@ from smartmesh_ros.node.parameters.parameter_files import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings
 
 
-def announce(node: Node, settings: Settings, compiling: float) -> None:
-    """Logs the node's settings and the ``compiling`` time [s] in one line; warns of parameter files for other nodes."""
+def announce(node: Node, settings: Settings) -> None:
+    """Logs the node's settings in one line; warns of parameter files for other nodes."""
     name = node.get_fully_qualified_name()
     files, strays = files_of(sys.argv), []
     for file in files:
@@ -21,10 +21,7 @@ def announce(node: Node, settings: Settings, compiling: float) -> None:
             strays.append(file)
             node.get_logger().warning(reason)
     taken = [str(file) for file in files if file not in strays]
-    node.get_logger().info(
-        f"{name}: {summary(settings)}; compiled functions ready after {compiling:.1f} s; parameters: "
-        f"{', '.join(taken) or 'defaults'}"
-    )
+    node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
 
 
 def summary(settings: Settings) -> str:

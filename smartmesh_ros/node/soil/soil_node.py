@@ -35,7 +35,6 @@ from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Region, Soil, loads_of
 from smartmesh_ros.soil.soils import KNOWN, soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.warm_up import press_soil
 
 NAME = "soil"
 _D = SoilConfig()
@@ -93,7 +92,6 @@ class SoilNode(ParameterNode):
         self._steps = 0
         self._sent: dict[tuple[int, int, int, int, int], None] = {}  # own updates that may come back
         self._changed = False
-        press_soil()
         self._listen()
         updates = QoSProfile(depth=1000)
         self._updates = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", updates)
