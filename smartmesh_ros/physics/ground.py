@@ -302,6 +302,8 @@ class Ground:
         self._chosen = self._tracked_chosen = False
         if self._proxies is not None:
             self._proxies.use(self.terrain)
+            if sleeping is not None:
+                self._proxies.hold(sleeping.stopping)
         elif followers.awake.size:
             self._require_usable(self.config)
             self._choose()

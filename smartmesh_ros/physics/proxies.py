@@ -77,6 +77,7 @@ class Proxies:
         self._visual: int | None = None
         self._layout = -1
         self._wakes = -1
+        self._holds = False
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -101,6 +102,12 @@ class Proxies:
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
             self._switch(self._followers.flags("awake"))
+
+    def hold(self, stopped: BoolArray) -> None:
+        """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
+        if stopped.any() or self._holds:
+            self._holds = bool(stopped.any())
+            self._core.hold(stopped)
 
     def ground_of(self, points_w: FloatArray, time: float) -> Samples:
         """Return the ground that points (N, 3) [m] should be above at ``time`` [s]: the highest of height maps, and of

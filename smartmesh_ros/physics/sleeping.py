@@ -87,6 +87,11 @@ class Sleeping:
         Earth's, because a body falls by the same distance in this time."""
         return self.config.after * math.sqrt(EARTH / min(self.gravity, EARTH)) if self.gravity else math.inf
 
+    @property
+    def stopping(self) -> BoolArray:
+        """Whether each follower (S,) is about to fall asleep: PyBullet has stopped it."""
+        return np.isin(self._owners, list(self.stopped))
+
     def reserve(self, slots: int) -> None:
         """Make room for bodies in ``slots`` slots."""
         self._boxes = with_rows(self._boxes, slots, np.nan)

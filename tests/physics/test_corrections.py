@@ -162,6 +162,24 @@ def test_fused_noise_leaves_bodies_at_rest(kind: str) -> None:
         assert abs(world.state("body").position[2] - (0.0 if kind == "husky" else 0.15)) < 2.0 * sigma
 
 
+def test_a_body_that_falls_asleep_on_fused_noise_does_not_fall() -> None:
+    """While PyBullet stops it, its ground goes on to be corrected: nothing may wake it in PyBullet, where it would fall
+    as soon as its collider is taken away."""
+    rng, sigma = np.random.default_rng(2), 0.005
+    world, heightmap = on_ground(slope(0.0), noise=sigma)
+    with world:
+        world.spawn("box", Box(0.4, 0.4, 0.3), 20.0, BodyState((0.0, 0.017, 0.15)))
+        asleep = 0
+        for _ in range(220):
+            heightmap.replace(rng.normal(0.0, sigma, (CELLS, CELLS)), time=world.time)
+            for _ in range(12):
+                world.step()
+                if world.is_asleep("box"):
+                    asleep += 1
+                    assert world.state("box").linear == (0.0, 0.0, 0.0)
+        assert asleep > 1000
+
+
 @pytest.mark.parametrize("kind", ["box", "husky"])
 @pytest.mark.parametrize("by", [0.03, -0.03])
 @pytest.mark.parametrize("maps", [1, 4, 40])

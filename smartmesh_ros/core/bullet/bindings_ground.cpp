@@ -74,6 +74,11 @@ struct Ground {
     for (std::size_t k = 0; k < flags.shape(0); ++k)
       if (world().has(static_cast<int>(k))) world().enable(static_cast<int>(k), flags.data()[k]);
   }
+  // Sets for the slots (S,) whether bodies that sleep in PyBullet are left to sleep when their ground changes.
+  void hold(Flags flags) {
+    for (std::size_t k = 0; k < flags.shape(0); ++k)
+      if (world().has(static_cast<int>(k))) world().hold(static_cast<int>(k), flags.data()[k]);
+  }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
   void read(Slots slots, States states) {
     if (states.shape(1) != 13) throw std::invalid_argument("states must have the shape (S, 13)");
@@ -102,6 +107,7 @@ void add_ground(nb::module_& m) {
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("enable", &Ground::enable, "flags"_a.noconvert())
+      .def("hold", &Ground::hold, "flags"_a.noconvert())
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
       .def_prop_rw(
           "time", [](const Ground& g) { return g.world().time; }, [](Ground& g, double t) { g.world().time = t; })

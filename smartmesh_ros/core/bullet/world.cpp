@@ -214,6 +214,7 @@ bool BulletWorld::keeps_asleep(Slot& slot, const btVector3& low, const btVector3
     slot.slept_at = -1;
     return false;
   }
+  if (slot.held) return true;
   const bool moves = surface.moves(time);
   if (!moves && slot.slept_at == surface.revision()) return true;
   slot.slept_at = surface.revision();

@@ -18,6 +18,7 @@ namespace smartmesh {
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, enabled = true;
+  bool held = false;  // its body sleeps until somebody else wakes it, whatever the ground does
   int body = -1, link = -1;
   int proxy = -1;                       // -1 = the body is only read
   btCollisionObject* object = nullptr;  // found anew in each step; null = it is gone
@@ -54,6 +55,8 @@ class BulletWorld {
   bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots_.size()) && slots_[slot].used; }
   // Switches the ground of a slot on or off; call `find_objects` before.
   void enable(int slot, bool enabled);
+  // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
+  void hold(int slot, bool held) { slots_[slot].held = held; }
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
