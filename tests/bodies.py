@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.shapes import (
     BodyShape,
-    Shapes,
     ShapeTable,
     ball,
     box,
@@ -17,6 +18,8 @@ from smartmesh_ros.patches.shapes import (
     cylinder,
     hull,
 )
+from smartmesh_ros.patches.supports import no_supports
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 FORMS = (
     "ball", "box", "cylinder", "capsule", "offset ball", "offset box", "offset cylinder", "tetrahedron", "compound"
@@ -52,13 +55,36 @@ def random_turn(rng: np.random.Generator) -> np.ndarray:
     return np.asarray(q / np.linalg.norm(q))
 
 
-def shapes_of(shapes: Iterable[BodyShape]) -> Shapes:
+def shapes_of(shapes: Iterable[BodyShape]) -> ShapeTable:
     """Shapes in the first slots of a table."""
     table, made = ShapeTable(), list(shapes)
     table.reserve(len(made))
     for slot, shape in enumerate(made):
         table.put(slot, shape)
-    return table.shapes
+    return table
+
+
+def state_at(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """The table (1, 13) of a body at rest."""
+    return np.concatenate([position, turn, np.zeros(6)])[None]
+
+
+def foot_on(corners: np.ndarray, shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> Any:
+    """The support of a body on a mesh of triangles (T, 3, 3), or of one (3, 3), with its foot, normal and gap."""
+    points, supports = np.ascontiguousarray(corners, np.float64).reshape(-1, 3), no_supports(1)
+    triangles = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+    CORE.find_mesh_foot(points, triangles, shapes_of([shape]).core, state_at(position, turn), 0, as_bytes(supports))
+    return supports[0]
+
+
+def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float:
+    """Height of the lowest point of a body that is below 1024 m [m]: how far it must be lifted to get out of ground of
+    that height."""
+    high = HeightMap(np.full((3, 3), 1024.0), resolution=100.0, origin=(-100.0, -100.0))
+    [(_, lift, _)] = CORE.find_below(
+        shapes_of([shape]).core, state_at(position, turn), np.zeros(1, np.int64), [high.core_reader], 0.0
+    )
+    return 1024.0 - float(lift)
 
 
 class Form:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 try:
     CORE: Any = importlib.import_module("smartmesh_ros.core._core")
 except ImportError as error:
@@ -12,3 +15,8 @@ except ImportError as error:
         "the C++ core of smartmesh_ros is not built for this Python: run make, colcon build or pip install, with a C++ "
         "compiler (Debian: apt install g++ python3-dev)"
     ) from error
+
+
+def as_bytes(records: Any) -> NDArray[np.uint8]:
+    """Return a table of records (n,) as the core takes it: their bytes (n, size), not copied."""
+    return np.asarray(records.view(np.uint8).reshape(len(records), records.dtype.itemsize))

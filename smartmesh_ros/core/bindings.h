@@ -126,6 +126,17 @@ struct Mesh {
   }
 };
 
+// Sets the tiles of a surface: grids and meshes of Python, which must outlive it.
+inline void set_tiles_of(Surface& surface, const nb::list& tiles) {
+  std::vector<const HeightGrid*> grids;
+  std::vector<const MeshSurface*> meshes;
+  for (nb::handle tile : tiles) {
+    if (nb::isinstance<Mesh>(tile)) meshes.push_back(&nb::cast<Mesh&>(tile).surface);
+    else grids.push_back(&nb::cast<Grid&>(tile).grid);
+  }
+  surface.set_tiles(grids, meshes);
+}
+
 // Each adds what its room needs.
 void add_queries(nb::module_& m);
 void add_updates(nb::module_& m);

@@ -1,8 +1,215 @@
 // What Python sees of shapes of bodies, and the ground near them.
+#include <nanobind/stl/vector.h>
+
+#include "below_ground.h"
 #include "bindings.h"
+#include "correction.h"
 
 namespace smartmesh {
+namespace {
 
-void add_bodies(nb::module_&) {}
+using Doubles1 = Array<double, 1>;
+using Doubles2Out = Array<double, 2>;
+using Bytes2Out = Array<std::uint8_t, 2>;
+using Corners = Array<const std::int32_t, 2>;
+
+constexpr std::size_t MOST_SAMPLES = 1u << 12;  // on a side of a rectangle
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+// Shapes of bodies by slot; the arrays stay alive with them. `shapes`, `parts`: records of SHAPE as bytes.
+struct Shapes {
+  ShapeTable table;
+  Bytes2 shapes, parts;
+  Doubles2 vertices;
+
+  Shapes(Bytes2 shapes_s, Bytes2 parts_p, Doubles2 vertices_v3) : shapes(shapes_s), parts(parts_p), vertices(vertices_v3) {
+    require(shapes.shape(1) == sizeof(ShapeRecord) && parts.shape(1) == sizeof(ShapeRecord),
+            "shapes and parts must be records of SHAPE");
+    require(vertices.shape(1) == 3, "vertices must have the shape (V, 3)");
+    check_alignment(shapes.data(), alignof(ShapeRecord)), check_alignment(parts.data(), alignof(ShapeRecord));
+    check_alignment(vertices.data(), sizeof(double));
+    table.shapes = reinterpret_cast<const ShapeRecord*>(shapes.data());
+    table.parts = reinterpret_cast<const ShapeRecord*>(parts.data());
+    table.vertices = vertices.data();
+    table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
+    table.part_count = static_cast<std::int64_t>(parts.shape(0));
+    table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
+  }
+};
+
+// The states (S, 13) of bodies and their shapes.
+struct Bodies {
+  const ShapeTable& table;
+  const Doubles2& states;
+
+  Bodies(const Shapes& shapes, const Doubles2& states_s) : table(shapes.table), states(states_s) {
+    require(states.shape(1) == BODY_COLUMNS, "states must have the shape (S, 13)");
+    check_alignment(states.data(), sizeof(double));
+  }
+  void place(std::int64_t slot, BodySolid& placed) const {
+    require(slot >= 0 && slot < table.shape_count && slot < static_cast<std::int64_t>(states.shape(0)),
+            "a slot has no shape or no state");
+    const ShapeRecord& shape = table.shapes[slot];
+    require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
+    place_shape(table, shape, states.data() + BODY_COLUMNS * slot, placed);
+  }
+};
+
+// Records of SUPPORT as bytes.
+struct Supports {
+  SupportRecord* records;
+  std::int64_t count;
+
+  explicit Supports(const Bytes2Out& bytes) {
+    require(bytes.shape(1) == sizeof(SupportRecord), "supports must be records of SUPPORT");
+    check_alignment(bytes.data(), alignof(SupportRecord));
+    records = reinterpret_cast<SupportRecord*>(bytes.data());
+    count = static_cast<std::int64_t>(bytes.shape(0));
+  }
+  SupportRecord& at(std::int64_t slot) const {
+    require(slot >= 0 && slot < count, "a slot has no support");
+    return records[slot];
+  }
+};
+
+Vec3 row_of(const Doubles2& points, std::size_t k) {
+  const double* p = points.data() + 3 * k;
+  return {p[0], p[1], p[2]};
+}
+
+// Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
+void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubles1& found) {
+  require(kept.shape(1) == 3 && points.shape(1) == 3, "points must have the shape (n, 3)");
+  require(kept.shape(0) > 0, "a hull has at least one point");
+  require(found.shape(0) == points.shape(0), "there must be a distance for each point");
+  check_alignment(kept.data(), sizeof(double)), check_alignment(points.data(), sizeof(double));
+  check_alignment(found.data(), sizeof(double));
+  Solid hull;
+  hull.kind = ShapeKind::Hull, hull.vertices = kept.data(), hull.rows = static_cast<std::int64_t>(kept.shape(0));
+  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(row_of(points, k), hull);
+}
+
+using Lifts = std::vector<std::tuple<std::int64_t, double, double>>;
+
+// Returns slot, lift [m] and the ground's vertical velocity [m/s] of those bodies in `slots` that are below the ground.
+Lifts find_below(const Shapes& shapes, const Doubles2& states, const Slots& slots, const nb::list& tiles, double time) {
+  require(std::isfinite(time), "the time must be finite");
+  check_alignment(slots.data(), sizeof(std::int64_t));
+  const Bodies bodies(shapes, states);
+  Surface surface;
+  set_tiles_of(surface, tiles);
+  BodySolid body;
+  Lifts lifts;
+  for (std::size_t k = 0; k < slots.shape(0); ++k) {
+    bodies.place(slots.data()[k], body);
+    const Lift lift = lift_out(surface, body, time);
+    if (lift.is_below) lifts.emplace_back(slots.data()[k], lift.height, lift.velocity);
+  }
+  return lifts;
+}
+
+// Writes the foot, normal and motion of the ground of the bodies in `slots` (n,), from samples (n, rows, columns) of their
+// rectangles on a height map.
+void find_feet(const Grid& grid, const Shapes& shapes, const Doubles2& states, const Slots& slots, const Doubles3& heights,
+               const Doubles3& velocities, double time, const Bytes2Out& supports_s) {
+  require(std::isfinite(time), "the time must be finite");
+  check_alignment(slots.data(), sizeof(std::int64_t));
+  check_alignment(heights.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
+  const std::size_t rows = heights.shape(1), columns = heights.shape(2);
+  require(rows >= 2 && columns >= 2 && rows <= MOST_SAMPLES && columns <= MOST_SAMPLES,
+          "a rectangle has 2 to 4096 rows and columns");
+  require(heights.shape(0) == slots.shape(0) && velocities.shape(0) == slots.shape(0) && velocities.shape(1) == rows &&
+              velocities.shape(2) == columns,
+          "there must be a height and a velocity for each sample of each body");
+  const Bodies bodies(shapes, states);
+  const Supports supports(supports_s);
+  const GridPose pose = grid.grid.pose_at(time);
+  BodySolid body;
+  for (std::size_t k = 0; k < slots.shape(0); ++k) {
+    bodies.place(slots.data()[k], body);
+    const std::size_t first = k * rows * columns;
+    const FieldSamples samples{heights.data() + first, velocities.data() + first, static_cast<int>(rows),
+                            static_cast<int>(columns)};
+    find_foot(samples, pose, grid.grid.resolution, body, supports.at(slots.data()[k]));
+  }
+}
+
+// Writes the foot and normal of the ground of the body in a slot, from triangles (T, 3) among points (K, 3) [m].
+void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shapes& shapes, const Doubles2& states,
+                    std::int64_t slot, const Bytes2Out& supports_s) {
+  require(points.shape(1) == 3 && triangles.shape(1) == 3, "points and triangles must have three columns");
+  check_alignment(points.data(), sizeof(double)), check_alignment(triangles.data(), sizeof(std::int32_t));
+  std::vector<Vec3> corners;
+  for (std::size_t k = 0; k < triangles.size(); ++k) {
+    const std::int32_t corner = triangles.data()[k];
+    require(corner >= 0 && static_cast<std::size_t>(corner) < points.shape(0), "a triangle uses a point that is not there");
+    corners.push_back(row_of(points, corner));
+  }
+  BodySolid body;
+  Bodies(shapes, states).place(slot, body);
+  find_foot(corners, body, Supports(supports_s).at(slot));
+}
+
+// A corrected tile: its number in the supports, its map, and the instant up to which corrections were shown before [s].
+using Corrected = std::tuple<std::int64_t, const Grid*, double>;
+
+// Moves the PyBullet bodies at `poses` (B, 7) with the corrections under the followers in `slots` (n,), which belong to the
+// bodies `owners` (n,); returns the rows of the bodies that moved.
+std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& tiles, const Shapes& shapes,
+                                               const Doubles2& states, const Slots& slots, const Slots& owners,
+                                               const Bytes2Out& supports_s, double time, const Doubles2Out& poses) {
+  require(std::isfinite(time), "the time must be finite");
+  require(owners.shape(0) == slots.shape(0), "there must be an owner for each slot");
+  require(poses.shape(1) == 7, "poses must have the shape (B, 7)");
+  check_alignment(slots.data(), sizeof(std::int64_t)), check_alignment(owners.data(), sizeof(std::int64_t));
+  check_alignment(poses.data(), sizeof(double));
+  for (const Corrected& tile : tiles) require(std::get<1>(tile) != nullptr, "a corrected tile has no grid");
+  const Bodies bodies(shapes, states);
+  const Supports supports(supports_s);
+  std::vector<CorrectionSums> sums(poses.shape(0));
+  BodySolid body;
+  for (std::size_t k = 0; k < slots.shape(0); ++k) {
+    const std::int64_t slot = slots.data()[k], owner = owners.data()[k];
+    require(owner >= 0 && owner < static_cast<std::int64_t>(sums.size()), "an owner has no pose");
+    const SupportRecord& support = supports.at(slot);
+    const bool stands = support.state != Support::None;
+    bodies.place(slot, body);
+    const Vec3 origin{poses.data()[7 * owner], poses.data()[7 * owner + 1], poses.data()[7 * owner + 2]};
+    for (const auto& [number, grid, shown] : tiles) {
+      if (stands && support.tile != number) continue;
+      HeightGrid before = grid->grid;
+      before.shown = shown;
+      add_points_under(before, grid->grid, time, body, stands, origin, sums[owner]);
+    }
+  }
+  std::vector<std::size_t> moved;
+  for (std::size_t k = 0; k < sums.size(); ++k) {
+    double* p = poses.data() + 7 * k;
+    BodyPose pose{{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
+    if (!move_with(sums[k], pose)) continue;
+    moved.push_back(k);
+    const double found[7] = {pose.at.x, pose.at.y, pose.at.z, pose.turn.x, pose.turn.y, pose.turn.z, pose.turn.w};
+    std::copy(found, found + 7, p);
+  }
+  return moved;
+}
+
+}  // namespace
+
+void add_bodies(nb::module_& m) {
+  nb::class_<Shapes>(m, "Shapes")
+      .def(nb::init<Bytes2, Bytes2, Doubles2>(), "shapes"_a.noconvert(), "parts"_a.noconvert(), "vertices"_a.noconvert());
+  m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert(), "found"_a.noconvert());
+  m.def("find_below", &find_below, "shapes"_a, "states"_a.noconvert(), "slots"_a.noconvert(), "tiles"_a, "time"_a);
+  m.def("find_feet", &find_feet, "grid"_a, "shapes"_a, "states"_a.noconvert(), "slots"_a.noconvert(),
+        "heights"_a.noconvert(), "velocities"_a.noconvert(), "time"_a, "supports"_a.noconvert());
+  m.def("find_mesh_foot", &find_mesh_foot, "points"_a.noconvert(), "triangles"_a.noconvert(), "shapes"_a,
+        "states"_a.noconvert(), "slot"_a, "supports"_a.noconvert());
+  m.def("move_with_corrections", &move_with_corrections, "tiles"_a, "shapes"_a, "states"_a.noconvert(),
+        "slots"_a.noconvert(), "owners"_a.noconvert(), "supports"_a.noconvert(), "time"_a, "poses"_a.noconvert());
+}
 
 }  // namespace smartmesh

@@ -62,7 +62,7 @@ MeshPoint Surface::meshes_at(double x, double y, double z, double time, double a
 GroundPoint Surface::tiles_at(double x, double y, double time, double ahead) const {
   for (const HeightGrid* grid : tiles_) {
     const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
-    if (beyond(*grid, place) > EDGE) continue;
+    if (!(beyond(*grid, place) <= EDGE)) continue;  // also if it is so far away that it is no number
     const GroundPoint ground = grid_ground(*grid, place, time, ahead);
     if (!std::isnan(ground.height)) return ground;
   }

@@ -11,7 +11,7 @@ from smartmesh_ros.patches.batch import MeshPatch, PatchBatch, grid_batches, mes
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.report.fixed import FixedPatches
 from smartmesh_ros.patches.report.mesh import MeshPatches
-from smartmesh_ros.patches.shapes import Shapes
+from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support, no_supports
 from smartmesh_ros.stopwatch import Stopwatch
@@ -72,7 +72,7 @@ class Selector:
             mesh.forget(np.array([slot]))
         self._batches = None
 
-    def update(self, chosen: IntArray, shapes: Shapes, bodies: FloatArray, time: float, duration: float) -> None:
+    def update(self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, time: float, duration: float) -> None:
         """Choose the supports of the bodies in the slots ``chosen`` (n,) for the ``duration`` [s] from ``time`` [s] on.
 
         ``shapes`` and ``bodies`` (S, 13): of all slots. The supports of other bodies stay as they are.

@@ -1,21 +1,34 @@
-"""Shapes of bodies: constructors, and the tables in which compiled functions find them."""
+"""Shapes of bodies: constructors, and the tables in which the core finds them.
+
+A convex shape is a *core* (point, segment, box, cylinder, or hull of vertices), grown by a rounding radius.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Facet, Point, along
-from smartmesh_ros.patches.gaps import gap_to
-from smartmesh_ros.patches.rotations import product, rotated
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.slot_rows import with_rows
-from smartmesh_ros.patches.solids import ShapeKind, Solid, is_round
 from smartmesh_ros.terrain.grid import FloatArray
+
+
+class ShapeKind(IntEnum):
+    """Kind of a shape, by its core: BALL, a point; CAPSULE, a segment along z; BOX; CYLINDER, about z; HULL, the convex
+    hull of vertices; COMPOUND, several of these."""
+
+    BALL = 0
+    CAPSULE = 1
+    BOX = 2
+    CYLINDER = 3
+    HULL = 4
+    COMPOUND = 5
+
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
 # [m] and ``turn`` (x, y, z, w): pose of the shape in the frame of the body's centre of mass; ``reach`` [m]: bounding
@@ -43,7 +56,6 @@ SHAPE = np.dtype(
 BODY_COLUMNS = 13
 # A hull of many vertices keeps enough of them that none is farther outside than this [m].
 MOST_GROWTH = 1e-3
-HULL = int(ShapeKind.HULL)  # for compiled functions
 
 CENTRE = (0.0, 0.0, 0.0)
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
@@ -183,7 +195,8 @@ def _fewer(vertices: FloatArray, along: FloatArray = DIRECTIONS) -> tuple[FloatA
         return vertices, 0.0
     kept, others, growth = _extreme(vertices, along), vertices, 0.0
     while len(others):
-        away = distances_outside(kept, others)
+        away = np.empty(len(others))
+        CORE.distances_outside(kept, others, away)
         growth = max(growth, float(away.max(where=away <= MOST_GROWTH, initial=0.0)))
         others = others[away > MOST_GROWTH]
         if len(others):
@@ -200,80 +213,55 @@ def _extreme(vertices: FloatArray, along: FloatArray) -> FloatArray:
     return np.ascontiguousarray(vertices[np.unique(np.concatenate(farthest))])
 
 
-@compiled
-def distances_outside(kept: FloatArray, vertices: FloatArray) -> FloatArray:
-    """Return how far points (n, 3) are outside the hull of the points ``kept`` (k, 3) (n,) [m]; zero for those
-    inside."""
-    x, y, z, zero = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0), Point(0.0, 0.0, 0.0)
-    solid = Solid(HULL, zero, x, y, z, zero, 0.0, 0.0, 0, len(kept), kept, np.zeros(0, SHAPE))
-    found = np.zeros(len(vertices))
-    for k in range(len(vertices)):
-        p = Point(vertices[k, 0], vertices[k, 1], vertices[k, 2])
-        found[k] = max(gap_to(Facet(p, p, p), solid).distance, 0.0)
-    return found
-
-
 class ShapeTable:
-    """The shapes of all bodies by slot. Vertices and parts that are equal are stored once, and kept."""
+    """The shapes of all bodies by slot: ``table`` (S,), records of ``SHAPE``; ``parts`` (P,) of compounds, records of
+    ``SHAPE``; ``vertices`` (V, 3) of hulls [m]. Vertices and parts that are equal are stored once, and kept."""
 
     def __init__(self) -> None:
-        self.shapes = Shapes(_records(0), _records(0), np.empty((0, 3)))
-        self._vertices: dict[bytes, int] = {}  # first rows by content
-        self._parts: dict[bytes, int] = {}
+        self.table, self.parts, self.vertices = _records(0), _records(0), np.empty((0, 3))
+        self._first_vertices: dict[bytes, int] = {}  # by content
+        self._first_parts: dict[bytes, int] = {}
+        self._core: Any = None
+
+    @property
+    def core(self) -> Any:
+        """The shapes as the core reads them."""
+        if self._core is None:
+            self._core = CORE.Shapes(as_bytes(self.table), as_bytes(self.parts), self.vertices)
+        return self._core
+
+    @property
+    def shapes(self) -> Shapes:
+        """The shapes for compiled functions."""
+        return Shapes(self.table, self.parts, self.vertices)
 
     def reserve(self, slots: int) -> None:
         """Make room for shapes in ``slots`` slots."""
-        self.shapes = self.shapes._replace(table=with_rows(self.shapes.table, slots, 0))
+        self.table, self._core = with_rows(self.table, slots, 0), None
 
     def put(self, slot: int, shape: BodyShape) -> None:
         """Set the shape of a slot."""
-        record = self._stored(shape)
-        self.shapes.table[slot] = record
+        self.table[slot] = self._stored(shape)
+        self._core = None
 
     def _stored(self, shape: BodyShape) -> Any:
         """Return a shape's record, after storing its vertices or parts."""
         record = shape.record.copy()
         if shape.vertices is not None:
-            record["first"] = self._first_vertex(shape.vertices)
+            key = shape.vertices.tobytes()
+            if key not in self._first_vertices:
+                self._first_vertices[key] = len(self.vertices)
+                self.vertices = np.concatenate([self.vertices, shape.vertices])
+            record["first"] = self._first_vertices[key]
         elif shape.parts:
             parts = np.array([self._stored(part) for part in shape.parts], SHAPE)
             key = parts.tobytes()
-            if key not in self._parts:
-                self._parts[key] = len(self.shapes.parts)
-                together = np.concatenate([self.shapes.parts, parts])
-                self.shapes = self.shapes._replace(parts=together)
-            record["first"] = self._parts[key]
+            if key not in self._first_parts:
+                self._first_parts[key] = len(self.parts)
+                self.parts = np.concatenate([self.parts, parts])
+            record["first"] = self._first_parts[key]
         return record
-
-    def _first_vertex(self, vertices: FloatArray) -> int:
-        key = vertices.tobytes()
-        if key not in self._vertices:
-            self._vertices[key] = len(self.shapes.vertices)
-            self.shapes = self.shapes._replace(vertices=np.concatenate([self.shapes.vertices, vertices]))
-        return self._vertices[key]
 
 
 def _records(count: int) -> Any:
     return np.zeros(count, SHAPE)
-
-
-@compiled
-def solid_of(shapes: Shapes, slot: int, body) -> Solid:
-    """The solid of a shape on a body (13,), in the frame of the body's pose."""
-    shape = shapes.table[slot]
-    orientation = (body[3], body[4], body[5], body[6])
-    offset = Point(shape.offset[0], shape.offset[1], shape.offset[2])
-    centre = along(Point(body[0], body[1], body[2]), 1.0, rotated(orientation, offset))
-    half = Point(shape.half[0], shape.half[1], shape.half[2])
-    u, v, w = Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 0.0), Point(0.0, 0.0, 1.0)
-    if shape.kind != ShapeKind.BALL:
-        turn = product(orientation, (shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]))
-        u, v, w = rotated(turn, u), rotated(turn, v), rotated(turn, w)
-        level = math.hypot(w.x, w.y)
-        if is_round(shape.kind) and level > 1e-6:  # choose the axes across so that one of them is level
-            u = Point(-w.y / level, w.x / level, 0.0)
-            v = Point(w.y * u.z - w.z * u.y, w.z * u.x - w.x * u.z, w.x * u.y - w.y * u.x)
-    return Solid(
-        shape.kind, centre, u, v, w, half, shape.rounding, shape.reach, shape.first, shape.rows, shapes.vertices,
-        shapes.parts,
-    )  # fmt: skip

@@ -46,7 +46,7 @@ class Follower:
 class Followers:
     """The attached bodies and links by slot; iteration is over those in use, by slot.
 
-    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shapes``; ``states`` (S, 13) at the last
+    Tables with a row for each slot: ``table``, records of ``FOLLOWER``; ``shape_table``; ``states`` (S, 13) at the last
     update; ``positions_w`` (S, 3) before the current step [m]; ``moved_w`` (S, 3), motion in one step [m]. ``epoch``
     changes when a follower is added or removed; ``wakes`` also when one falls asleep or wakes.
     """
@@ -54,7 +54,7 @@ class Followers:
     def __init__(self) -> None:
         self.epoch = self.wakes = next_revision()
         self.table: Any = np.zeros(0, FOLLOWER)
-        self._shapes = ShapeTable()
+        self.shape_table = ShapeTable()
         self.states = np.empty((0, BODY_COLUMNS))
         self.positions_w, self.moved_w = np.empty((0, 3)), np.empty((0, 3))
         self._radii: FloatArray = np.empty(0)
@@ -81,8 +81,8 @@ class Followers:
 
     @property
     def shapes(self) -> Shapes:
-        """Shapes by slot."""
-        return self._shapes.shapes
+        """Shapes by slot for compiled functions."""
+        return self.shape_table.shapes
 
     @property
     def radii(self) -> FloatArray:
@@ -120,10 +120,16 @@ class Followers:
         slots.append(slot)
         self._items[slot] = follower
         self.table[slot] = (True, True, follower.solid, own, False)
-        self._shapes.put(slot, follower.shape)
+        self.shape_table.put(slot, follower.shape)
         self._radii[slot] = follower.radius
         self.states[slot], self.positions_w[slot], self.moved_w[slot] = np.nan, np.nan, 0.0
         self._changed()
+
+    def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
+        """Note whether this world moves a follower, and whether another node simulates it."""
+        self.table["own"][slot] &= own
+        self.table["remote"][slot] = remote
+        self.__dict__.pop("guarded", None)
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
@@ -164,6 +170,11 @@ class Followers:
         """Slots of the followers that are awake and collide with the ground."""
         return np.flatnonzero(self.table["awake"] & self.table["solid"])
 
+    @cached_property
+    def guarded(self) -> IntArray:
+        """Slots of the followers that are awake and may be lifted out of the ground."""
+        return np.flatnonzero(self.table["awake"] & self.table["solid"] & self.table["own"])
+
     @property
     def has_remote(self) -> bool:
         """True if another node simulates any of the followers."""
@@ -177,7 +188,7 @@ class Followers:
     def _note_wakes(self) -> None:
         """Note that the lists of slots changed; each is computed again when it is read."""
         self.wakes = next_revision()
-        for name in ("awake", "asleep", "solid", "tracked"):
+        for name in ("awake", "asleep", "solid", "guarded", "tracked"):
             self.__dict__.pop(name, None)
 
     def _changed(self) -> None:
@@ -186,7 +197,7 @@ class Followers:
 
     def _reserve(self, slots: int) -> None:
         self.table = with_rows(self.table, slots, False)
-        self._shapes.reserve(slots)
+        self.shape_table.reserve(slots)
         self._radii = with_rows(self._radii, slots, 0.0)
         self.states = with_rows(self.states, slots, np.nan)
         self.positions_w = with_rows(self.positions_w, slots, np.nan)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig, is_whole
 from smartmesh_ros.patches.selector import Selector
@@ -18,7 +19,7 @@ from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.physics.body_shapes import links_with_shape, shape_of
 from smartmesh_ros.physics.bullet_sleep import is_fixed
 from smartmesh_ros.physics.colliders.driver import Colliders
-from smartmesh_ros.physics.correction_transport import CorrectionTransport
+from smartmesh_ros.physics.correction_transport import Correction, CorrectionTransport
 from smartmesh_ros.physics.follower_reader import FollowerReader
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.proxies import Proxies, missing_for
@@ -31,8 +32,7 @@ from smartmesh_ros.physics.whole_mesh import WholeMesh
 from smartmesh_ros.search.methods import ANYWHERE, require_search_on
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap, Samples
-from smartmesh_ros.terrain.moving_grid import MovingGrid
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -291,7 +291,7 @@ class Ground:
                 sleeping.gravity = self.gravity
                 sleeping.wake_on_changed_ground(time, dt * steps)
                 sleeping.wake_moved(dt * steps)
-            self._move_with_corrections(corrections)
+            self._move_with_corrections(corrections, time)
             self._read_states(dt)
             if sleeping is not None and followers.awake.size:
                 sleeping.note_motion(time)
@@ -338,11 +338,15 @@ class Ground:
             self.update(time, dt, self._steps)
         return woken
 
-    def below(self, points_w: FloatArray, time: float) -> Samples:
-        """Return the ground that points (N, 3) [m] should be above: of a mesh, the highest below the point."""
-        if self._proxies is not None and any(isinstance(mesh, TriangleMesh) for mesh in self.terrain.tiles.values()):
-            return self._proxies.ground_of(points_w, time)
-        return self.terrain.at(points_w[:, :2], time)
+    def below(self, slots: IntArray, time: float) -> list[tuple[int, float, float]]:
+        """Return those followers in ``slots`` (n,) whose middle is below the ground: the slot, the depth of its lowest
+        point [m], and the ground's vertical velocity [m/s]. Ground of meshes above a middle counts only where there is
+        none below it."""
+        followers, tiles = self.followers, [mesh.core_reader for mesh in self.terrain.tiles.values()]
+        found: list[tuple[int, float, float]] = CORE.find_below(
+            followers.shape_table.core, followers.states, slots, tiles, time
+        )
+        return found
 
     def _wants_proxies(self, config: PatchConfig) -> bool:
         return not self.no_proxies and config.kind == "auto"
@@ -398,7 +402,7 @@ class Ground:
     def _select(self, slots: IntArray) -> None:
         """Select the patches of followers as of the last update."""
         followers = self.followers
-        self._selector.update(slots, followers.shapes, followers.states, self.time, self._duration)
+        self._selector.update(slots, followers.shape_table, followers.states, self.time, self._duration)
 
     def stand_still(self, duration: float) -> None:
         """Note that time advanced by ``duration`` [s] without a step; the next step needs an `update`."""
@@ -438,23 +442,22 @@ class Ground:
                 self.colliders.release(self.followers[slot])
         return contacts
 
-    def _show_corrections(self, time: float) -> list[tuple[int, MovingGrid, MovingGrid]]:
-        """Blend corrections of the ground in up to ``time`` [s]; returns the number of each corrected tile, and its
-        grid before and after."""
+    def _show_corrections(self, time: float) -> list[Correction]:
+        """Blend corrections of the ground in up to ``time`` [s]; returns the corrected tiles."""
         moves = []
         for name, mesh in self.terrain.tiles.items():
             if isinstance(mesh, HeightMap) and mesh.motion.corrects:
-                correcting, before = mesh.correcting, mesh.moved_to(time)
+                correcting, before = mesh.correcting, mesh.shown
                 mesh.show(time)
                 if correcting:
-                    moves.append((self.terrain.numbers[name], before, mesh.moved_to(time)))
+                    moves.append(Correction(self.terrain.numbers[name], mesh, before))
         return moves
 
-    def _move_with_corrections(self, moves: list[tuple[int, MovingGrid, MovingGrid]]) -> None:
+    def _move_with_corrections(self, moves: list[Correction], time: float) -> None:
         """Move the bodies on or near the corrected ground with it."""
         if moves and len(self.followers):
             self._read_states(0.0)
-            self._transport.move_bodies(moves, self.followers, self.supports)
+            self._transport.move_bodies(moves, self.followers, self.supports, time)
 
     def _apply(self, time: float) -> None:
         """Set the colliders to the current supports."""

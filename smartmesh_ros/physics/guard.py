@@ -10,12 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.facets import Point
-from smartmesh_ros.patches.shapes import solid_of
-from smartmesh_ros.patches.solids import reach_along
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
-
 if TYPE_CHECKING:
     from smartmesh_ros.physics.ground import Ground
 
@@ -32,16 +26,8 @@ class Guard:
     def rescue(self, client: Any, time: float) -> int:
         """Put bodies that are below the ground back onto it and return their number."""
         ground, followers = self._ground, self._ground.followers
-        slots = followers.solid[followers.table["own"][followers.solid]]
-        if not slots.size:
-            return 0
-        middles, lowest = middles_of(slots, followers.shapes, followers.states)
-        heights, velocities = ground.below(middles, time)
-        below = middles[:, 2] < heights
         lifts: dict[int, tuple[float, float]] = {}
-        for slot, lift, rate in zip(
-            *(values[below].tolist() for values in (slots, heights - lowest, velocities)), strict=True
-        ):
+        for slot, lift, rate in ground.below(followers.guarded, time):
             body = followers[slot].body
             if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
                 lifts[body] = (lift, rate)
@@ -49,19 +35,6 @@ class Guard:
             put_back(client, body, lift, rate)
             ground.placed(body)
         return len(lifts)
-
-
-@compiled
-def middles_of(chosen: IntArray, shapes: Any, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the middles of the shapes of the followers in the slots ``chosen`` (n,) (n, 3) [m], and the heights of the
-    shapes' lowest points (n,) [m]. The centre of mass of a link may be beside its shape, and then below the ground
-    without harm."""
-    middles, lowest = np.empty((len(chosen), 3)), np.empty(len(chosen))
-    for k in range(len(chosen)):
-        solid = solid_of(shapes, chosen[k], states[chosen[k]])
-        middles[k, 0], middles[k, 1], middles[k, 2] = solid.centre.x, solid.centre.y, solid.centre.z
-        lowest[k] = solid.centre.z - reach_along(solid, Point(0.0, 0.0, -1.0))
-    return middles, lowest
 
 
 def put_back(client: Any, body: int, lift: float, rate: float) -> None:

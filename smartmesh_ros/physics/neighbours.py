@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.compiled import compiled
-from smartmesh_ros.patches.shapes import solid_of
-from smartmesh_ros.patches.solids import extents
+from smartmesh_ros.patches.solids import extents, solid_of
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 
 # Columns of a table of boxes (S, 6): lowest and highest x, y, z [m].

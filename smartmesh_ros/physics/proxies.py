@@ -14,8 +14,7 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.followers import Follower, Followers
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray
-from smartmesh_ros.terrain.heightmap import Samples
+from smartmesh_ros.terrain.grid import BoolArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 # What the names of the plugin's functions end with.
@@ -108,14 +107,6 @@ class Proxies:
         if stopped.any() or self._holds:
             self._holds = bool(stopped.any())
             self._core.hold(stopped)
-
-    def ground_of(self, points_w: FloatArray, time: float) -> Samples:
-        """Return the ground that points (N, 3) [m] should be above at ``time`` [s]: the highest of height maps, and of
-        meshes the highest below the point, or else the highest; NaN where there is no ground."""
-        found = np.array([self._core.ground_at(*point, time) for point in points_w.tolist()]).reshape(-1, 2)
-        for k in np.flatnonzero(np.isnan(found[:, 0])).tolist():
-            found[k] = self._core.ground_at(points_w[k, 0], points_w[k, 1], np.inf, time)
-        return Samples(found[:, 0], found[:, 1])
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""

@@ -23,7 +23,6 @@ from smartmesh_ros.physics.config import PhysicsConfig
 from smartmesh_ros.physics.contacts import GroundContact, ground_contacts
 from smartmesh_ros.physics.followers import Follower, Followers
 from smartmesh_ros.physics.ground import Ground
-from smartmesh_ros.physics.guard import middles_of
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.joints import JointCommand, JointReading, Motors, read_joints
@@ -433,9 +432,7 @@ class World:
         failed."""
         followers = self.followers
         own = np.flatnonzero(followers.table["own"])
-        middles, _ = middles_of(own, followers.shapes, followers.states)
-        heights = self.ground.below(middles, self.ground.time).heights
-        return [followers[slot].name for slot in own[middles[:, 2] < heights].tolist()]
+        return [followers[slot].name for slot, _, _ in self.ground.below(own, self.ground.time)]
 
     def _simulate(self) -> None:
         """Step PyBullet with the motors' efforts."""
@@ -538,6 +535,4 @@ class World:
     def _attach(self, body: Body, follower: Follower, name: str) -> None:
         """Record what this world knows of a new follower."""
         follower.name = name
-        record = self.followers.table[follower.slot : follower.slot + 1]
-        record["own"] &= body.simulated
-        record["remote"] = bool(body.owner)
+        self.followers.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))

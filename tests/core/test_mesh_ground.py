@@ -336,17 +336,6 @@ def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
     assert met > 100 and not missed
 
 
-def test_ground_at_is_the_highest_below_a_point() -> None:
-    floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
-    with GroundWorld(TriangleMesh(*mesh_parts.joined(floor, top))) as world:
-        assert world.ground.ground_at(0.1, 0.2, np.inf, 0.0) == (0.6, 0.0)
-        assert world.ground.ground_at(0.1, 0.2, 0.55, 0.0) == (0.5, 0.0)
-        assert world.ground.ground_at(0.1, 0.2, 0.3, 0.0) == (0.0, 0.0)
-        assert world.ground.ground_at(1.0, 0.2, np.inf, 0.0) == (0.0, 0.0)
-        for nowhere in ((3.0, 0.2, np.inf), (np.nan, 0.2, 1.0), (0.1, np.inf, 1.0), (0.1, 0.2, np.nan)):
-            assert np.isnan(world.ground.ground_at(*nowhere, 0.0)[0])
-
-
 def test_meshes_and_height_maps_are_ground_together() -> None:
     table = mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
     heightmap = HeightMap(np.zeros((21, 21), np.float32), resolution=0.2, origin=(-2.0, -2.0))

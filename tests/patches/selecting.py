@@ -9,7 +9,7 @@ import numpy as np
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.selector import Selector
-from smartmesh_ros.patches.shapes import Shapes
+from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -18,7 +18,9 @@ class Selecting:
     """Bodies of ``shapes`` (N,) in the first slots of a `Selector`; those that are not ``solid`` get patches of fixed
     extent when asked for."""
 
-    def __init__(self, terrain: Terrain, config: PatchConfig, shapes: Shapes, solid: BoolArray | None = None) -> None:
+    def __init__(
+        self, terrain: Terrain, config: PatchConfig, shapes: ShapeTable, solid: BoolArray | None = None
+    ) -> None:
         self.terrain = terrain
         self.selector = Selector(terrain, config)
         self._count = len(shapes.table)

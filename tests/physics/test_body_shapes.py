@@ -13,11 +13,9 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.patches.facets import Point
-from smartmesh_ros.patches.shapes import BodyShape, solid_of
-from smartmesh_ros.patches.solids import ShapeKind, reach_along
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from smartmesh_ros.physics.body_shapes import HULL_MARGIN, body_shape, read_shape
-from tests.bodies import shapes_of
+from tests.bodies import lowest_of
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
 
@@ -47,8 +45,7 @@ def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:
 def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> float:
     """Height of the lowest point of a body or link [m]."""
     found = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link, 0, 1)
-    solid = solid_of(shapes_of([shape]), 0, np.array([*found[0], *found[1], *[0.0] * 6]))
-    return float(solid.centre.z - reach_along(solid, Point(0.0, 0.0, -1.0)))
+    return lowest_of(shape, np.array(found[0]), np.array(found[1]))
 
 
 def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:

@@ -41,22 +41,10 @@ struct Ground {
     throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
   }
   void set_tiles(nb::list parts) {
-    std::vector<const HeightGrid*> grids;
-    std::vector<const MeshSurface*> meshes;
-    nb::list kept;
-    for (nb::handle part : parts) {
-      if (nb::isinstance<Mesh>(part)) meshes.push_back(&nb::cast<Mesh&>(part).surface);
-      else grids.push_back(&nb::cast<Grid&>(part).grid);
-      kept.append(part);
-    }
-    world().surface.set_tiles(grids, meshes);
+    set_tiles_of(world().surface, parts);
+    nb::list kept;  // a copy, because Python may change its list
+    for (nb::handle part : parts) kept.append(part);
     tiles = kept;
-  }
-  // Returns height and vertical velocity of the highest ground at (x, y); ground of meshes above z does not count.
-  std::tuple<double, double> ground_at(double x, double y, double z, double time) const {
-    if (!std::isfinite(x + y + time) || std::isnan(z)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
-    const GroundPoint ground = world().surface.at(x, y, time, INSTANT, z);
-    return {ground.height, ground.velocity};
   }
   void attach(int slot, int body, int link, int proxy) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
@@ -103,7 +91,6 @@ void add_ground(nb::module_& m) {
       .def("release", &Ground::release)
       .def_prop_ro("is_there", [](const Ground& g) { return g.find_world() != nullptr; })
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
-      .def("ground_at", &Ground::ground_at, "x"_a, "y"_a, "z"_a, "time"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("enable", &Ground::enable, "flags"_a.noconvert())

@@ -3,22 +3,19 @@ require, found by the report's search and collect methods."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import PatchBatch, samples_across
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.foot import Place, Window, describe, in_window, local_body, nearest_facet
 from smartmesh_ros.patches.report.collect import BFS
 from smartmesh_ros.patches.report.extent import extent_for
 from smartmesh_ros.patches.report.grid_search import GridSearch
 from smartmesh_ros.patches.report.template import patch_template
-from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
-from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.search.grid import Cells
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.graph import GridGraph
@@ -51,12 +48,12 @@ class FixedPatches:
         self._search.forget(bodies)
 
     def select(
-        self, heightmap: HeightMap, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float,
-        duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
+        self, heightmap: HeightMap, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray,
+        time: float, duration: float, config: PatchConfig, supports: Any, before: list[PatchBatch],
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) on a map.
 
-        ``shapes``: `Shapes` of S slots; ``bodies`` (S, 13); ``supports`` (S,): records of ``SUPPORT``. ``reach`` (n,)
+        ``shapes``: of S slots; ``bodies`` (S, 13); ``supports`` (S,): records of ``SUPPORT``. ``reach`` (n,)
         [m]: radius about each body's centre within which it can touch ground until the next update; ``before``: the
         patches of the last update, for the ray-cast search.
         """
@@ -88,8 +85,8 @@ class FixedPatches:
         self._extents[chosen[outgrown]] = np.stack(extent, axis=1)
 
     def _of_size(
-        self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: Any, bodies: FloatArray,
-        time: float, duration: float, config: PatchConfig, supports: Any,
+        self, heightmap: HeightMap, rings: int, chosen: IntArray, cells: Cells, shapes: ShapeTable,
+        bodies: FloatArray, time: float, duration: float, config: PatchConfig, supports: Any,
     ) -> None:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,), whose patches have as many ``rings``."""
         geometry, stride = heightmap.geometry, self._extents[chosen, 1].astype(np.int64)
@@ -107,9 +104,9 @@ class FixedPatches:
             supports[name][chosen] = values
         whole = not config.rings and len(self._terrain.tiles) == 1 and not np.isnan(now).any()
         supports["deviation"][chosen] = np.where((stride == 1) & whole, 0.0, np.nan)
-        describe_fixed(
-            heightmap.moved_to(time), chosen, shapes, bodies, now.reshape(-1, size, size),
-            (velocities * duration).reshape(-1, size, size), duration, supports,
+        CORE.find_feet(
+            heightmap.core_reader, shapes.core, bodies, chosen, now.reshape(-1, size, size),
+            velocities.reshape(-1, size, size), time, as_bytes(supports),
         )  # fmt: skip
 
     def _collect(
@@ -129,24 +126,3 @@ class FixedPatches:
             for centre, step in zip(centres, stride.tolist(), strict=True)
         ]
         return heightmap.sample(np.array(indices, np.int64).reshape(len(centres), -1), time, ahead)
-
-
-@compiled
-def describe_fixed(grid, chosen, shapes, bodies, heights, rises, duration, supports):
-    """Write the foot, normals and motion of supports whose rectangles are known; ``heights``, ``rises`` (n, S, S)
-    [m]."""
-    local = np.empty(13)
-    for k in range(len(chosen)):
-        support = supports[chosen[k]]
-        place = Place(support.row, support.column, support.rows, support.columns, support.stride)
-        local_body(grid, bodies[chosen[k]], local)
-        solid = solid_of(shapes, chosen[k], local)
-        own = in_window(grid, place, solid)
-        # Slices, because their array type is the one that this is compiled for.
-        h, r = heights[k][: place.high, : place.wide], rises[k][: place.high, : place.wide]
-        window = Window(h, r, grid.resolution * place.stride)
-        nearest = nearest_facet(window, own)
-        support.state = Support.NONE
-        if nearest.gap.distance < math.inf:
-            support.state = Support.FIELD
-            describe(grid, place, window, own, nearest, duration, support)

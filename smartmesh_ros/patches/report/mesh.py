@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.batch import MeshPatch
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.patches.facets import Facet, Point, facet_normal
-from smartmesh_ros.patches.gaps import Gap, gap_to
 from smartmesh_ros.patches.report.collect import BFS, PatchTopology, TopologyCache, topology_around
-from smartmesh_ros.patches.shapes import solid_of
+from smartmesh_ros.patches.shapes import ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.search.best_first import best_first_vertices
@@ -49,8 +47,8 @@ class MeshPatches:
         self._vertex[bodies] = -1
 
     def select(
-        self, chosen: IntArray, shapes: Any, bodies: FloatArray, reach: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any, before: dict[int, MeshPatch],
+        self, chosen: IntArray, shapes: ShapeTable, bodies: FloatArray, reach: FloatArray, time: float,
+        duration: float, config: PatchConfig, supports: Any, before: dict[int, MeshPatch],
     ) -> dict[int, MeshPatch]:  # fmt: skip
         """Write the supports of the bodies in ``chosen`` (n,) and return their patches by body. Arguments as in
         `FixedPatches.select`."""
@@ -96,8 +94,8 @@ class MeshPatches:
         return found
 
     def _patch(
-        self, body: int, vertex: int, reach: float, shapes: Any, bodies: FloatArray, time: float, duration: float,
-        config: PatchConfig, supports: Any,
+        self, body: int, vertex: int, reach: float, shapes: ShapeTable, bodies: FloatArray, time: float,
+        duration: float, config: PatchConfig, supports: Any,
     ) -> MeshPatch:  # fmt: skip
         mesh = self.mesh
         rings = config.rings or min(max(math.ceil(reach / mesh.edge_length + 0.5), 1), MOST_MESH_RINGS)
@@ -106,8 +104,7 @@ class MeshPatches:
         support = supports[body]
         support.row, support.column, support.rows, support.columns, support.stride = 0, vertex, 0, 0, 1
         support.state, support.deviation = Support.MESH, 0.0
-        one = np.array([body])
-        mesh_foot(now.positions, topology.triangles, shapes, bodies, one, supports)
+        CORE.find_mesh_foot(now.positions, topology.triangles, shapes.core, bodies, body, as_bytes(supports))
         foot = np.array([support.foot_x, support.foot_y, support.foot_z])
         linear, angular = mesh_twist(now.positions - foot, now.velocities, bodies[body, :3] - foot, mesh.edge_length)
         support.slide_x, support.slide_y, support.rise = linear
@@ -122,28 +119,6 @@ class MeshPatches:
         if config.collect == "cached":
             return self._cache.around(vertex, rings)
         return topology_around(self.mesh, vertex, rings, BFS[config.collect])
-
-
-@compiled
-def mesh_foot(positions, triangles, shapes, bodies, chosen, supports):
-    """Write the foot, the normals and the gap of a body, ``chosen`` (1,), from the nearest of the triangles (T, 3)
-    among ``positions`` (K, 3) [m]."""
-    i = chosen[0]
-    solid, support = solid_of(shapes, i, bodies[i]), supports[i]
-    best, up = Gap(math.inf, Point(0.0, 0.0, 1.0), solid.centre), Point(0.0, 0.0, 1.0)
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        facet = Facet(
-            Point(positions[a, 0], positions[a, 1], positions[a, 2]),
-            Point(positions[b, 0], positions[b, 1], positions[b, 2]),
-            Point(positions[c, 0], positions[c, 1], positions[c, 2]),
-        )
-        gap = gap_to(facet, solid, best.distance)
-        if gap.distance < best.distance:
-            best, up = gap, facet_normal(facet)
-    support.gap = best.distance
-    support.foot_x, support.foot_y, support.foot_z = best.nearest.x, best.nearest.y, best.nearest.z
-    support.facet_x, support.facet_y, support.facet_z = up.x, up.y, up.z
 
 
 def mesh_twist(
