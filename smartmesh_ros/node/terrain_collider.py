@@ -45,7 +45,7 @@ class TerrainCollider(ParameterNode):
     """Converts messages to calls of the core, steps the physics and publishes the results."""
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__(NAME, parameters.SPECS, **node_options)
+        super().__init__(NAME, parameters.SPECS, removed=parameters.REMOVED, **node_options)
         self.settings = parameters.declare(self)
         self.session = session = Session(self, self.settings)
         self.pacer, self.refusals = session.pacer, session.refusals

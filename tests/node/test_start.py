@@ -261,6 +261,7 @@ def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Pro
     [
         ("patch.kin", "unknown; did you mean 'patch.kind'?"),
         ("zzz", "parameter 'zzz' is unknown"),
+        ("patch.tolerance", "patch.tolerance is gone: contacts from the map are exact"),
         ("executor", "executor is fixed after the start; restart the node"),
     ],
 )

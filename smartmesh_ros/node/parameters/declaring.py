@@ -51,14 +51,19 @@ def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = Mapp
     return checked(current_values(node, specs), specs)
 
 
-def objection(node: Node, changes: Sequence[Parameter], specs: Sequence[Spec]) -> SetParametersResult | None:
-    """Return the refusal of ``changes`` if one of them names an unknown or a read-only parameter, else None.
+def objection(
+    node: Node, changes: Sequence[Parameter], specs: Sequence[Spec], removed: Mapping[str, str]
+) -> SetParametersResult | None:
+    """Return the refusal of ``changes`` if one of them names an unknown, a ``removed`` or a read-only parameter, else
+    None.
 
     rclpy refuses such changes too, but its reason does not name a valid alternative.
     """
     fixed = {spec.name for spec in specs if spec.read_only}
     for change in changes:
-        if not node.has_parameter(change.name):
+        if change.name in removed:
+            reason = f"{change.name} is gone: {removed[change.name]}"
+        elif not node.has_parameter(change.name):
             reason = f"parameter {change.name!r} is unknown{_nearest(change.name, specs)}"
         elif change.name in fixed:
             reason = (

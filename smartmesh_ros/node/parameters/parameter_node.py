@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -17,17 +18,20 @@ from smartmesh_ros.node.parameters.refused_arguments import refused_arguments
 class ParameterNode(Node):
     """A node that refuses invalid arguments with `InputError`, and changes of parameters with what would be right.
 
-    Its topics take ``qos_overrides``.
+    Its topics take ``qos_overrides``. ``removed``: parameters of earlier versions, and what replaces them.
     """
 
-    def __init__(self, name: str, specs: Sequence[Spec], **options: Any) -> None:
-        self._specs = specs
+    def __init__(
+        self, name: str, specs: Sequence[Spec], *, removed: Mapping[str, str] = MappingProxyType({}), **options: Any
+    ) -> None:
+        self._specs, self._removed = specs, removed
         with refused_arguments():
             super().__init__(name, **options)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, with refusals that say what would be right."""
-        return objection(self, parameter_list, self._specs) or super().set_parameters_atomically(parameter_list)
+        refusal = objection(self, parameter_list, self._specs, self._removed)
+        return refusal or super().set_parameters_atomically(parameter_list)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
         """Create a publisher like rclpy, with the QoS that parameters give it."""
