@@ -12,9 +12,9 @@ struct Lift {
   double height = 0.0, velocity = 0.0;
 };
 
-// Returns true if the middle of a body's shape is below the ground at `time` [s], and how it gets out. Ground of meshes
+// Returns true if the middle of a body's shape is below the ground at the instant of `surface`, and how it gets out. Ground of meshes
 // above the middle counts only where there is none below it. The centre of mass of a link is no measure: it may be beside
 // the link's shape, and below the ground without harm.
-Lift lift_out(const Surface& surface, const BodySolid& body, double time);
+Lift lift_out(SurfaceReader& surface, const BodySolid& body);
 
 }  // namespace smartmesh

@@ -75,6 +75,10 @@ struct Grid {
     if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");
     grid.track = {time, interval, x, y, spin};
   }
+  void show(double instant) {
+    if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
+    grid.show(instant);
+  }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     grid.mode = mode_of(mode);
     grid.max_velocity = max_velocity, grid.settle = settle, grid.noise = noise, grid.shown = shown;

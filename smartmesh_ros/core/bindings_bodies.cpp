@@ -101,11 +101,12 @@ Lifts find_below(const Shapes& shapes, const Doubles2& states, const Slots& slot
   const Bodies bodies(shapes, states);
   Surface surface;
   set_tiles_of(surface, tiles);
+  SurfaceReader reader = surface.reader(time, INSTANT);
   BodySolid body;
   Lifts lifts;
   for (std::size_t k = 0; k < slots.shape(0); ++k) {
     bodies.place(slots.data()[k], body);
-    const Lift lift = lift_out(surface, body, time);
+    const Lift lift = lift_out(reader, body);
     if (lift.is_below) lifts.emplace_back(slots.data()[k], lift.height, lift.velocity);
   }
   return lifts;

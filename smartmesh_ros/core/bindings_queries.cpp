@@ -1,8 +1,212 @@
 // What Python sees of queries of the ground: heights, facets and rays.
+#include <algorithm>
+#include <limits>
+#include <vector>
+
 #include "bindings.h"
+#include "ground_query.h"
+#include "ground_rays.h"
+#include "mesh_reader.h"
 
 namespace smartmesh {
+namespace {
 
-void add_queries(nb::module_&) {}
+using Points = Array<const double, 2>;
+using Rows = Array<double, 1>;
+using Table = Array<double, 2>;
+
+constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
+// Largest coordinate of a ray's origin, and its longest reach [m], as in terrain/grid.py.
+constexpr double MOST = 1e9;
+
+template <class A>
+void check(const A& array, std::size_t rows, std::size_t columns, const char* name) {
+  check_alignment(array.data(), sizeof(*array.data()));
+  if (array.shape(0) != rows || (array.ndim() == 2 && array.shape(1) != columns))
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) +
+                                (array.ndim() == 2 ? ", " + std::to_string(columns) + ")" : ",)"));
+}
+
+void check_instant(double time, double ahead) {
+  if (!std::isfinite(time)) throw std::invalid_argument("the time must be finite");
+  if (!(ahead > 0.0 && std::isfinite(ahead))) throw std::invalid_argument("the time ahead must be above zero and finite");
+}
+
+// Grids and meshes as one surface, which they outlive.
+struct Parts {
+  nb::list list;
+  Surface surface;
+
+  void set(const nb::list& parts) {
+    std::vector<const HeightGrid*> grids;
+    std::vector<const MeshSurface*> meshes;
+    nb::list kept;
+    for (nb::handle part : parts) {
+      if (nb::isinstance<Mesh>(part)) meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else grids.push_back(&nb::cast<Grid&>(part).grid);
+      kept.append(part);
+    }
+    surface.set_tiles(grids, meshes);
+    list = kept;
+  }
+  bool are(const nb::list& parts) const {
+    if (parts.size() != list.size()) return false;
+    for (std::size_t k = 0; k < list.size(); ++k)
+      if (!parts[k].is(list[k])) return false;
+    return true;
+  }
+};
+
+void write(double* at, const Vec3& v) { at[0] = v.x, at[1] = v.y, at[2] = v.z; }
+
+// Writes the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
+void ground_heights(const nb::list& tiles, Points points, double time, Rows heights, Rows velocities) {
+  const std::size_t count = points.shape(0);
+  check(points, count, 2, "points"), check(heights, count, 0, "heights"), check(velocities, count, 0, "velocities");
+  check_instant(time, INSTANT);
+  Parts parts;
+  parts.set(tiles);
+  SurfaceReader reader = parts.surface.reader(time, INSTANT);
+  reader.prepare(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
+    const GroundPoint ground =
+        std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, 0.0};
+    heights.data()[k] = ground.height, velocities.data()[k] = ground.velocity;
+  }
+}
+
+// Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3) and ages. Rows of points without
+// ground stay as they are.
+void ground_samples(const nb::list& tiles, Points points, double time, Rows heights, Table normals, Table velocities,
+                    Rows ages) {
+  const std::size_t count = points.shape(0);
+  check(points, count, 3, "points"), check(heights, count, 0, "heights"), check(normals, count, 3, "normals");
+  check(velocities, count, 3, "velocities"), check(ages, count, 0, "ages");
+  check_instant(time, INSTANT);
+  Parts parts;
+  parts.set(tiles);
+  SurfaceReader reader = parts.surface.reader(time, INSTANT);
+  reader.prepare(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double* p = points.data() + 3 * k;
+    if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
+    const GroundSample ground = ground_below(reader, {p[0], p[1], p[2]});
+    if (std::isnan(ground.height)) continue;
+    heights.data()[k] = ground.height, ages.data()[k] = ground.age;
+    write(normals.data() + 3 * k, ground.normal), write(velocities.data() + 3 * k, ground.velocity);
+  }
+}
+
+// Casts rays onto grids and meshes.
+struct RayCaster {
+  Parts parts;
+  GroundRays rays;
+
+  RayCaster() = default;
+  RayCaster(const RayCaster&) = delete;
+
+  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `reach`
+  // [m]. Normals of other rays stay as they are.
+  void cast(const nb::list& tiles, Points origins, Points directions, double reach, double time, Rows distances,
+            Table normals) {
+    const std::size_t count = origins.shape(0);
+    check(origins, count, 3, "origins"), check(directions, count, 3, "directions");
+    check(distances, count, 0, "distances"), check(normals, count, 3, "normals");
+    check_instant(time, INSTANT);
+    if (!(reach > 0.0 && reach <= MOST)) throw std::invalid_argument("the reach must be above zero and at most 1e9 m");
+    for (std::size_t k = 0; k < count; ++k) check_ray(vector_of(origins, k), vector_of(directions, k));
+    if (!parts.are(tiles)) parts.set(tiles);
+    SurfaceReader ground = rays.begin(parts.surface, time);
+    ground.prepare(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const RayHit hit = rays.first_hit(ground, {vector_of(origins, k), vector_of(directions, k), reach});
+      distances.data()[k] = hit.distance;
+      if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
+    }
+  }
+
+  static Vec3 vector_of(const Points& points, std::size_t k) {
+    const double* p = points.data() + 3 * k;
+    return {p[0], p[1], p[2]};
+  }
+  static void check_ray(const Vec3& from, const Vec3& way) {
+    if (!(std::abs(from.x) <= MOST && std::abs(from.y) <= MOST && std::abs(from.z) <= MOST))
+      throw std::invalid_argument("origins must be finite and at most 1e9 m away");
+    if (!(std::abs(norm(way) - 1.0) < 1e-6)) throw std::invalid_argument("directions must have length one");
+  }
+};
+
+// Writes the heights [m] and mean velocities [m/s] over the time `ahead` [s] of samples by their `indices` (n,) in the
+// row-major map; NaN beyond it.
+void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Rows heights, Rows velocities) {
+  const std::size_t count = indices.shape(0);
+  check(indices, count, 0, "indices"), check(heights, count, 0, "heights"), check(velocities, count, 0, "velocities");
+  check_instant(time, ahead);
+  GridReader reader(grid.grid, time, ahead);
+  const std::int64_t columns = grid.grid.columns, size = columns * grid.grid.rows;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::int64_t i = indices.data()[k];
+    const Sample sample = i >= 0 && i < size ? reader.read(static_cast<int>(i / columns), static_cast<int>(i % columns))
+                                             : Sample{NONE, 0.0};
+    heights.data()[k] = sample.height, velocities.data()[k] = sample.rise / ahead;
+  }
+}
+
+// Writes the heights (h, w) [m] of the window of samples that starts at a row and column; NaN beyond the edge.
+void grid_window(const Grid& grid, int row, int column, double time, Table heights) {
+  check(heights, heights.shape(0), heights.shape(1), "heights");
+  check_instant(time, INSTANT);
+  constexpr int most = 1 << 29;
+  if (row < -most || row > most || column < -most || column > most || heights.shape(0) > most || heights.shape(1) > most)
+    throw std::invalid_argument("a window has at most 2^29 rows and columns, and starts at most that far away");
+  GridReader reader(grid.grid, time, INSTANT);
+  const std::size_t wide = heights.shape(1);
+  for (std::size_t a = 0; a < heights.shape(0); ++a)
+    reader.read_row(row + static_cast<int>(a), column, static_cast<int>(wide), heights.data() + a * wide);
+}
+
+// Returns x, y [m], cosine and sine of the yaw, horizontal velocity (x, y) [m/s] and spin [rad/s] of a grid.
+auto grid_pose(const Grid& grid, double time) {
+  check_instant(time, INSTANT);
+  const GridPose p = grid.grid.pose_at(time);
+  return std::make_tuple(p.x, p.y, p.cos, p.sin, p.slide_x, p.slide_y, p.spin);
+}
+
+// Writes the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
+void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Table positions, Table velocities) {
+  const std::size_t count = indices.shape(0);
+  check(indices, count, 0, "indices"), check(positions, count, 3, "positions");
+  check(velocities, count, 3, "velocities");
+  check_instant(time, ahead);
+  for (std::size_t k = 0; k < count; ++k)
+    if (indices.data()[k] < 0 || indices.data()[k] >= mesh.surface.vertices)
+      throw std::invalid_argument("an index is not that of a vertex");
+  const MeshReader reader(mesh.surface, time, ahead);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Vertex vertex = reader.read(static_cast<int>(indices.data()[k]));
+    write(positions.data() + 3 * k, vertex.position);
+    write(velocities.data() + 3 * k, {vertex.rise.x / ahead, vertex.rise.y / ahead, vertex.rise.z / ahead});
+  }
+}
+
+}  // namespace
+
+void add_queries(nb::module_& m) {
+  m.def("ground_heights", &ground_heights, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
+        "velocities"_a.noconvert());
+  m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
+        "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert());
+  nb::class_<RayCaster>(m, "RayCaster")
+      .def(nb::init<>())
+      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "reach"_a, "time"_a,
+           "distances"_a.noconvert(), "normals"_a.noconvert());
+  m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "heights"_a.noconvert(),
+        "velocities"_a.noconvert());
+  m.def("grid_window", &grid_window, "grid"_a, "row"_a, "column"_a, "time"_a, "heights"_a.noconvert());
+  m.def("grid_pose", &grid_pose, "grid"_a, "time"_a);
+  m.def("sample_mesh", &sample_mesh, "mesh"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "positions"_a.noconvert(),
+        "velocities"_a.noconvert());
+}
 
 }  // namespace smartmesh

@@ -1,6 +1,7 @@
 #include "box_tree.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 
 namespace smartmesh {
@@ -16,6 +17,21 @@ int widest_axis(const Bounds& box) {
   const Vec3 size = box.high - box.low;
   if (size.x >= size.y && size.x >= size.z) return 0;
   return size.y >= size.z ? 1 : 2;
+}
+
+// Returns the distance at which a ray enters a box grown by a length; infinity if it does not within `reach`. `inverse`:
+// of the ray's direction, infinite along an axis that it does not move along.
+double entry(const Bounds& box, const Vec3& from, const Vec3& inverse, double reach, double grown) {
+  double begin = 0.0, end = reach;
+  const auto clip = [&](double low, double high, double inverse_rate) {
+    const double first = low * inverse_rate, second = high * inverse_rate;
+    begin = std::max(begin, std::min(first, second));  // NaN, on a side, leaves the other argument
+    end = std::min(end, std::max(first, second));
+  };
+  clip(box.low.x - grown - from.x, box.high.x + grown - from.x, inverse.x);
+  clip(box.low.y - grown - from.y, box.high.y + grown - from.y, inverse.y);
+  clip(box.low.z - grown - from.z, box.high.z + grown - from.z, inverse.z);
+  return begin <= end ? begin : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -49,12 +65,13 @@ int BoxTree::add(int first, int count, const std::vector<Vec3>& centres) {
 }
 
 void BoxTree::refit(const std::vector<Bounds>& boxes) {
-  boxes_ = boxes;
+  boxes_.resize(boxes.size());
+  for (std::size_t k = 0; k < boxes.size(); ++k) boxes_[k] = boxes[order_[k]];
   for (std::size_t k = nodes_.size(); k-- > 0;) {  // children come after their parents
     Node& node = nodes_[k];
     node.box = {};
     const auto include = [&](const Bounds& box) { node.box.add(box.low), node.box.add(box.high); };
-    for (int j = node.first; j < node.first + node.count; ++j) include(boxes_[order_[j]]);
+    for (int j = node.first; j < node.first + node.count; ++j) include(boxes_[j]);
     if (node.count == 0) include(nodes_[k + 1].box), include(nodes_[node.first].box);
   }
 }
@@ -69,9 +86,43 @@ void BoxTree::find(const Bounds& bounds, std::vector<int>& found) const {
     const Node& node = nodes_[k];
     if (!node.box.meets(bounds)) continue;
     for (int j = node.first; j < node.first + node.count; ++j)
-      if (boxes_[order_[j]].meets(bounds)) found.push_back(order_[j]);
+      if (boxes_[j].meets(bounds)) found.push_back(order_[j]);
     if (node.count == 0) open[count++] = node.first, open[count++] = k + 1;
   }
+}
+
+BoxHit BoxTree::first_along(const Vec3& from, const Vec3& way, double reach, double grown,
+                            const RayTarget& target) const {
+  BoxHit best{std::numeric_limits<double>::infinity(), -1};
+  if (nodes_.empty()) return best;
+  const Vec3 inverse{1.0 / way.x, 1.0 / way.y, 1.0 / way.z};
+  struct Open {
+    int node;
+    double entered;
+  } open[64];  // halving ends long before
+  int count = 0;
+  double limit = reach;
+  const auto push = [&](int node, double entered) {
+    if (entered <= limit) open[count++] = {node, entered};
+  };
+  push(0, entry(nodes_[0].box, from, inverse, limit, grown));
+  while (count > 0) {
+    const Open next = open[--count];
+    if (next.entered > limit) continue;
+    const Node& node = nodes_[next.node];
+    for (int j = node.first; j < node.first + node.count; ++j) {
+      if (!(entry(boxes_[j], from, inverse, limit, grown) <= limit)) continue;
+      const double distance = target.distance(order_[j]);
+      if (distance <= limit && distance < best.distance) best = {distance, order_[j]}, limit = distance;
+    }
+    if (node.count > 0) continue;
+    const int near = next.node + 1, far = node.first;
+    const double to_near = entry(nodes_[near].box, from, inverse, limit, grown);
+    const double to_far = entry(nodes_[far].box, from, inverse, limit, grown);
+    if (to_near <= to_far) push(far, to_far), push(near, to_near);
+    else push(near, to_near), push(far, to_far);
+  }
+  return best;
 }
 
 }  // namespace smartmesh

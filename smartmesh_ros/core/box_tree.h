@@ -7,6 +7,21 @@
 
 namespace smartmesh {
 
+// What a ray is checked against in the boxes that it passes through.
+struct RayTarget {
+  // Returns the distance [m] along the ray to what is in a box, infinity if the ray does not meet it.
+  virtual double distance(int place) const = 0;
+
+ protected:
+  ~RayTarget() = default;
+};
+
+// What a ray meets first: distance [m] and place of the box, -1 = nothing.
+struct BoxHit {
+  double distance;
+  int place;
+};
+
 class BoxTree {
  public:
   // Makes the tree anew of `boxes`, which are known by their places.
@@ -17,6 +32,9 @@ class BoxTree {
 
   // Replaces `found` by the places of the boxes that meet `bounds`.
   void find(const Bounds& bounds, std::vector<int>& found) const;
+
+  // Returns what a ray along the unit vector `way` meets first within `reach` [m], in boxes grown by a length [m].
+  BoxHit first_along(const Vec3& from, const Vec3& way, double reach, double grown, const RayTarget& target) const;
 
  private:
   // A leaf holds the boxes `order_[first]` to `order_[first + count - 1]`. Any other node has no boxes of its own; its
@@ -30,7 +48,7 @@ class BoxTree {
 
   std::vector<Node> nodes_;
   std::vector<int> order_;
-  std::vector<Bounds> boxes_;
+  std::vector<Bounds> boxes_;  // in this order
 };
 
 }  // namespace smartmesh

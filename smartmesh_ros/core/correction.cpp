@@ -59,9 +59,9 @@ void level_axes(const Solid& solid, Vec3 (&level)[2]) {
 // Returns the height of the ground under a point [m]; NaN beyond the map and over holes.
 double height_under(const HeightGrid& grid, const GridPose& pose, double time, const Vec3& p) {
   const GridPoint place = to_grid(pose, grid.resolution, p.x, p.y);
-  const bool on_map = place.row >= 0.0 && place.row <= grid.rows - 1.0 && place.column >= 0.0 &&
-                      place.column <= grid.columns - 1.0;
-  return on_map ? grid_ground(grid, place, time, INSTANT).height : std::numeric_limits<double>::quiet_NaN();
+  if (!is_on(grid, place)) return std::numeric_limits<double>::quiet_NaN();
+  GridReader reader(grid, time, INSTANT);
+  return facet_at(grid, reader, clamped(grid, place), INSTANT).height;
 }
 
 }  // namespace

@@ -10,23 +10,6 @@ namespace smartmesh {
 
 namespace {
 
-// The last three velocities of the samples of a row, newest first [m/s].
-struct KeptRow {
-  const float *newest, *before, *oldest;
-
-  KeptRow(const HeightGrid& grid, int row, std::int64_t slot) {
-    const auto start = [&](std::int64_t k) {
-      const std::size_t size = static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns);
-      return grid.velocities + static_cast<std::size_t>(k % KEPT) * size + grid.index(row, 0);
-    };
-    newest = start(slot), before = start(slot + KEPT - 1), oldest = start(slot + KEPT - 2);
-  }
-  Motion motion(int column, const Phase& phase, double most) const {
-    return motion_of(static_cast<double>(newest[column]), static_cast<double>(before[column]),
-                     static_cast<double>(oldest[column]), phase, most);
-  }
-};
-
 // Returns the length of a chord over the length of its arc, for an arc of `turn` [rad].
 double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0.5 * turn); }
 
@@ -76,51 +59,75 @@ double remaining(const Clock& clock, double shown, double settle) {
   return 1.0 - std::max(elapsed, 0.0) / settle;
 }
 
+void HeightGrid::show(double instant) {
+  const bool changes = mode == Mode::Correct && std::any_of(clocks, clocks + blocks(), [&](const Clock& clock) {
+    return remaining(clock, shown, settle) != remaining(clock, instant, settle);
+  });
+  shown = instant;
+  if (changes) ++revision;
+}
+
 void GridReader::enter(const Clock& clock) {
-  if (&clock == clock_) return;
+  const bool same = clock_ != nullptr && same_times(clock, *clock_);
   clock_ = &clock;
+  if (same) return;
   left_ = grid_.mode == Mode::Correct ? remaining(clock, grid_.shown, grid_.settle) : 0.0;
   phase_ = block_phase(clock, time_, grid_.mode);
+  newest_ = nullptr;
+  if (grid_.mode == Mode::Correct || clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
+  const std::size_t size = static_cast<std::size_t>(grid_.rows) * static_cast<std::size_t>(grid_.columns);
+  newest_ = grid_.velocities + size * static_cast<std::size_t>(clock.newest);
+  second_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 1) % KEPT);
+  third_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 2) % KEPT);
+}
+
+Motion GridReader::motion(int row, int column, std::size_t index) const {
+  if (grid_.noise > 0.0) return motion_in_noise(grid_, row, column, *clock_, phase_);
+  return motion_of(newest_[index], second_[index], third_[index], phase_, grid_.max_velocity);
 }
 
 Sample GridReader::read(int row, int column) {
   if (!grid_.has(row, column)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
   const Clock& clock = grid_.clock(row, column);
-  enter(clock);
+  if (&clock != clock_) enter(clock);
   const std::size_t i = grid_.index(row, column);
   const double height = grid_.z + static_cast<double>(grid_.heights[i]);
   if (grid_.mode == Mode::Correct) return {height + left_ * static_cast<double>(grid_.offsets[i]), 0.0};
-  if (clock.known == 0) return {height, 0.0};
-  const Motion motion = motion_at(grid_, row, column, clock, phase_);
-  return {height + displacement(motion, phase_), rise_of(motion, phase_, ahead_)};
+  if (newest_ == nullptr) return {height, 0.0};
+  const Motion found = motion(row, column, i);
+  return {height + displacement(found, phase_), rise_of(found, phase_, ahead_)};
 }
 
-void GridReader::read_row(int row, int first, int end, double* heights) {
-  const int left = std::clamp(first, 0, grid_.columns), right = std::clamp(end, left, grid_.columns);
-  if (row < 0 || row >= grid_.rows || left == right) {
-    std::fill(heights, heights + (end - first), std::numeric_limits<double>::quiet_NaN());
+void GridReader::read_row(int row, int column, int count, double* heights) {
+  std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  if (row < 0 || row >= grid_.rows) return;
+  const int last = std::min(column + count, grid_.columns);
+  for (int c = std::max(column, 0), end; c < last; c = end) {
+    end = std::min(last, ((c >> BLOCK_SHIFT) + 1) << BLOCK_SHIFT);
+    const Clock& clock = grid_.clock(row, c);
+    if (&clock != clock_) enter(clock);
+    const float* known = grid_.heights + grid_.index(row, c);
+    double* out = heights + (c - column);
+    for (int k = 0; k < end - c; ++k) out[k] = grid_.z + static_cast<double>(known[k]);
+    add_motion(row, c, end - c, out);
+  }
+}
+
+// Adds corrections and motion to the heights of samples of one block.
+void GridReader::add_motion(int row, int column, int count, double* heights) const {
+  const std::size_t i = grid_.index(row, column);
+  if (left_ > 0.0)
+    for (int k = 0; k < count; ++k) heights[k] += left_ * static_cast<double>(grid_.offsets[i + k]);
+  if (newest_ == nullptr || (phase_.along == 0.0 && phase_.bend == 0.0)) return;
+  if (grid_.noise > 0.0) {
+    for (int k = 0; k < count; ++k)
+      heights[k] += displacement(motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
     return;
   }
-  std::fill(heights, heights + (left - first), std::numeric_limits<double>::quiet_NaN());
-  std::fill(heights + (right - first), heights + (end - first), std::numeric_limits<double>::quiet_NaN());
-  const float* stored = grid_.heights + grid_.index(row, 0);
-  for (int column = left; column < right;) {
-    const int stop = std::min(right, ((column >> BLOCK_SHIFT) + 1) << BLOCK_SHIFT);
-    const Clock& clock = grid_.clock(row, column);
-    enter(clock);
-    const bool moves = clock.known != 0 || grid_.mode == Mode::Correct;
-    const bool is_plain = grid_.mode != Mode::Correct && grid_.noise <= 0.0 && clock.newest >= 0 && clock.newest < KEPT;
-    if (moves && !is_plain) {
-      for (; column < stop; ++column) heights[column - first] = read(row, column).height;
-    } else if (!moves) {
-      for (; column < stop; ++column) heights[column - first] = grid_.z + static_cast<double>(stored[column]);
-    } else {
-      const KeptRow kept(grid_, row, clock.newest);
-      for (; column < stop; ++column)
-        heights[column - first] = grid_.z + static_cast<double>(stored[column]) +
-                                  displacement(kept.motion(column, phase_, grid_.max_velocity), phase_);
-    }
-  }
+  const float *v = newest_ + i, *v1 = second_ + i, *v2 = third_ + i;
+  const Phase phase = phase_;  // a copy, which `heights` cannot overlap
+  const double most = grid_.max_velocity;
+  for (int k = 0; k < count; ++k) heights[k] += displacement(motion_of(v[k], v1[k], v2[k], phase, most), phase);
 }
 
 }  // namespace smartmesh

@@ -27,8 +27,13 @@ struct Sample {
   double height, rise;
 };
 
-// Samples of a height map and their motion; the arrays belong to Python. The fields have the names and meanings of
-// MovingGrid in terrain/moving_grid.py.
+// Samples of a height map and their motion; the arrays belong to Python.
+//
+// `heights` (rows, columns) [m], NaN = hole. `velocities` (KEPT, rows, columns) [m/s]: a ring buffer, whose newest index is
+// in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections. `clocks`: one for each
+// block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
+// `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
+// for the estimation of velocities. `shown` [s]: instant up to which corrections are blended in.
 struct HeightGrid {
   const float* heights = nullptr;
   const float* velocities = nullptr;
@@ -54,6 +59,9 @@ struct HeightGrid {
   void place(const Vec3& origin, double turned, double spacing);
   GridPose pose_at(double time) const;
 
+  // Blends corrections in up to the instant `shown` [s].
+  void show(double shown);
+
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
   // Returns the expected time between maps of ground that moves [s]; 0 = no map expected.
@@ -61,24 +69,26 @@ struct HeightGrid {
 };
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last
-// block, because neighbouring samples share it.
+// block, because neighbouring samples share it, and most blocks are updated at the same times.
 class GridReader {
  public:
   GridReader(const HeightGrid& grid, double time, double ahead) : grid_(grid), time_(time), ahead_(ahead) {}
   Sample read(int row, int column);
 
-  // Writes the heights [m] of the samples from column `first` to `end` - 1 of a row; NaN outside the grid. They are equal
-  // to those of `read`.
-  void read_row(int row, int first, int end, double* heights);
+  // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes.
+  void read_row(int row, int column, int count, double* heights);
 
  private:
   void enter(const Clock& clock);
+  Motion motion(int row, int column, std::size_t index) const;
+  void add_motion(int row, int column, int count, double* heights) const;
 
   const HeightGrid& grid_;
   double time_, ahead_;
   const Clock* clock_ = nullptr;
   Phase phase_;
   double left_ = 0.0;  // share of the block's correction that is not blended in yet
+  const float *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: the block has none
 };
 
 // Returns the share of a block's correction that is not yet blended in at the instant `shown` [s].

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "mesh_reader.h"
 
 namespace smartmesh {
 
@@ -10,53 +11,11 @@ namespace {
 
 // Sine of the angle between two facets below which they are one plane.
 constexpr double FLAT = 1e-5;
-// Smallest barycentric weight inside a triangle; slightly negative, so that a point on an edge is in a triangle.
-constexpr double INSIDE = -1e-12;
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
-
-// Reads vertices at one instant, and their rise within the time `ahead` [s].
-class VertexReader {
- public:
-  VertexReader(const MeshSurface& mesh, double time, double ahead = 0.0)
-      : mesh_(mesh), phase_(block_phase(*mesh.clock, time, mesh.mode)), ahead_(ahead),
-        still_(phase_.along == 0.0 && phase_.bend == 0.0) {}
-
-  Vec3 position(int v) const {
-    const Vec3& p = mesh_.points_[v];
-    if (still_) return p;
-    return p + Vec3{displacement(motion(0, v), phase_), displacement(motion(1, v), phase_),
-                    displacement(motion(2, v), phase_)};
-  }
-  Vec3 rise(int v) const {
-    return {rise_of(motion(0, v), phase_, ahead_), rise_of(motion(1, v), phase_, ahead_),
-            rise_of(motion(2, v), phase_, ahead_)};
-  }
-  Motion motion(int axis, int v) const {
-    if (mesh_.clock->known == 0) return {};
-    const int newest = static_cast<int>(mesh_.clock->newest);
-    return motion_of(velocity(newest, axis, v), velocity((newest + KEPT - 1) % KEPT, axis, v),
-                     velocity((newest + KEPT - 2) % KEPT, axis, v), phase_, mesh_.max_velocity);
-  }
-
- private:
-  double velocity(int slot, int axis, int v) const {
-    return mesh_.velocities[(static_cast<std::size_t>(slot) * 3 + axis) * mesh_.vertices + v];
-  }
-
-  const MeshSurface& mesh_;
-  const Phase phase_;
-  const double ahead_;
-  const bool still_;
-};
-
-namespace {
 
 // Adds the parts of one mesh to a patch.
 class MeshAdder {
  public:
-  MeshAdder(const MeshTopology& mesh, const VertexReader& reader, int number, const Reach& reach, MeshScratch& scratch,
+  MeshAdder(const MeshTopology& mesh, const MeshReader& reader, int number, const Reach& reach, MeshScratch& scratch,
             Patch& patch)
       : mesh_(mesh), reader_(reader), first_name_((static_cast<long>(number) + 1) << 40), reach_(reach),
         scratch_(scratch), patch_(patch) {}
@@ -158,7 +117,7 @@ class MeshAdder {
   }
 
   const MeshTopology& mesh_;
-  const VertexReader& reader_;
+  const MeshReader& reader_;
   const long first_name_;
   const Reach& reach_;
   MeshScratch& scratch_;
@@ -169,15 +128,6 @@ Bounds box_of(const MeshTopology& mesh, int f, const std::vector<Vec3>& points) 
   Bounds box;
   for (int k : mesh.facets[f]) box.add(points[k]);
   return box;
-}
-
-// Returns the rate of turning [rad/s] of a triangle with sides `u` and `v` that change by `du` and `dv` within `ahead`.
-Vec3 turn_of(const Vec3& u, const Vec3& v, const Vec3& du, const Vec3& dv, double ahead) {
-  const double length = norm(u);
-  const Vec3 along = u * (1.0 / length), up = unit(cross(u, v)), across = cross(up, along);
-  const double spin = dot(du, across) / length, pitch = -dot(du, up) / length;
-  const double roll = (dot(dv, up) + dot(v, along) * pitch) / dot(v, across);
-  return (along * roll + across * pitch + up * spin) * (1.0 / ahead);
 }
 
 }  // namespace
@@ -208,7 +158,7 @@ void MeshSurface::update() {
   else tree_.refit(boxes);
   speed_ = acceleration_ = 0.0;
   if (clock->known == 0) return;
-  const VertexReader reader(*this, clock->time);
+  const MeshReader reader(*this, clock->time, 0.0);
   for (int v = 0; v < vertices; ++v) {
     for (int axis = 0; axis < 3; ++axis) {
       const Motion motion = reader.motion(axis, v);
@@ -228,30 +178,7 @@ void MeshSurface::gather(const Bounds& bounds, double time, const Reach& reach, 
   tree_.find(bounds.grown(drift(time)), scratch.found);
   if (scratch.found.empty()) return;
   scratch.begin(static_cast<std::size_t>(vertices), topology_.edges.size());
-  MeshAdder(topology_, VertexReader(*this, time), number, reach, scratch, patch).run(bounds);
-}
-
-MeshPoint MeshSurface::below(double x, double y, double z, double time, double ahead) const {
-  std::vector<int> found;
-  const double drifted = drift(time);
-  tree_.find(Bounds{{x, y, -1e300}, {x, y, z}}.grown(drifted), found);
-  const VertexReader reader(*this, time, ahead);
-  MeshPoint best{NONE, {}, {}};
-  for (int f : found) {
-    const auto& k = topology_.facets[f];
-    const Vec3 a = reader.position(k[0]), b = reader.position(k[1]), c = reader.position(k[2]);
-    const auto side = [&](const Vec3& p, const Vec3& q) { return (p.x - x) * (q.y - y) - (p.y - y) * (q.x - x); };
-    double u = side(b, c), v = side(c, a), w = side(a, b);
-    const double area = u + v + w;
-    if (area == 0.0) continue;
-    u /= area, v /= area, w /= area;
-    if (!(u >= INSIDE && v >= INSIDE && w >= INSIDE)) continue;
-    const double height = u * a.z + v * b.z + w * c.z;
-    if (!(height <= z) || height <= best.height) continue;
-    const Vec3 ra = reader.rise(k[0]), rb = reader.rise(k[1]), rc = reader.rise(k[2]);
-    best = {height, (ra * u + rb * v + rc * w) * (1.0 / ahead), turn_of(b - a, c - a, rb - ra, rc - ra, ahead)};
-  }
-  return best;
+  MeshAdder(topology_, MeshReader(*this, time, 0.0), number, reach, scratch, patch).run(bounds);
 }
 
 }  // namespace smartmesh

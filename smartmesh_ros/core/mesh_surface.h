@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "box_tree.h"
@@ -12,11 +13,18 @@
 
 namespace smartmesh {
 
-// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s]
-// and the rate of turning [rad/s] over a duration.
+// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there its number, the mean velocity at that
+// point [m/s] over a duration and the unit normal on the counterclockwise side.
 struct MeshPoint {
-  double height;
-  Vec3 velocity, turn;
+  double height = std::numeric_limits<double>::quiet_NaN();
+  Vec3 velocity, normal;
+  int facet = -1;
+};
+
+// Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.
+struct RayHit {
+  double distance = std::numeric_limits<double>::infinity();
+  Vec3 normal;
 };
 
 // Which vertices and edges of a mesh a patch has already. A surface has one for all its meshes.
@@ -51,11 +59,8 @@ struct MeshSurface {
   void gather(const Bounds& bounds, double time, const Reach& reach, int number, MeshScratch& scratch,
               Patch& patch) const;
 
-  // Returns the highest ground at (x, y) that is not above `z` [m], at `time` [s].
-  MeshPoint below(double x, double y, double z, double time, double ahead) const;
-
  private:
-  friend class VertexReader;
+  friend class MeshReader;
   double drift(double time) const;
 
   std::vector<Vec3> points_;  // positions at the last update, vertex by vertex

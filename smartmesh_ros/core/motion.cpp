@@ -7,7 +7,7 @@ namespace smartmesh {
 
 namespace {
 
-// Age of the last map at which extrapolation ends, in map intervals. See terrain/motion.py for the reasons.
+// Age of the last map at which extrapolation ends, in map intervals; see terrain/motion.py.
 constexpr double LATE_AFTER = 1.5;
 constexpr double FOREVER = std::numeric_limits<double>::infinity();
 
@@ -44,12 +44,6 @@ Phase block_phase(const Clock& clock, double time, Mode mode) {
   phase.inverse = 1.0 / (clock.middle - clock.middle_1);
   phase.inverse_1 = 1.0 / (clock.middle_1 - clock.middle_2);
   return phase;
-}
-
-double rise_of(const Motion& motion, const Phase& phase, double duration) {
-  const double lasts = std::min(duration, phase.left);
-  return motion.velocity * phase.rate * lasts +
-         motion.acceleration * lasts * (phase.bend_rate + 0.5 * phase.curve * lasts);
 }
 
 }  // namespace smartmesh

@@ -1,6 +1,7 @@
 // Motion of the ground between maps: second order, from the last three velocities of a sample.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -24,6 +25,12 @@ static_assert(sizeof(Clock) == 168, "the layout of CLOCK in terrain/motion.py");
 
 // Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
 constexpr double REST_AFTER = 4.5;
+
+// Returns true if two blocks move alike: they were updated at the same times.
+inline bool same_times(const Clock& a, const Clock& b) {
+  return a.time == b.time && a.lifetime == b.lifetime && a.delay == b.delay && a.middle == b.middle &&
+         a.middle_1 == b.middle_1 && a.middle_2 == b.middle_2 && a.known == b.known && a.newest == b.newest;
+}
 
 // Returns true if ground whose last map came at `last` [s] may move at `time` [s]; `lifetime` and `delay` as in `Clock`.
 inline bool goes_on(double time, double last, double lifetime, double delay) {
@@ -51,14 +58,14 @@ Phase phase_of(double time, double last, double lifetime, double lag, Mode mode,
 // Returns the phase of a block at `time` [s].
 Phase block_phase(const Clock& clock, double time, Mode mode);
 
-// Limit of the acceleration as a multiple of the one before. See terrain/motion.py for the reasons.
+// Limit of an acceleration, as a multiple of the one before. See terrain/motion.py for the reasons.
 constexpr double AGREEMENT = 4.0;
 
 // Returns a `change` limited to a multiple of the one `before`; zero if their signs differ.
 inline double agreed(double change, double before) {
-  if (change * before <= 0.0) return 0.0;
   const double most = AGREEMENT * std::abs(before);
-  return std::abs(change) <= most ? change : std::copysign(most, change);
+  const double limited = std::abs(change) <= most ? change : std::copysign(most, change);
+  return change * before <= 0.0 ? 0.0 : limited;
 }
 
 // Returns the motion of a sample from its velocities, newest first [m/s]. A velocity that is NaN (the sample is or was a
@@ -75,6 +82,10 @@ inline double displacement(const Motion& motion, const Phase& phase) {
 }
 
 // Returns the rise of a sample [m] within a `duration` [s].
-double rise_of(const Motion& motion, const Phase& phase, double duration);
+inline double rise_of(const Motion& motion, const Phase& phase, double duration) {
+  const double lasts = std::min(duration, phase.left);
+  return motion.velocity * phase.rate * lasts +
+         motion.acceleration * lasts * (phase.bend_rate + 0.5 * phase.curve * lasts);
+}
 
 }  // namespace smartmesh

@@ -7,11 +7,14 @@ namespace smartmesh {
 
 namespace {
 
-// Half width of the window [samples], and the multiple of the noise variance below which scatter counts as noise. See
-// terrain/noisy_motion.py for the reasons.
+// Half width of the window [samples]. The mean over 25 samples has a fifth of the noise; raising it smooths more.
 constexpr int HALF_WINDOW = 2;
+// Scatter below this multiple of the noise variance counts as noise, because the estimate of the scatter of so few values
+// is itself uncertain by two fifths. Raising it suppresses more noise and more small features.
 constexpr double SCATTER_MARGIN = 2.0;
 
+// Variances due to noise: of a sample's velocity [m^2/s^2], and of its accelerations [m^2/s^4] from the newest two velocities
+// and from the two before.
 struct NoiseVariances {
   double velocity, change, change_1;
 };
@@ -33,12 +36,14 @@ struct Velocities {
   double v0, v1, v2;  // newest first [m/s], NaN for jumps
 };
 
+// Returns the variance of an acceleration from three heights and the intervals between them [s].
 double acceleration_variance(double later, double earlier, double noise) {
   if (!(later > 0.0 && earlier > 0.0)) return std::numeric_limits<double>::infinity();
   const double a = noise / later, b = noise / earlier, c = 2.0 / (later + earlier);
   return (a * a + b * b + (a + b) * (a + b)) * (c * c);
 }
 
+// Returns the variances for noise of the heights [m]; zero for given velocities.
 NoiseVariances noise_variances(const Clock& clock, double noise) {
   const double first = 2.0 * (clock.time - clock.middle);
   const double second = 2.0 * (clock.middle - clock.middle_1) - first;
@@ -49,8 +54,10 @@ NoiseVariances noise_variances(const Clock& clock, double noise) {
           acceleration_variance(second, third, noise)};
 }
 
+// Returns the share of a `power` that `noise` does not explain.
 double signal_share(double power, double noise) { return power > noise ? 1.0 - noise / power : 0.0; }
 
+// Returns a value shrunk towards zero by the noise of a `variance`, estimated with the values around it.
 double denoised(double value, const Spread& around, double variance) {
   if (variance == 0.0) return value;
   const int count = around.pairs;
@@ -61,45 +68,61 @@ double denoised(double value, const Spread& around, double variance) {
   return together * mean - signal_share(scatter, SCATTER_MARGIN * variance) * beyond;
 }
 
-double kept(const HeightGrid& grid, int row, int column, std::int64_t slot) {
-  const std::size_t size = static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns);
-  return static_cast<double>(grid.velocities[static_cast<std::size_t>(slot) * size + grid.index(row, column)]);
-}
+// Reads the velocities of samples that were updated together with those of one block.
+class VelocityReader {
+ public:
+  VelocityReader(const HeightGrid& grid, const Clock& clock) : grid_(grid), clock_(clock) {
+    const std::size_t size = static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns);
+    for (int k = 0; k < KEPT; ++k)
+      slot_[k] = grid.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - k) % KEPT);
+  }
 
-Velocities velocities_at(const HeightGrid& grid, int row, int column, std::int64_t newest) {
-  if (newest < 0 || newest >= KEPT) return {0.0, 0.0, 0.0};  // no clock of a map says so
-  const double v0 = kept(grid, row, column, newest);
-  const double v1 = kept(grid, row, column, (newest + KEPT - 1) % KEPT);
-  const double v2 = kept(grid, row, column, (newest + KEPT - 2) % KEPT);
-  return {v0, v1, v2};
-}
+  Velocities read(std::size_t i) const { return {known(0, i), known(1, i), known(2, i)}; }
+  bool updated_together(int row, int column) const {
+    if (!grid_.has(row, column)) return false;
+    const Clock& other = grid_.clock(row, column);
+    return other.time == clock_.time && other.middle == clock_.middle && other.newest == clock_.newest;
+  }
 
-Velocities without_jumps(const Velocities& v, double most) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  return {std::abs(v.v0) <= most ? v.v0 : nan, std::abs(v.v1) <= most ? v.v1 : nan, std::abs(v.v2) <= most ? v.v2 : nan};
-}
+ private:
+  double known(int slot, std::size_t i) const {
+    const double velocity = slot_[slot][i];
+    return std::abs(velocity) <= grid_.max_velocity ? velocity : std::numeric_limits<double>::quiet_NaN();
+  }
 
-bool updated_together(const HeightGrid& grid, const Clock& clock, int row, int column) {
-  if (!grid.has(row, column)) return false;
-  const Clock& other = grid.clock(row, column);
-  return other.time == clock.time && other.middle == clock.middle && other.newest == clock.newest;
-}
+  const HeightGrid& grid_;
+  const Clock& clock_;
+  const float* slot_[KEPT];
+};
 
-Motion motion_in_noise(const HeightGrid& grid, int row, int column, const Clock& clock, const Phase& phase) {
-  const NoiseVariances variances = noise_variances(clock, grid.noise);
-  const auto read = [&](int r, int c) {
-    return without_jumps(velocities_at(grid, r, c, clock.newest), grid.max_velocity);
+// Returns true if the window around a sample lies in its block.
+bool within_block(const HeightGrid& grid, int row, int column) {
+  constexpr int MASK = (1 << BLOCK_SHIFT) - 1;
+  const auto inside = [](int place, int size) {
+    return (place & MASK) >= HALF_WINDOW && (place & MASK) <= MASK - HALF_WINDOW && place + HALF_WINDOW < size;
   };
-  const Velocities v = read(row, column);
+  return inside(row, grid.rows) && inside(column, grid.columns);
+}
+
+}  // namespace
+
+// Samples on opposite sides are used as a pair or not at all. Then a velocity that varies linearly across the window does
+// not count as noise, and an edge or a hole does not shift the mean.
+Motion motion_in_noise(const HeightGrid& grid, int row, int column, const Clock& clock, const Phase& phase) {
+  const VelocityReader reader(grid, clock);
+  const std::size_t here = grid.index(row, column);
+  const Velocities v = reader.read(here);
   if (std::isnan(v.v0)) return {};
+  const NoiseVariances variances = noise_variances(clock, grid.noise);
   const double change = (v.v0 - v.v1) * phase.inverse, change_1 = (v.v1 - v.v2) * phase.inverse_1;
-  const bool bends = phase.inverse != 0.0 && !std::isnan(change + change_1);
+  const bool bends = phase.inverse != 0.0 && !std::isnan(change + change_1), whole = within_block(grid, row, column);
   Spread speeds, changes, changes_1;
   for (int a = 0; a <= HALF_WINDOW; ++a) {
     for (int b = a > 0 ? -HALF_WINDOW : 1; b <= HALF_WINDOW; ++b) {
-      if (!(updated_together(grid, clock, row + a, column + b) && updated_together(grid, clock, row - a, column - b)))
+      if (!whole && !(reader.updated_together(row + a, column + b) && reader.updated_together(row - a, column - b)))
         continue;
-      const Velocities p = read(row + a, column + b), q = read(row - a, column - b);
+      const std::ptrdiff_t away = static_cast<std::ptrdiff_t>(a) * grid.columns + b;
+      const Velocities p = reader.read(here + away), q = reader.read(here - away);
       if (std::isnan(p.v0 + q.v0)) continue;
       speeds.add(p.v0 - v.v0, q.v0 - v.v0);
       if (bends && !std::isnan(p.v1 + p.v2 + q.v1 + q.v2)) {
@@ -112,14 +135,6 @@ Motion motion_in_noise(const HeightGrid& grid, int row, int column, const Clock&
   if (!bends) return {velocity, 0.0};
   return {velocity,
           agreed(denoised(change, changes, variances.change), denoised(change_1, changes_1, variances.change_1))};
-}
-
-}  // namespace
-
-Motion motion_at(const HeightGrid& grid, int row, int column, const Clock& clock, const Phase& phase) {
-  if (grid.noise > 0.0) return motion_in_noise(grid, row, column, clock, phase);
-  const Velocities v = velocities_at(grid, row, column, clock.newest);
-  return motion_of(v.v0, v.v1, v.v2, phase, grid.max_velocity);
 }
 
 }  // namespace smartmesh

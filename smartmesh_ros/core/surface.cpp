@@ -8,85 +8,39 @@ namespace smartmesh {
 
 namespace {
 
-// Distance outside a map at which a point still counts as on its edge [samples].
-constexpr double EDGE = 1e-6;
-// Share of a cell by which a gap between tiles may be wider than a cell, against rounding.
-constexpr double GAP_ROUNDING = 1e-6;
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 
-// Returns how far a point lies outside a grid [samples], along the axis where it is farthest.
-double beyond(const HeightGrid& grid, const GridPoint& p) {
-  return std::max({-p.row, -p.column, p.row - (grid.rows - 1), p.column - (grid.columns - 1), 0.0});
-}
+// Layouts count in steps that no changes of tiles make up for.
+constexpr long NEW_LAYOUT = 1L << 32;
+
+bool is_higher(const MeshPoint& mesh, double height) { return !(mesh.height <= height) && !std::isnan(mesh.height); }
 
 }  // namespace
 
-GroundPoint grid_ground(const HeightGrid& grid, GridPoint place, double time, double ahead) {
-  const double row = std::clamp(place.row, 0.0, grid.rows - 1.0);
-  const double column = std::clamp(place.column, 0.0, grid.columns - 1.0);
-  const int r = std::min(static_cast<int>(row), grid.rows - 2), c = std::min(static_cast<int>(column), grid.columns - 2);
-  const double v = row - r, u = column - c;
-  const bool upper = u < v;
-  GridReader reader(grid, time, ahead);
-  const struct {
-    double weight;
-    int row, column;
-  } corners[3] = {{1.0 - std::max(u, v), r, c},
-                  {std::abs(u - v), upper ? r + 1 : r, upper ? c : c + 1},
-                  {std::min(u, v), r + 1, c + 1}};
-  GroundPoint ground{0.0, 0.0};
-  for (const auto& corner : corners) {
-    if (corner.weight == 0.0) continue;
-    const Sample sample = reader.read(corner.row, corner.column);
-    ground.height += corner.weight * sample.height;
-    ground.velocity += corner.weight * sample.rise / ahead;
+MeshPoint SurfaceReader::meshes_at(double x, double y, double z, const MeshReader*& highest) {
+  MeshPoint found;
+  for (MeshReader& mesh : meshes) {
+    const MeshPoint ground = mesh.below(x, y, z);
+    if (is_higher(ground, found.height)) found = ground, highest = &mesh;
   }
-  return ground;
+  return found;
 }
 
-GroundPoint Surface::at(double x, double y, double time, double ahead, double z) const {
-  const GroundPoint tile = tiles_at(x, y, time, ahead);
-  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
-  return mesh.height <= tile.height || std::isnan(mesh.height) ? tile : GroundPoint{mesh.height, mesh.velocity.z};
+GroundPoint SurfaceReader::at(double x, double y, double z) {
+  const GridFacet tile = tiles.at(x, y).facet;
+  const MeshReader* highest = nullptr;
+  const MeshPoint mesh = meshes_at(x, y, z, highest);
+  return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity.z} : GroundPoint{tile.height, tile.velocity};
 }
 
-MeshPoint Surface::meshes_at(double x, double y, double z, double time, double ahead) const {
-  MeshPoint highest{NONE, {}, {}};
-  for (const MeshSurface* mesh : meshes_) {
-    const MeshPoint ground = mesh->below(x, y, z, time, ahead);
-    if (!(ground.height <= highest.height) && !std::isnan(ground.height)) highest = ground;
-  }
-  return highest;
+void SurfaceReader::prepare(std::size_t count) {
+  for (MeshReader& mesh : meshes) mesh.prepare(count);
 }
 
-GroundPoint Surface::tiles_at(double x, double y, double time, double ahead) const {
-  for (const HeightGrid* grid : tiles_) {
-    const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
-    if (!(beyond(*grid, place) <= EDGE)) continue;  // also if it is so far away that it is no number
-    const GroundPoint ground = grid_ground(*grid, place, time, ahead);
-    if (!std::isnan(ground.height)) return ground;
-  }
-  return tiles_.size() > 1 ? bridged(x, y, time, ahead) : GroundPoint{NONE, 0.0};
-}
-
-GroundPoint Surface::bridged(double x, double y, double time, double ahead) const {
-  const double widest = widest_cell() * (1.0 + GAP_ROUNDING);
-  double weights = 0.0;
-  GroundPoint sum{0.0, 0.0};
-  int sides = 0;
-  for (const HeightGrid* grid : tiles_) {
-    const GridPoint place = to_grid(grid->pose_at(time), grid->resolution, x, y);
-    const double distance = beyond(*grid, place) * grid->resolution;
-    if (!(distance > 0.0 && distance <= widest)) continue;
-    const GroundPoint edge = grid_ground(*grid, place, time, ahead);
-    if (std::isnan(edge.height)) continue;
-    weights += 1.0 / distance;
-    sum.height += edge.height / distance;
-    sum.velocity += edge.velocity / distance;
-    ++sides;
-  }
-  if (sides < 2) return {NONE, 0.0};
-  return {sum.height / weights, sum.velocity / weights};
+SurfaceReader Surface::reader(double time, double ahead) const {
+  SurfaceReader made{{tiles_, time, ahead}, {}};
+  for (const MeshSurface* mesh : meshes_) made.meshes.emplace_back(*mesh, time, ahead);
+  return made;
 }
 
 double Surface::widest_cell() const {
@@ -102,7 +56,7 @@ Bounds Surface::with_gaps(const Bounds& bounds) const {
 void Surface::set_tiles(const std::vector<const HeightGrid*>& tiles, const std::vector<const MeshSurface*>& meshes) {
   tiles_ = tiles;
   meshes_ = meshes;
-  ++layout_;
+  layout_ += NEW_LAYOUT;
 }
 
 long Surface::revision() const {
@@ -192,40 +146,33 @@ void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, doub
   pose.y += u * pose.sin + v * pose.cos;
   window_.pose = pose;
   window_.heights.resize(static_cast<std::size_t>(window_.rows) * window_.columns);
+  TileReader tiles(tiles_, time, INSTANT);
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.point(r, c);
-      window_.at(r, c) = tiles_at(p.x, p.y, time, INSTANT).height;
+      window_.at(r, c) = tiles.sample(p.x, p.y).height;
     }
   }
 }
 
 GroundMotion Surface::motion_at(double x, double y, double half, double time, double ahead, double z) const {
-  const GroundPoint here = tiles_at(x, y, time, ahead);
-  const MeshPoint mesh = meshes_at(x, y, z, time, ahead);
-  GroundMotion motion;
-  if (!(mesh.height <= here.height) && !std::isnan(mesh.height))
-    return {true, {x, y, mesh.height}, mesh.velocity, mesh.turn};
-  if (std::isnan(here.height)) return motion;
-  motion.known = true;
-  motion.foot = {x, y, here.height};
-  motion.linear = {0.0, 0.0, here.velocity};
+  SurfaceReader ground = reader(time, ahead);
+  TileReader& tiles = ground.tiles;
+  const TileFacet here = tiles.at(x, y);
+  const MeshReader* highest = nullptr;
+  const MeshPoint mesh = ground.meshes_at(x, y, z, highest);
+  if (is_higher(mesh, here.facet.height)) return {true, {x, y, mesh.height}, mesh.velocity, highest->turn(mesh.facet)};
+  if (here.tile == nullptr) return {};
   const auto slope = [&](double dx, double dy) {
-    const GroundPoint low = tiles_at(x - dx, y - dy, time, ahead), high = tiles_at(x + dx, y + dy, time, ahead);
-    if (std::isnan(low.height) || std::isnan(high.height)) return 0.0;
-    return (high.velocity - low.velocity) / (2.0 * half);
+    const TileFacet low = tiles.at(x - dx, y - dy), high = tiles.at(x + dx, y + dy);
+    if (low.tile == nullptr || high.tile == nullptr) return 0.0;
+    return (high.facet.velocity - low.facet.velocity) / (2.0 * half);
   };
-  motion.angular = {slope(0.0, half), -slope(half, 0.0), 0.0};
-  for (const HeightGrid* grid : tiles_) {
-    const GridPose pose = grid->pose_at(time);
-    const GridPoint place = to_grid(pose, grid->resolution, x, y);
-    if (beyond(*grid, place) > 1.0) continue;
-    motion.linear.x = pose.slide_x - pose.spin * (y - pose.y);
-    motion.linear.y = pose.slide_y + pose.spin * (x - pose.x);
-    motion.angular.z = pose.spin;
-    break;
-  }
-  return motion;
+  const Vec3 slide = here.tile->slide(x, y);
+  return {true,
+          {x, y, here.facet.height},
+          {slide.x, slide.y, here.facet.velocity},
+          {slope(0.0, half), -slope(half, 0.0), slide.z}};
 }
 
 }  // namespace smartmesh

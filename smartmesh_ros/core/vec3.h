@@ -55,9 +55,10 @@ struct Bounds {
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
+  // All comparisons are made, because which one fails first is anybody's guess, also the processor's.
   bool meets(const Bounds& other) const {
-    return low.x <= other.high.x && other.low.x <= high.x && low.y <= other.high.y && other.low.y <= high.y &&
-           low.z <= other.high.z && other.low.z <= high.z;
+    return (low.x <= other.high.x) & (other.low.x <= high.x) & (low.y <= other.high.y) & (other.low.y <= high.y) &
+           (low.z <= other.high.z) & (other.low.z <= high.z);
   }
 };
 

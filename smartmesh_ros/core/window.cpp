@@ -40,8 +40,7 @@ void read_window(const HeightGrid& grid, const CellRange& cells, double time, Wi
   window.pose.y += u * window.pose.sin + v * window.pose.cos;
   window.heights.resize(static_cast<std::size_t>(window.rows) * window.columns);
   GridReader reader(grid, time, 0.0);
-  for (int r = 0; r < window.rows; ++r)
-    reader.read_row(top + r, left, left + window.columns, &window.at(r, 0));
+  for (int r = 0; r < window.rows; ++r) reader.read_row(top + r, left, window.columns, &window.at(r, 0));
 }
 
 }  // namespace smartmesh

@@ -342,7 +342,7 @@ class Ground:
         """Return those followers in ``slots`` (n,) whose middle is below the ground: the slot, the depth of its lowest
         point [m], and the ground's vertical velocity [m/s]. Ground of meshes above a middle counts only where there is
         none below it."""
-        followers, tiles = self.followers, [mesh.core_reader for mesh in self.terrain.tiles.values()]
+        followers, tiles = self.followers, self.terrain.readers
         found: list[tuple[int, float, float]] = CORE.find_below(
             followers.shape_table.core, followers.states, slots, tiles, time
         )

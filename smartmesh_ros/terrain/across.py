@@ -6,7 +6,7 @@ import numpy as np
 
 from smartmesh_ros.terrain.grid import IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap, Samples
-from smartmesh_ros.terrain.moving_grid import INSTANT
+from smartmesh_ros.terrain.motion import INSTANT
 from smartmesh_ros.terrain.terrain import Terrain
 
 
@@ -23,6 +23,6 @@ def samples_across(
     if outside.any():
         samples.heights[outside], samples.velocities[outside] = np.nan, 0.0
         if len(terrain.tiles) > 1:
-            beyond = terrain.around(heightmap.placed_at(time).to_world(rows[outside], columns[outside]), time)
+            beyond = terrain.at(heightmap.placed_at(time).to_world(rows[outside], columns[outside]), time)
             samples.heights[outside], samples.velocities[outside] = beyond
     return samples

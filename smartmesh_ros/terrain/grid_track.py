@@ -88,12 +88,6 @@ def motion_between(before: GridGeometry, after: GridGeometry, duration: float) -
     return RigidMotion((x * cos - y * sin) * inverse, (x * sin + y * cos) * inverse, turn / duration)
 
 
-def velocity_after(motion: RigidMotion, duration: float) -> tuple[float, float]:
-    """Return the velocity of sample (0, 0) after a ``duration`` [s] of a motion [m/s]."""
-    cos, sin = math.cos(motion.spin * duration), math.sin(motion.spin * duration)
-    return motion.x * cos - motion.y * sin, motion.x * sin + motion.y * cos
-
-
 def cells_moved(before: GridGeometry, after: GridGeometry) -> Cells | None:
     """Return the (rows, columns) by which a grid moved; None for a different grid or one without common samples."""
     if after.origin[2] != before.origin[2] or not same_grid(before, after):

@@ -7,16 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
 from smartmesh_ros.terrain.correction import BLOCK, take_corrected
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, moved_on, velocity_after
+from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow
 from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, KEPT, MotionConfig, phase_of
-from smartmesh_ros.terrain.moving_grid import INSTANT, MovingGrid, fill_ground, ground_at, read_window, samples_at
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
+from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import samples_in, take_heights, take_rectangles
 
@@ -32,6 +33,15 @@ class Samples(NamedTuple):
 
     heights: FloatArray
     velocities: FloatArray
+
+
+def ground_heights(readers: list[Any], xy_w: ArrayLike, time: float) -> Samples:
+    """Return the highest ground of maps and meshes, by their core's readers, under points (N, 2) [m] at ``time`` [s],
+    shapes (N,); NaN = no ground."""
+    points = np.atleast_2d(np.ascontiguousarray(xy_w, np.float64))
+    samples = Samples(np.empty(len(points)), np.empty(len(points)))
+    CORE.ground_heights(readers, points, time, *samples)
+    return samples
 
 
 class HeightMap:
@@ -117,7 +127,7 @@ class HeightMap:
 
     @property
     def core_reader(self) -> Any:
-        """The reader of this map in the C++ core, which must be built."""
+        """The reader of this map in the C++ core."""
         if self._core is None:
             self._core = core_grid_of(self)
         return self._core
@@ -169,7 +179,8 @@ class HeightMap:
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
         self._shown = time if self._shown == math.inf else max(self._shown, time)
-        self._tell_core()
+        if self._core is not None:
+            self._core.show(self._shown)
 
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
         """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
@@ -181,8 +192,8 @@ class HeightMap:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
         else:
-            shown, rises = np.empty(self._heights.shape), np.empty(self._heights.shape)
-            read_window(before.moved_to(before.time), *cells, 1, before.time, 0.0, shown, rises)
+            shown = np.empty(self._heights.shape)
+            CORE.grid_window(before.core_reader, *cells, before.time, shown)
             if self.fused is not None and before.fused is not None:
                 self.fused = fused_across(before.fused, self.fused, cells, max(self.time - before.time, 0.0))
         known = self._heights.copy() if self.fused is None else self.fused.heights
@@ -264,6 +275,7 @@ class HeightMap:
                 end = start + shape[0] * shape[1]
                 self._take(top, left, new[start:end].reshape(shape), None, time, None)
                 start = end
+            self._tell_core()
             return
         assert speeds is not None
         self.version += len(places)
@@ -306,11 +318,13 @@ class HeightMap:
     def set_velocities(self, velocities: NDArray[np.float32]) -> None:
         """Set the vertical velocities (rows, columns) [m/s] of the newest heights."""
         self._store(0, 0, self._heights.copy(), velocities, self.time)
+        self._tell_core()
 
     def go_on_from(self, before: "HeightMap") -> None:
         """Estimate vertical velocities as if these heights had replaced those of ``before``, a map on the same grid but
         for the height of its origin."""
         new, time = self._heights, self.time
+        self._core = None  # it reads the arrays that are replaced here
         self._heights = before._heights + np.float32(before.geometry.origin[2] - self.geometry.origin[2])
         self._clocks = before._clocks.copy()
         if before.has_velocities:
@@ -329,16 +343,9 @@ class HeightMap:
     def moved_to(self, time: float) -> MovingGrid:
         """Return the map for compiled functions, at its pose at ``time`` [s]."""
         geometry, motion = self.geometry, self.motion
-        x, y, z = geometry.origin
-        yaw, slide_x, slide_y, spin = geometry.yaw, 0.0, 0.0, 0.0
-        if self.track.interval:
-            moving = self.track.motion
-            along, _, rate, *_ = phase_of(time, self.track.time, self.track.interval, 0.0, motion.code, self.delay)
-            x, y, yaw = moved_on(geometry, moving, along)
-            slide_x, slide_y = velocity_after(moving, along)
-            slide_x, slide_y, spin = rate * slide_x, rate * slide_y, rate * moving.spin
+        x, y, cos, sin, slide_x, slide_y, spin = CORE.grid_pose(self.core_reader, time)
         return MovingGrid(
-            self._heights, self._velocities, self._clocks, x, y, z, math.cos(yaw), math.sin(yaw), geometry.resolution,
+            self._heights, self._velocities, self._clocks, x, y, geometry.origin[2], cos, sin, geometry.resolution,
             slide_x, slide_y, spin, motion.code, motion.max_velocity, self._offsets, self._shown, motion.settle,
             self.noise,
         )  # fmt: skip
@@ -347,8 +354,8 @@ class HeightMap:
         """Return the grid at its pose at ``time`` [s]."""
         if not self.track.interval:
             return self.geometry
-        grid = self.moved_to(time)
-        return dataclasses.replace(self.geometry, origin=(grid.x, grid.y, grid.z), yaw=math.atan2(grid.sin, grid.cos))
+        x, y, cos, sin, *_ = CORE.grid_pose(self.core_reader, time)
+        return dataclasses.replace(self.geometry, origin=(x, y, self.geometry.origin[2]), yaw=math.atan2(sin, cos))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
         """Return the ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map; shapes (...).
@@ -357,7 +364,7 @@ class HeightMap:
         """
         flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
         heights, velocities = np.empty(len(flat)), np.empty(len(flat))
-        samples_at(self.moved_to(time), flat, time, ahead, heights, velocities)
+        CORE.sample_grid(self.core_reader, flat, time, ahead, heights, velocities)
         return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
 
     def beyond(self, xy_w: FloatArray) -> FloatArray:
@@ -371,15 +378,7 @@ class HeightMap:
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""
-        points = np.atleast_2d(np.asarray(xy_w, np.float64))
-        samples = self.at_edge(points, time)
-        samples.heights[self.beyond(points) > 0.0] = np.nan
-        return samples
-
-    def fill(self, xy_w: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
-        """Write the ground under points (N, 2) [m] at ``time`` [s] to ``heights`` and ``velocities`` (N,), where the
-        height is still NaN; points outside the map stay as they are."""
-        fill_ground(self.moved_to(time), np.ascontiguousarray(xy_w), time, EDGE, heights, velocities)
+        return ground_heights([self.core_reader], xy_w, time)
 
     def deviations_at(self, xy_w: FloatArray) -> FloatArray:
         """Return the standard deviation of the fused heights of the samples nearest to points (N, 2) [m]; zero outside
@@ -391,12 +390,6 @@ class HeightMap:
             variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
             deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
         return deviations
-
-    def at_edge(self, xy_w: FloatArray, time: float) -> Samples:
-        """Return the ground as `at` does, with points outside the map clamped to its edge."""
-        heights, velocities = np.empty(len(xy_w)), np.empty(len(xy_w))
-        ground_at(self.moved_to(time), np.ascontiguousarray(xy_w[:, :2]), time, heights, velocities)
-        return Samples(heights, velocities)
 
     def _tell_core(self) -> None:
         """Tell the core what has changed beside the arrays."""

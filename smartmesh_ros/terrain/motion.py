@@ -74,6 +74,10 @@ CLOCK = np.dtype(
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2")  # fields that are instants
 
 
+# A very short duration [s]. Instantaneous velocities are rises within it, divided by it.
+INSTANT = 1e-9
+
+
 @dataclass(frozen=True, kw_only=True)
 class MotionConfig:
     """Motion of the ground between maps, which arrive at 10-60 Hz while physics runs faster.

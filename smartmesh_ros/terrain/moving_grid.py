@@ -10,12 +10,8 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.compiled import compiled, inlined
 from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import AT_REST, KEPT, Mode, block_phase, displacement, motion_of, rise_of
+from smartmesh_ros.terrain.motion import INSTANT, KEPT, Mode, block_phase, displacement, motion_of, rise_of
 from smartmesh_ros.terrain.noisy_motion import motion_in_noise, noise_variances
-
-# A very short duration [s]. Instantaneous velocities are rises within it, divided by it.
-INSTANT = 1e-9
 
 
 class MovingGrid(NamedTuple):
@@ -104,44 +100,6 @@ def motion_at(grid, row, column, clock, phase):
 
 
 @compiled
-def read_window(
-    grid: MovingGrid, row: int, column: int, stride: int, time: float, ahead: float, heights: FloatArray,
-    rises: FloatArray,
-) -> None:  # fmt: skip
-    """Write ``heights`` (h, w) [m] at ``time`` [s] and ``rises`` (h, w) [m] within the time ``ahead`` [s] of a window.
-
-    The window starts at sample (``row``, ``column``) and takes every ``stride``-th sample. Heights are NaN beyond the
-    edge and in holes.
-    """
-    rows, columns = grid.heights.shape
-    high, wide = heights.shape
-    for a in range(high):
-        r = row + a * stride
-        block, known, left = -1, 0, 0.0
-        clock, phase = grid.clocks[0, 0], AT_REST
-        for b in range(wide):
-            c = column + b * stride
-            if r < 0 or c < 0 or r >= rows or c >= columns:
-                heights[a, b], rises[a, b] = math.nan, 0.0
-                continue
-            if c >> BLOCK_SHIFT != block:
-                block = c >> BLOCK_SHIFT
-                clock = grid.clocks[r >> BLOCK_SHIFT, block]
-                known = clock.known
-                if grid.mode == Mode.CORRECT:
-                    known, left = 0, remaining(clock, grid.shown, grid.settle)
-                phase = block_phase(clock, time, grid.mode)
-            height, rise = grid.z + float(grid.heights[r, c]), 0.0
-            if known:
-                velocity, acceleration = motion_at(grid, r, c, clock, phase)
-                height += displacement(velocity, acceleration, phase)
-                rise = rise_of(velocity, acceleration, phase, ahead)
-            elif left > 0.0:
-                height += left * float(grid.offsets[r, c])
-            heights[a, b], rises[a, b] = height, rise
-
-
-@compiled
 def triangle_weights(row: float, column: float, rows: int, columns: int) -> tuple[int, int, float, float, int]:
     """Return the triangle at a point given as fractional (row, column).
 
@@ -170,47 +128,3 @@ def surface_at_sample(grid: MovingGrid, row: float, column: float, time: float) 
             height += weight * z
             velocity += weight * rise / INSTANT
     return height, velocity
-
-
-@compiled
-def ground_at(grid: MovingGrid, xy: FloatArray, time: float, heights: FloatArray, velocities: FloatArray) -> None:
-    """Write ``heights`` (N,) [m] and vertical ``velocities`` (N,) [m/s] of the ground under points ``xy`` (N, 2) [m].
-
-    Heights are NaN over holes. Points outside the map are clamped to its edge.
-    """
-    rows, columns = grid.heights.shape
-    for i in range(len(xy)):
-        if not (math.isfinite(xy[i, 0]) and math.isfinite(xy[i, 1])):
-            heights[i], velocities[i] = math.nan, 0.0
-            continue
-        row, column = to_grid(grid, xy[i, 0], xy[i, 1])
-        row, column = min(max(row, 0.0), rows - 1.0), min(max(column, 0.0), columns - 1.0)
-        heights[i], velocities[i] = surface_at_sample(grid, row, column, time)
-
-
-@compiled
-def fill_ground(
-    grid: MovingGrid, xy: FloatArray, time: float, edge: float, heights: FloatArray, velocities: FloatArray
-) -> None:
-    """Write ``heights`` (N,) [m] and vertical ``velocities`` (N,) [m/s] of the ground as `ground_at`, where the height
-    is still NaN and the point is on the map. Points up to ``edge`` samples beyond the map count as on it."""
-    rows, columns = grid.heights.shape
-    for i in range(len(xy)):
-        if not math.isnan(heights[i]):
-            continue
-        row, column = to_grid(grid, xy[i, 0], xy[i, 1])
-        if -edge <= row <= rows - 1.0 + edge and -edge <= column <= columns - 1.0 + edge:
-            row, column = min(max(row, 0.0), rows - 1.0), min(max(column, 0.0), columns - 1.0)
-            heights[i], velocities[i] = surface_at_sample(grid, row, column, time)
-
-
-@compiled
-def samples_at(grid: MovingGrid, indices, time: float, ahead: float, heights: FloatArray, velocities: FloatArray):
-    """Write ``heights`` [m] and mean ``velocities`` [m/s] over the time ``ahead`` [s] of samples, all (n,).
-
-    ``indices``: into the row-major map.
-    """
-    columns = grid.heights.shape[1]
-    for i in range(len(indices)):
-        heights[i], rise = sample_at(grid, indices[i] // columns, indices[i] % columns, time, ahead)
-        velocities[i] = rise / ahead

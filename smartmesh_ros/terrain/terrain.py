@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from itertools import count
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap, Samples
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.scrolling import correct_across, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -86,20 +87,18 @@ class Terrain:
         """Coarsest resolution of all height maps [m], the widest gap between tiles that is bridged."""
         return max((m.geometry.resolution for m in self.tiles.values() if isinstance(m, HeightMap)), default=0.0)
 
+    @property
+    def readers(self) -> list[Any]:
+        """The core's readers of all tiles."""
+        return [mesh.core_reader for mesh in self.tiles.values()]
+
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
-        """Return the ground under N points (N, 2) [m] at ``time`` [s]; NaN where no tile has ground. Shapes (N,)."""
-        points = np.atleast_2d(np.asarray(xy_w, np.float64))
-        heights = np.full(len(points), np.nan)
-        velocities = np.zeros(len(points))
-        for mesh in self.tiles.values():
-            if isinstance(mesh, HeightMap):
-                mesh.fill(points, time, heights, velocities)
-                continue
-            missing = np.isnan(heights)
-            if missing.any():
-                found = mesh.at(points[missing], time)
-                heights[missing], velocities[missing] = found
-        return Samples(heights, velocities)
+        """Return the highest ground under N points (N, 2) [m] at ``time`` [s], shapes (N,); NaN = no ground.
+
+        A point on several height maps belongs to the first one that has ground there. Gaps of up to a cell between
+        height maps are ground, too.
+        """
+        return ground_heights(self.readers, xy_w, time)
 
     def deviations_at(self, xy_w: FloatArray) -> FloatArray:
         """Return the standard deviation of fused heights at points (N, 2) [m], zero where maps are not fused (N,)
@@ -109,30 +108,3 @@ class Terrain:
             if isinstance(mesh, HeightMap) and mesh.fused is not None:
                 deviations = np.maximum(deviations, mesh.deviations_at(xy_w))
         return deviations
-
-    def around(self, xy_w: FloatArray, time: float) -> Samples:
-        """Return the ground under points (N, 2) [m] for patches that cross from tile to tile. Shapes (N,).
-
-        As `at`, but gaps of up to a cell between tiles are filled by interpolation between the tiles' edges.
-        """
-        heights, velocities = self.at(xy_w, time)
-        gap = np.flatnonzero(np.isnan(heights))
-        if not gap.size:
-            return Samples(heights, velocities)
-        maps = [mesh for mesh in self.tiles.values() if isinstance(mesh, HeightMap)]
-        widest = self.widest_cell * (1.0 + 1e-6)
-        total = np.zeros((3, gap.size))  # weights, weighted heights, weighted velocities
-        sides = np.zeros(gap.size, np.int64)
-        for heightmap in maps:
-            beyond = heightmap.beyond(xy_w[gap])
-            near = np.flatnonzero((beyond > 0.0) & (beyond <= widest))
-            if near.size:
-                edge = heightmap.at_edge(xy_w[gap[near]], time)
-                known = ~np.isnan(edge.heights)
-                weight = 1.0 / beyond[near[known]]
-                total[:, near[known]] += weight, weight * edge.heights[known], weight * edge.velocities[known]
-                sides[near[known]] += 1
-        bridged = sides > 1  # interpolation needs two tiles
-        heights[gap[bridged]] = total[1, bridged] / total[0, bridged]
-        velocities[gap[bridged]] = total[2, bridged] / total[0, bridged]
-        return Samples(heights, velocities)

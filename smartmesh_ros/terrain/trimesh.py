@@ -9,26 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.core_grid import core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import Samples
+from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import (
-    CLOCK,
-    CLOCK_TIMES,
-    KEPT,
-    REST_AFTER,
-    MotionConfig,
-    block_phase,
-    displacement,
-    motion_of,
-    rise_of,
-)
-from smartmesh_ros.terrain.moving_grid import INSTANT
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, REST_AFTER, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision
 from smartmesh_ros.terrain.updates import CORRECTION, UNCHANGED, note_update
 
@@ -117,7 +106,7 @@ class TriangleMesh:
 
     @property
     def core_reader(self) -> Any:
-        """The reader of this mesh in the C++ core, which must be built."""
+        """The reader of this mesh in the C++ core."""
         if self._core is None:
             self._core = core_mesh_of(self)
         return self._core
@@ -220,12 +209,8 @@ class TriangleMesh:
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
         positions, velocities = np.empty((len(indices), 3)), np.empty((len(indices), 3))
-        chosen = np.asarray(indices, np.int64)
-        motion = self.motion
-        vertices_at(
-            self._now, self._velocities, self._clock, chosen, time, ahead, motion.code, motion.max_velocity, positions,
-            velocities,
-        )  # fmt: skip
+        chosen = np.ascontiguousarray(indices, np.int64)
+        CORE.sample_mesh(self.core_reader, chosen, time, ahead, positions, velocities)
         return MeshSamples(positions, velocities)
 
     def beyond(self, xy_w: FloatArray) -> FloatArray:
@@ -236,27 +221,7 @@ class TriangleMesh:
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""
-        points = np.atleast_2d(np.asarray(xy_w, np.float64))
-        everything = self.sample(np.arange(self.size), time)
-        heights = np.full(len(points), np.nan)
-        velocities = np.zeros(len(points))
-        for index, point in enumerate(points):
-            corners, weights = self._over(everything.positions, point)
-            if len(corners):
-                z = (weights * everything.positions[corners, 2]).sum(axis=1)
-                top = int(z.argmax())
-                heights[index] = z[top]
-                velocities[index] = float(weights[top] @ everything.velocities[corners[top], 2])
-        return Samples(heights, velocities)
-
-    def _over(self, positions: FloatArray, point: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the corners (n, 3) of the triangles at a point (2,), and its barycentric weights (n, 3) in them."""
-        a, b, c = (positions[self.triangles[:, corner], :2] - point for corner in range(3))
-        u, v, w = _cross(b, c), _cross(c, a), _cross(a, b)
-        area = u + v + w
-        # Inside: all three have the sign of the area. Vertical triangles have no area and are skipped.
-        hit = np.flatnonzero((u * area >= 0.0) & (v * area >= 0.0) & (w * area >= 0.0) & (area != 0.0))
-        return self.triangles[hit], np.stack([u[hit], v[hit], w[hit]], axis=1) / area[hit, None]
+        return ground_heights([self.core_reader], xy_w, time)
 
     def triangles_within(self, vertices: IntArray) -> IntArray:
         """Return the triangles (n,), ascending, whose corners are all among ``vertices`` (k,)."""
@@ -268,37 +233,12 @@ class TriangleMesh:
         return inside
 
 
-@compiled
-def vertices_at(now, velocities, clock, indices, time, ahead, mode, max_velocity, positions, rates):
-    """Write ``positions`` (n, 3) [m] and ``rates`` (n, 3) [m/s] of vertices (n,) at ``time`` [s].
-
-    Rates are mean velocities over the time ``ahead`` [s]. ``now``: positions at the last update (3, V).
-    ``velocities``: ring buffer (KEPT, 3, V).
-    """
-    phase = block_phase(clock[0], time, mode)
-    newest = clock[0].newest
-    first, second = (newest + KEPT - 1) % KEPT, (newest + KEPT - 2) % KEPT
-    for i in range(len(indices)):
-        vertex = indices[i]
-        for axis in range(3):
-            velocity, acceleration = motion_of(
-                velocities[newest, axis, vertex], velocities[first, axis, vertex], velocities[second, axis, vertex],
-                phase, max_velocity,
-            )  # fmt: skip
-            positions[i, axis] = now[axis, vertex] + displacement(velocity, acceleration, phase)
-            rates[i, axis] = rise_of(velocity, acceleration, phase, ahead) / ahead
-
-
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
     """Return the triangles (T, 3) of a grid of rows x columns vertices, in the report's pattern (Figure 3)."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
     upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
-
-
-def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
 def _mean_edge(coordinates: FloatArray, triangles: IntArray) -> float:

@@ -109,14 +109,14 @@ def test_a_ball_over_a_gap_lies_on_the_bridge_between_a_low_coarse_tile_and_a_hi
     coarse = HeightMap(np.zeros((21, 21)), resolution=0.5, origin=(0.5, -5.0))
     fine = HeightMap(np.full((101, 101), 2.0), resolution=0.1, origin=(-10.0, -5.0))
     with World(terrain_of(coarse=coarse, fine=fine), WorldConfig(physics=PhysicsConfig(guard=False))) as world:
-        ground = float(world.terrain.around(np.array([[0.4, 0.0]]), 0.0).heights[0])
+        ground = float(world.terrain.at(np.array([[0.4, 0.0]]), 0.0).heights[0])
         assert ground > 0.3
         world.spawn("ball", Sphere(0.05), 1.0, BodyState((0.4, 0.0, ground + 0.3), linear=(0.0, 0.0, -2.0)))
         deepest = 0.0
         for _ in range(60):
             world.step()
             x, y, z = world.state("ball").position
-            under = float(world.terrain.around(np.array([[x, y]]), world.time).heights[0])
+            under = float(world.terrain.at(np.array([[x, y]]), world.time).heights[0])
             deepest = max(deepest, under - z)
     assert deepest < 0.05
 

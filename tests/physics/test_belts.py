@@ -65,7 +65,7 @@ def test_a_belt_whose_maps_take_the_place_of_heights_where_it_stops_has_stopped(
         assert heightmap.track.motion[:2] == pytest.approx((0.3, 0.0))
         heightmap.replace(heights, time=13 / 60)
         assert heightmap.track.motion[:2] == (0.0, 0.0)
-        assert heightmap.moved_to(14 / 60).x == heightmap.geometry.origin[0]
+        assert heightmap.placed_at(14 / 60).origin[0] == heightmap.geometry.origin[0]
 
 
 def test_a_belt_that_passes_whole_cells_a_map_goes_on() -> None:

@@ -1,4 +1,4 @@
-"""What the ground does between two maps, sample by sample."""
+"""What the ground does between two maps, sample by sample: properties of the law that the core's reader gives."""
 
 from __future__ import annotations
 
@@ -11,20 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.motion import (
-    AGREEMENT,
-    AT_REST,
-    LATE_AFTER,
-    REST_AFTER,
-    Mode,
-    MotionConfig,
-    Phase,
-    agreed,
-    displacement,
-    motion_of,
-    phase_of,
-    rise_of,
-)
+from smartmesh_ros.terrain.motion import AGREEMENT, LATE_AFTER, REST_AFTER, Mode, MotionConfig
+from tests.terrain.motion_law import AT_REST, Phase, agreed, displacement, motion_of, phase_of, rise_of
 
 AGES = np.linspace(0.0, 1.0, 2001)
 INTERVAL = 0.1
@@ -35,7 +23,7 @@ accelerations = st.floats(-100.0, 100.0)
 
 def phase_at(age: float, mode: Mode = Mode.EXTRAPOLATE, lag: float = 0.5 * INTERVAL) -> Phase:
     """Of ground whose last map came at time 0 and is due again after an INTERVAL."""
-    return Phase(*phase_of(age, 0.0, INTERVAL, lag, int(mode)), 0.0, 0.0)
+    return phase_of(age, 0.0, INTERVAL, lag, int(mode))
 
 
 def height_at(age: float, velocity: float, acceleration: float, mode: Mode = Mode.EXTRAPOLATE) -> float:
@@ -89,7 +77,8 @@ def test_a_fast_second_order_motion_is_that_of_a_falling_stone() -> None:
     """Ground that accelerates evenly is where it will be, with velocities as differences of its maps."""
     heights = [0.5 * 3.0 * (k * INTERVAL) ** 2 for k in range(4)]
     speeds = [(b - a) / INTERVAL for a, b in pairwise(heights)]
-    phase = Phase(*phase_of(3.5 * INTERVAL, 3 * INTERVAL, INTERVAL, 0.5 * INTERVAL, 1), 1 / INTERVAL, 1 / INTERVAL)
+    phase = phase_of(3.5 * INTERVAL, 3 * INTERVAL, INTERVAL, 0.5 * INTERVAL, 1)
+    phase = phase._replace(inverse=1 / INTERVAL, inverse_1=1 / INTERVAL)
     v, a = motion_of(speeds[2], speeds[1], speeds[0], phase, 25.0)
     assert a == pytest.approx(3.0)
     assert heights[3] + displacement(v, a, phase) == pytest.approx(0.5 * 3.0 * (3.5 * INTERVAL) ** 2)
@@ -154,7 +143,7 @@ def test_hold_keeps_the_heights_and_carries_the_velocity_while_maps_come() -> No
 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_ground_of_which_no_map_is_expected_is_at_rest(mode: Mode) -> None:
-    assert Phase(*phase_of(0.3, 0.0, 0.0, 0.05, int(mode)), 0.0, 0.0) == AT_REST
+    assert phase_of(0.3, 0.0, 0.0, 0.05, int(mode)) == AT_REST
 
 
 @pytest.mark.parametrize("bad", [{"mode": "guess"}, {"max_interval": 0.0}, {"max_velocity": float("nan")}])

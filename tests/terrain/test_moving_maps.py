@@ -10,11 +10,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import REST_AFTER, MotionConfig, MotionMode
-from smartmesh_ros.terrain.moving_grid import read_window
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
@@ -102,23 +102,6 @@ def test_blocks_that_an_update_does_not_meet_go_on(
     np.testing.assert_array_equal(after.velocities[~met], before.velocities[~met])
 
 
-@given(st.integers(-5, SIDE), st.integers(-5, SIDE), st.integers(1, 9), st.integers(1, 9), st.integers(1, 8))
-@examples(40)
-def test_a_window_is_read_as_its_samples_are(row: int, column: int, high: int, wide: int, stride: int) -> None:
-    """Across blocks whose clocks differ and beyond the edge."""
-    rng = np.random.default_rng(1)
-    heightmap = HeightMap(rng.normal(size=(SIDE, SIDE)), origin=(0.0, 0.0, 2.0), time=0.0)
-    raise_region(heightmap, (0, 0, 40, SIDE), 0.1, 0.05)
-    raise_region(heightmap, (BLOCK, 7, BLOCK, BLOCK), 0.1, 0.08)
-    heights, rises = np.empty((high, wide)), np.empty((high, wide))
-    read_window(heightmap.moved_to(0.1), row, column, stride, 0.1, 0.02, heights, rises)
-    r, c = row + stride * np.arange(high)[:, None], column + stride * np.arange(wide)
-    inside = (r >= 0) & (c >= 0) & (r < SIDE) & (c < SIDE)
-    expected = heightmap.sample(np.where(inside, r * SIDE + c, 0), 0.1, 0.02)
-    np.testing.assert_array_equal(heights, np.where(inside, expected.heights, np.nan))
-    np.testing.assert_allclose(rises, np.where(inside, expected.velocities * 0.02, 0.0), atol=1e-15)
-
-
 @pytest.mark.parametrize(("rate", "gain"), [(20.0, 2.5), (60.0, 4.0)])
 def test_four_maps_predict_waves_better_than_two(rate: float, gain: float) -> None:
     """On the whole by far; nowhere worse than the straight line through two is at its worst."""
@@ -182,6 +165,12 @@ def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     assert not found.velocities.any()
 
 
+def pose_at(heightmap: HeightMap, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Position [m] and horizontal velocity [m/s] (x, y) of a map."""
+    x, y, _, _, *slide, _ = CORE.grid_pose(heightmap.core_reader, time)
+    return (x, y), tuple(slide)
+
+
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.02, 0.1))
 def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interval: float) -> None:
     shape = np.random.default_rng(0).normal(size=(8, 9))
@@ -190,13 +179,13 @@ def test_a_map_that_slides_moves_on_with_its_velocity(x: float, y: float, interv
     terrain.put("", moved)
     sliding = moved.track.motion[:2] != (0.0, 0.0)
     for age in (0.0, 0.3 * interval, interval):
-        grid = moved.moved_to(interval + age)
+        place, slide = pose_at(moved, interval + age)
         went = interval + age if sliding else interval  # else it came by whole cells, or not at all
-        assert (grid.x, grid.y) == pytest.approx((x * went, y * went), abs=1e-9)
-        assert (grid.slide_x, grid.slide_y) == pytest.approx((x, y) if sliding else (0.0, 0.0), abs=1e-6)
-    gone = moved.moved_to(interval + REST_AFTER * interval + 1e-9)
-    assert (gone.x, gone.y) == pytest.approx((x * interval, y * interval))
-    assert (gone.slide_x, gone.slide_y) == (0.0, 0.0)
+        assert place == pytest.approx((x * went, y * went), abs=1e-9)
+        assert slide == pytest.approx((x, y) if sliding else (0.0, 0.0), abs=1e-6)
+    place, slide = pose_at(moved, interval + REST_AFTER * interval + 1e-9)
+    assert place == pytest.approx((x * interval, y * interval))
+    assert slide == (0.0, 0.0)
 
 
 @examples(25)

@@ -12,9 +12,17 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import KEPT, MotionConfig, agreed, block_phase, displacement, motion_of, rise_of
-from smartmesh_ros.terrain.noisy_motion import HALF_WINDOW, SCATTER_MARGIN
+from smartmesh_ros.terrain.motion import KEPT, MotionConfig
 from tests.examples import examples
+from tests.terrain.motion_law import (
+    HALF_WINDOW,
+    SCATTER_MARGIN,
+    agreed,
+    block_phase,
+    displacement,
+    motion_of,
+    rise_of,
+)
 
 SIDE = 70  # more than a block
 INTERVAL = 0.05
@@ -85,14 +93,14 @@ def test_without_noise_it_is_the_motion_of_each_sample_bit_for_bit() -> None:
     heightmap = told([rng.normal(0.0, 0.1, (SIDE, SIDE)) for _ in range(4)], 0.0)
     age = 0.02
     heights, rates = sampled(heightmap, age)
-    grid = heightmap.moved_to(0.0)
+    last, kept, clocks, _ = heightmap.arrays
     time = heightmap.time + age
     for row, column in rng.integers(0, SIDE, (200, 2)).tolist():
-        clock = grid.clocks[row // 64, column // 64]
-        phase = block_phase(clock, time, grid.mode)
-        ring = [grid.velocities[(clock.newest - back) % KEPT, row, column] for back in range(KEPT)]
+        clock = clocks[row // 64, column // 64]
+        phase = block_phase(clock, time, heightmap.motion.code)
+        ring = [float(kept[(clock.newest - back) % KEPT, row, column]) for back in range(KEPT)]
         velocity, acceleration = motion_of(*ring, phase, 25.0)
-        assert heights[row, column] == float(grid.heights[row, column]) + displacement(velocity, acceleration, phase)
+        assert heights[row, column] == float(last[row, column]) + displacement(velocity, acceleration, phase)
         assert rates[row, column] == rise_of(velocity, acceleration, phase, AHEAD) / AHEAD
 
 

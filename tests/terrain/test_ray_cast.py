@@ -12,12 +12,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.ray_cast import GroundHits, RayCaster, checked_rays
-from smartmesh_ros.terrain.ray_grid import TILE
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.terrain.surfaces import first_hit, triangles_of
 from tests.terrain.test_surface_query import folded_mesh, halves
 
+TILE = 16  # cells along the side of the tiles that rays traverse
 ROWS, COLUMNS, RESOLUTION = 2 * TILE + 5, 3 * TILE + 1, 0.5
 
 

@@ -15,7 +15,6 @@ from smartmesh_ros.terrain.grid_track import (
     follow,
     motion_between,
     moved_on,
-    velocity_after,
 )
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.scrolling import cells_moved, velocities_across
@@ -120,6 +119,12 @@ def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() ->
 
 
 places = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
+
+
+def velocity_after(motion: RigidMotion, duration: float) -> tuple[float, float]:
+    """Velocity (x, y) [m/s] of sample (0, 0), which turns with the grid, after a duration [s]."""
+    turned = complex(motion.x, motion.y) * np.exp(1j * motion.spin * duration)
+    return float(turned.real), float(turned.imag)
 
 
 @given(places, st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.0, 3.0), st.floats(0.01, 0.2))

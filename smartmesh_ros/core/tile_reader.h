@@ -1,0 +1,83 @@
+// Reader of several height maps as one surface at one instant, with the gaps between them.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include "grid_facet.h"
+
+namespace smartmesh {
+
+// Ground under a point: height [m] (NaN = none) and mean vertical velocity [m/s] over a duration.
+struct GroundPoint {
+  double height, velocity;
+};
+
+// Duration over which a velocity is that of an instant [s], as in terrain/motion.py.
+constexpr double INSTANT = 1e-9;
+// Height of a point above all ground [m].
+constexpr double ABOVE_ALL = 1e300;
+
+// One of the height maps at the instant.
+struct Tile {
+  const HeightGrid* grid;
+  GridPose pose;
+  GridReader reader;
+
+  GridPoint place(double x, double y) const { return to_grid(pose, grid->resolution, x, y); }
+
+  // Returns how far a place lies outside the map [m], along the axis where it is farthest.
+  double beyond(const GridPoint& p) const;
+  // Returns the upward unit normal of a facet whose height changes so much per column and row [m].
+  Vec3 normal(double per_column, double per_row) const {
+    const double east = -per_column / grid->resolution, north = -per_row / grid->resolution;
+    const double up = 1.0 / std::sqrt(1.0 + east * east + north * north);
+    return {(east * pose.cos - north * pose.sin) * up, (east * pose.sin + north * pose.cos) * up, up};
+  }
+  // Returns the horizontal velocity [m/s] and the spin [rad/s] of the map at a point.
+  Vec3 slide(double x, double y) const {
+    return {pose.slide_x - pose.spin * (y - pose.y), pose.slide_y + pose.spin * (x - pose.x), pose.spin};
+  }
+};
+
+// A facet and the map whose lattice it belongs to; null = no ground.
+struct TileFacet {
+  GridFacet facet;
+  const Tile* tile = nullptr;
+};
+
+// A point on several maps belongs to the first one that has ground there. Gaps of up to a cell between maps are ground:
+// there the lattice of the finest map in reach goes on, with samples interpolated between the edges of the maps around. A
+// hole of a map is no gap.
+class TileReader {
+ public:
+  // Velocities are means over the time `ahead` [s].
+  TileReader(const std::vector<const HeightGrid*>& grids, double time, double ahead);
+
+  // Returns the facet at (x, y). Ground above `z` [m] does not count.
+  TileFacet at(double x, double y, double z = ABOVE_ALL);
+
+  // Returns the ground at a sample of a lattice that goes on beyond the edge of its map.
+  GroundPoint sample(double x, double y);
+  Sample across(std::size_t tile, double row, double column);
+
+  // Returns true if a place beyond the edge of a map is on the facets that continue it.
+  bool continues(std::size_t tile, double x, double y);
+
+  std::vector<Tile>& tiles() { return tiles_; }
+  double time() const { return time_; }
+  double ahead() const { return ahead_; }
+  // Returns the widest gap that is bridged [m].
+  double widest_gap() const { return widest_gap_; }
+
+ private:
+  TileFacet in_gap(double x, double y);
+  bool is_on_any(double x, double y) const;
+  GroundPoint bridged(double x, double y);
+
+  std::vector<Tile> tiles_;
+  std::vector<std::size_t> by_fineness_;
+  double time_, ahead_, widest_gap_ = 0.0;
+};
+
+}  // namespace smartmesh
