@@ -26,8 +26,8 @@ PYBULLET = "3.2.7"
 # Stable ABI from Python 3.12 on, the first that nanobind can use it with.
 STABLE_ABI = sys.version_info >= (3, 12)
 FLAGS = [
-    "-O3", "-fno-math-errno", "-g0", "-std=c++17", "-ffp-contract=off", "-fvisibility=hidden", "-fno-strict-aliasing",
-    "-DBT_USE_DOUBLE_PRECISION", "-DBT_THREADSAFE=1", "-DNDEBUG",
+    "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0", "-std=c++17", "-ffp-contract=off", "-fvisibility=hidden",
+    "-fno-strict-aliasing", "-DBT_USE_DOUBLE_PRECISION", "-DBT_THREADSAFE=1", "-DNDEBUG",
 ]  # fmt: skip
 OF_BULLET = (
     "BulletCollision/BroadphaseCollision/btCollisionAlgorithm.cpp",

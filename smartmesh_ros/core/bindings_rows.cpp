@@ -1,8 +1,170 @@
-// What Python sees of tables of bodies: states, sleep and distances.
-#include "bindings.h"
+// What Python sees of tables of bodies: states of other worlds, messages with them, and rays onto bodies.
+#include "body_faults.h"
+#include "body_message.h"
+#include "body_states.h"
+#include "box_tree.h"
+#include "tables.h"
 
 namespace smartmesh {
 
-void add_rows(nb::module_&) {}
+void add_sleep(nb::module_& m);  // in bindings_sleep.cpp
+
+namespace {
+
+// How much a ray may miss a box [m], against rounding.
+constexpr double SLACK = 1e-9;
+
+// Takes positions `found` (n, 3) of the bodies in some slots into tables of positions and motions (S, 3).
+void write_positions(Slots slots, Doubles2 found, States positions, States moved) {
+  const std::size_t count = positions.shape(0);
+  check_table(found, slots.shape(0), 3, "found");
+  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
+  const double* row = found.data();
+  for (std::int64_t slot : slots_below(slots, count)) {
+    take_position(row, positions.data() + 3 * slot, moved.data() + 3 * slot);
+    row += 3;
+  }
+}
+
+// Takes states `found` (n, 13) likewise.
+void write_states(Slots slots, Doubles2 found, double dt, States states, States positions, States moved) {
+  const std::size_t count = states.shape(0);
+  check_table(found, slots.shape(0), BODY_COLUMNS, "found"), check_table(states, count, BODY_COLUMNS, "states");
+  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
+  checked_number(dt, "the time step");
+  const double* row = found.data();
+  for (std::int64_t slot : slots_below(slots, count)) {
+    take_state(row, dt, states.data() + BODY_COLUMNS * slot, positions.data() + 3 * slot, moved.data() + 3 * slot);
+    row += BODY_COLUMNS;
+  }
+}
+
+// Number of dimensions of each kind, and the other BodyLimits, in their order.
+using Limits = std::tuple<Slots, double, double, double, double, double, double, double, double>;
+
+// Returns the row and the Fault of the first impossible body, None if there is none.
+nb::object first_fault(Doubles2 states, Doubles1 radii, Array<const std::uint8_t, 1> kinds, Doubles2 dimensions,
+                       Doubles2 centres, Doubles1 masses, Limits limits) {
+  const std::size_t count = states.shape(0);
+  check_table(states, count, BODY_COLUMNS, "states"), check_table(dimensions, count, 3, "dimensions");
+  check_table(centres, count, 3, "centres"), check_list(radii, count, "radii");
+  check_list(kinds, count, "kinds"), check_list(masses, count, "masses");
+  const auto& [of_kinds, farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass] = limits;
+  BodyLimits most{farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass, {}};
+  check_list(of_kinds, most.dimensions.size(), "dimensions of kinds");
+  std::copy_n(of_kinds.data(), most.dimensions.size(), most.dimensions.begin());
+  const DescribedBodies bodies{states.data(),  radii.data(), dimensions.data(), centres.data(),
+                               masses.data(), kinds.data(), count};
+  for (std::size_t k = 0; k < count; ++k)
+    if (const Fault fault = fault_of(bodies, k, most); fault != Fault::None)
+      return nb::make_tuple(k, static_cast<int>(fault));
+  return nb::none();
+}
+
+// Returns states (n, 13) after a `duration` [s].
+NewTable extrapolated(Doubles2 states, double duration) {
+  check_table(states, states.shape(0), BODY_COLUMNS, "states");
+  checked_number(duration, "the duration");
+  NewTable moved = new_array<double, 2>({states.shape(0), states.shape(1)});
+  for (std::size_t k = 0; k < states.shape(0); ++k)
+    extrapolate(states.data() + BODY_COLUMNS * k, duration, moved.data() + BODY_COLUMNS * k);
+  return moved;
+}
+
+// Returns states (n, 13) a `share` of the way to `targets`.
+NewTable blended(Doubles2 states, Doubles2 targets, double share) {
+  check_table(states, states.shape(0), BODY_COLUMNS, "states");
+  check_table(targets, states.shape(0), BODY_COLUMNS, "targets");
+  checked_number(share, "the share");
+  NewTable drawn = new_array<double, 2>({states.shape(0), states.shape(1)});
+  for (std::size_t k = 0; k < states.shape(0); ++k)
+    blend(states.data() + BODY_COLUMNS * k, targets.data() + BODY_COLUMNS * k, share, drawn.data() + BODY_COLUMNS * k);
+  return drawn;
+}
+
+// Remote bodies as `states`, `radii` and `margins`, and attached ones as `positions`, `velocities`, `radii` and `own`.
+using Remote = std::tuple<Doubles2, Doubles1, Doubles1>;
+using Attached = std::tuple<Doubles2, Doubles2, Doubles1, Flags>;
+
+// Returns which remote bodies are near; see find_near.
+NewFlags near_any(Remote remote, double duration, Attached attached, double horizon) {
+  const auto& [states, radii, margins] = remote;
+  const auto& [positions, velocities, own_radii, own] = attached;
+  const std::size_t count = states.shape(0), bodies = positions.shape(0);
+  check_table(states, count, BODY_COLUMNS, "states");
+  check_list(radii, count, "radii"), check_list(margins, count, "margins");
+  check_table(positions, bodies, 3, "positions"), check_table(velocities, bodies, 3, "velocities");
+  check_list(own_radii, bodies, "radii"), check_list(own, bodies, "own");
+  checked_number(duration, "the duration"), checked_number(horizon, "the horizon");
+  NewFlags near = new_array<bool, 1>({count});
+  find_near({states.data(), radii.data(), margins.data(), count}, duration,
+            {positions.data(), velocities.data(), own_radii.data(), own.data(), bodies}, horizon, near.data());
+  return near;
+}
+
+// Returns which `guests` came near another body in the last step; see find_touching.
+NewFlags may_touch(Doubles2 positions, Doubles2 moved, Doubles1 radii, Flags guests, Flags solid, double slack) {
+  const std::size_t count = positions.shape(0);
+  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
+  check_list(radii, count, "radii"), check_list(guests, count, "guests"), check_list(solid, count, "solid");
+  NewFlags found = new_array<bool, 1>({count});
+  find_touching({positions.data(), moved.data(), radii.data(), guests.data(), solid.data(), count},
+                checked_number(slack, "the slack"), found.data());
+  return found;
+}
+
+// The box itself is what a ray is checked against.
+struct WholeBox final : RayTarget {
+  double distance(int) const override { return 0.0; }
+};
+
+// Returns which rays, with unit `ways`, pass through one of the boxes (n, 6) within their `reach` (N,) [m].
+NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 reach, Doubles2 boxes) {
+  const std::size_t count = origins.shape(0);
+  check_table(origins, count, 3, "origins"), check_table(ways, count, 3, "ways");
+  check_table(boxes, boxes.shape(0), 6, "boxes"), check_list(reach, count, "reach");
+  if (boxes.shape(0) > 1u << 24) throw std::invalid_argument("there are at most 2^24 boxes");
+  const auto vector_at = [](const double* p) { return Vec3{p[0], p[1], p[2]}; };
+  std::vector<Bounds> bounds;
+  for (std::size_t k = 0; k < boxes.shape(0); ++k)
+    bounds.push_back({vector_at(boxes.data() + 6 * k), vector_at(boxes.data() + 6 * k + 3)});
+  for (std::size_t k = 0; k < boxes.size(); ++k) checked_number(boxes.data()[k], "boxes");
+  BoxTree tree;
+  tree.build(bounds);
+  NewFlags found = new_array<bool, 1>({count});
+  for (std::size_t k = 0; k < count; ++k)
+    found.data()[k] = tree.first_along(vector_at(origins.data() + 3 * k), vector_at(ways.data() + 3 * k),
+                                       reach.data()[k], SLACK, WholeBox{}).place >= 0;
+  return found;
+}
+
+// Writes the fields of the bodies in a message to `rows` (n, width); returns their names, each closed by a zero, or None
+// if the message is too short.
+nb::object split(Array<const std::uint8_t, 1> content, std::size_t at, Array<std::uint8_t, 2> rows) {
+  std::string names;
+  if (!split_bodies({content.data(), content.size()}, at, rows.shape(0), rows.shape(1), rows.data(), names))
+    return nb::none();
+  return nb::bytes(names.data(), names.size());
+}
+
+}  // namespace
+
+void add_rows(nb::module_& m) {
+  m.def("write_positions", &write_positions, "slots"_a.noconvert(), "found"_a.noconvert(), "positions"_a.noconvert(),
+        "moved"_a.noconvert());
+  m.def("write_states", &write_states, "slots"_a.noconvert(), "found"_a.noconvert(), "dt"_a, "states"_a.noconvert(),
+        "positions"_a.noconvert(), "moved"_a.noconvert());
+  m.def("first_fault", &first_fault, "states"_a.noconvert(), "radii"_a.noconvert(), "kinds"_a.noconvert(),
+        "dimensions"_a.noconvert(), "centres"_a.noconvert(), "masses"_a.noconvert(), "limits"_a.noconvert());
+  m.def("extrapolated", &extrapolated, "states"_a.noconvert(), "duration"_a);
+  m.def("blended", &blended, "states"_a.noconvert(), "targets"_a.noconvert(), "share"_a);
+  m.def("near_any", &near_any, "remote"_a.noconvert(), "duration"_a, "attached"_a.noconvert(), "horizon"_a);
+  m.def("may_touch", &may_touch, "positions"_a.noconvert(), "moved"_a.noconvert(), "radii"_a.noconvert(),
+        "guests"_a.noconvert(), "solid"_a.noconvert(), "slack"_a);
+  m.def("may_meet", &may_meet, "origins"_a.noconvert(), "ways"_a.noconvert(), "reach"_a.noconvert(),
+        "boxes"_a.noconvert());
+  m.def("split_bodies", &split, "content"_a.noconvert(), "at"_a, "rows"_a.noconvert());
+  add_sleep(m);
+}
 
 }  // namespace smartmesh

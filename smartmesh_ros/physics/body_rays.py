@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.ray_cast import RayCaster, Rays
 
 # Values of `RayHits.hits` that are no index of a body.
@@ -20,8 +20,6 @@ NOTHING, GROUND = -1, 0
 MOST_RAYS = 8192
 # Most surfaces that a ray passes through, of bodies that do not count.
 MOST_SURFACES = 32
-# Most bodies in a group whose common bounds a ray is checked against first.
-GROUP = 8
 
 
 class RayHits(NamedTuple):
@@ -48,8 +46,8 @@ def cast_rays(
     found = RayHits(distances, normals, hits, ("ground", *(body.name for body in chosen)))
     if not chosen:
         return found
-    groups = groups_of(_bounds(client, chosen))
-    near = np.flatnonzero(may_meet(rays.origins, rays.directions, np.minimum(distances, rays.reach), *groups))
+    reach = np.minimum(distances, rays.reach)
+    near = np.flatnonzero(CORE.may_meet(rays.origins, rays.directions, reach, _bounds(client, chosen)))
     numbers = {body.uid: number for number, body in enumerate(chosen, 1)}
     for start in range(0, len(near), MOST_RAYS):
         _cast_on_bodies(client, numbers, rays, near[start : start + MOST_RAYS], found)
@@ -88,61 +86,3 @@ def _bounds(client: Any, bodies: list[Body]) -> FloatArray:
     """Return the axis-aligned bounds (n, 6) [m] of bodies, and of robots' links."""
     found = [client.getAABB(body.uid, link) for body in bodies for link in (body.links or (-1,))]
     return np.array(found, np.float64).reshape(-1, 6)
-
-
-def groups_of(bounds: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Sort ``bounds`` (n, 6) [m] into groups that lie together, by halves along their longest extent.
-
-    Returns the bounds in their new order, those around each group (g, 6), and the place where each group begins
-    (g + 1,).
-    """
-    groups, largest = [np.arange(len(bounds))], len(bounds)
-    while largest > GROUP:
-        halves = []
-        for group in groups:
-            middles = bounds[group, :3] + bounds[group, 3:]
-            order = group[np.argsort(middles[:, np.ptp(middles, axis=0).argmax()], kind="stable")]
-            halves += [order[: len(order) // 2], order[len(order) // 2 :]]
-        groups, largest = halves, max(map(len, halves))
-    around = [np.concatenate([bounds[group, :3].min(axis=0), bounds[group, 3:].max(axis=0)]) for group in groups]
-    firsts = np.concatenate([[0], np.cumsum([len(group) for group in groups])])
-    return bounds[np.concatenate(groups)], np.array(around), firsts
-
-
-@compiled
-def passes_through(origin: FloatArray, direction: FloatArray, reach: float, box: FloatArray) -> bool:
-    """Return True if a ray passes through a ``box`` (6,) [m] within its ``reach`` [m]."""
-    begin, end = 0.0, reach
-    for axis in range(3):
-        rate = direction[axis]
-        low, high = box[axis] - origin[axis], box[axis + 3] - origin[axis]
-        if rate == 0.0:
-            if low > 0.0 or high < 0.0:
-                return False
-        else:
-            begin = max(begin, min(low / rate, high / rate))
-            end = min(end, max(low / rate, high / rate))
-        if begin > end:
-            return False
-    return True
-
-
-@compiled
-def may_meet(
-    origins: FloatArray, directions: FloatArray, reach: FloatArray, bounds: FloatArray, around: FloatArray,
-    firsts: IntArray,
-) -> BoolArray:  # fmt: skip
-    """Return the rays (N,) that pass through one of the ``bounds`` (n, 6) [m] within their ``reach`` (N,) [m].
-    ``bounds``, ``around``, ``firsts``: as of `groups_of`."""
-    found = np.zeros(len(origins), np.bool_)
-    for i in range(len(origins)):
-        for group in range(len(around)):
-            if not passes_through(origins[i], directions[i], reach[i], around[group]):
-                continue
-            for k in range(firsts[group], firsts[group + 1]):
-                if passes_through(origins[i], directions[i], reach[i], bounds[k]):
-                    found[i] = True
-                    break
-            if found[i]:
-                break
-    return found

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.followers import Followers
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
 class FollowerReader:
@@ -26,7 +25,7 @@ class FollowerReader:
         self._list_awake()
         calls, followers = self._calls, self._followers
         parts = [calls.positions(self._bases), *(calls.link_positions(body, links) for body, links in self._robots)]
-        write_positions(self._slots, np.concatenate(parts), followers.positions_w, followers.moved_w)
+        CORE.write_positions(self._slots, np.concatenate(parts), followers.positions_w, followers.moved_w)
 
     def read_states(self, dt: float) -> None:
         """Update ``states`` and ``positions_w`` of the awake followers, and ``moved_w`` by their velocities and the
@@ -34,7 +33,8 @@ class FollowerReader:
         self._list_awake()
         calls, followers = self._calls, self._followers
         parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
-        write_states(self._slots, np.concatenate(parts), dt, followers.states, followers.positions_w, followers.moved_w)
+        found = np.concatenate(parts)
+        CORE.write_states(self._slots, found, dt, followers.states, followers.positions_w, followers.moved_w)
 
     def _list_awake(self) -> None:
         """List the awake followers in the order in which they are read: bases, then the links of each robot."""
@@ -50,29 +50,3 @@ class FollowerReader:
         self._bases = [follower.body for follower in bases]
         self._robots = list(by_robot.items())
         self._slots = np.array([follower.slot for follower in bases + links], np.int64)
-
-
-@compiled
-def write_positions(slots: IntArray, found: FloatArray, positions: FloatArray, moved: FloatArray) -> None:
-    """Write positions ``found`` (n, 3) [m] of the bodies in ``slots`` (n,) to ``positions`` (S, 3), and their motion
-    since the ones before to ``moved`` (S, 3) [m]."""
-    for k in range(len(slots)):
-        i = slots[k]
-        for axis in range(3):
-            moved[i, axis] = found[k, axis] - positions[i, axis]
-            positions[i, axis] = found[k, axis]
-
-
-@compiled
-def write_states(
-    slots: IntArray, found: FloatArray, dt: float, states: FloatArray, positions: FloatArray, moved: FloatArray
-) -> None:
-    """Write states ``found`` (n, 13) of the bodies in ``slots`` (n,) to ``states`` (S, 13), their positions to
-    ``positions`` (S, 3) [m], and their motion in a step of ``dt`` [s] to ``moved`` (S, 3) [m]."""
-    for k in range(len(slots)):
-        i = slots[k]
-        for column in range(found.shape[1]):
-            states[i, column] = found[k, column]
-        for axis in range(3):
-            positions[i, axis] = found[k, axis]
-            moved[i, axis] = found[k, 7 + axis] * dt

@@ -90,8 +90,7 @@ class Followers:
         return self._radii
 
     def flags(self, name: str) -> BoolArray:
-        """Return a copy of a field of ``table`` (S,). Compiled functions take copies, because a field of a table with a
-        single row has another type than one of more rows, for which they would be compiled again."""
+        """Return a contiguous copy of a field of ``table`` (S,), as the core takes it."""
         return np.array(self.table[name])
 
     @property

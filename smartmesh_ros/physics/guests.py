@@ -17,13 +17,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.bodies import Body
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.followers import Followers
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.shapes import Shape
-from smartmesh_ros.physics.state_table import StateTable, blended, extrapolated, may_touch, near_any, require_valid
+from smartmesh_ros.physics.state_table import StateTable, require_valid
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 
 # Indices into a contact point of PyBullet: the other body, and the normal force.
@@ -180,7 +181,9 @@ class Guests:
             return
         world, followers = self._world, self._world.followers
         remote, solid = followers.flags("remote"), followers.flags("solid")
-        near = may_touch(followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching)
+        near = CORE.may_touch(
+            followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching
+        )
         client = world.client._client
         for slot in np.flatnonzero(near).tolist():
             uid = followers[slot].body
@@ -236,10 +239,8 @@ class Guests:
         world, states, followers = self._world, now.states, self._world.followers
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
-        near = near_any(
-            states.numbers, self._age(now), states.radii, followers.positions_w, followers.moved_w / world.dt,
-            followers.radii, followers.flags("own"), margins, self.config.horizon,
-        )  # fmt: skip
+        attached = followers.positions_w, followers.moved_w / world.dt, followers.radii, followers.flags("own")
+        near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
         if known.barred.size:
             near &= ~known.barred
         if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
@@ -284,7 +285,7 @@ class Guests:
         if drawing:
             share = 1.0 - math.exp(-dt / max(self.config.settle, known.delay))
             states = self._calls.states([guest.uid for guest in drawing])
-            self._put(drawing, blended(states, self._extrapolated(now, drawing), share))
+            self._put(drawing, CORE.blended(states, self._extrapolated(now, drawing), share))
 
     def _rests(self, guest: Guest, now: _Received) -> bool:
         """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
@@ -299,7 +300,8 @@ class Guests:
 
     def _extrapolated(self, now: _Received, guests: list[Guest]) -> FloatArray:
         """Return the owners' states of guests, extrapolated to the current time (n, 13)."""
-        return extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
+        moved: FloatArray = CORE.extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
+        return moved
 
     def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
         """Set guests to states (n, 13)."""

@@ -6,77 +6,16 @@ import math
 
 import numpy as np
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.patches.slot_rows import with_rows
-from smartmesh_ros.terrain.correction import BLOCK_SHIFT, remaining
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import REST_AFTER, Mode
-from smartmesh_ros.terrain.moving_grid import MovingGrid, to_grid, to_world
 from smartmesh_ros.terrain.surface_query import ground_samples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Points on each side of the lattice under a body on a general mesh.
 LATTICE = 5
 NOTHING_FOUND: tuple[IntArray, FloatArray] = np.empty(0, np.int64), np.empty(0)
-
-
-@compiled
-def cells_of(grid: MovingGrid, box: FloatArray) -> tuple[int, int, int, int]:
-    """Return the first row and column, and the last row and column, of the samples around a box (6,) on a map, clamped
-    to the map; last < first if the box is beside the map."""
-    rows, columns = grid.heights.shape
-    low_r = low_c = math.inf
-    high_r = high_c = -math.inf
-    for k in range(4):
-        r, c = to_grid(grid, box[0] if k % 2 == 0 else box[3], box[1] if k < 2 else box[4])
-        low_r, high_r, low_c, high_c = min(low_r, r), max(high_r, r), min(low_c, c), max(high_c, c)
-    if low_r > rows - 1 or low_c > columns - 1 or high_r < 0 or high_c < 0:
-        return 0, 0, -1, -1
-    return (
-        int(max(math.floor(low_r), 0.0)), int(max(math.floor(low_c), 0.0)), int(min(math.ceil(high_r), rows - 1.0)),
-        int(min(math.ceil(high_c), columns - 1.0)),
-    )  # fmt: skip
-
-
-@compiled
-def count_updates(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, time: float, counts: IntArray) -> None:
-    """Add to ``counts`` (n,) the updates so far of the blocks under the boxes of the slots ``chosen`` (n,); -1 where
-    the ground moves at ``time`` [s]."""
-    slides = grid.slide_x != 0.0 or grid.slide_y != 0.0 or grid.spin != 0.0
-    for k in range(len(chosen)):
-        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
-        if bottom < top or counts[k] < 0:
-            continue
-        for r in range(top >> BLOCK_SHIFT, (bottom >> BLOCK_SHIFT) + 1):
-            for c in range(left >> BLOCK_SHIFT, (right >> BLOCK_SHIFT) + 1):
-                clock = grid.clocks[r, c]
-                expected = clock.lifetime + clock.delay
-                moves = slides or (clock.known > 0 and time < clock.time + REST_AFTER * expected)
-                if grid.mode == Mode.CORRECT:
-                    moves = remaining(clock, grid.shown, grid.settle) > 0.0
-                counts[k] = -1 if moves or counts[k] < 0 else counts[k] + clock.updates
-
-
-@compiled
-def count_samples(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, counts: IntArray) -> None:
-    """Write the number of samples under the box of each slot of ``chosen`` (n,) to ``counts`` (n,)."""
-    for k in range(len(chosen)):
-        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
-        counts[k] = max(bottom - top + 1, 0) * max(right - left + 1, 0)
-
-
-@compiled
-def write_samples(grid: MovingGrid, chosen: IntArray, boxes: FloatArray, points: FloatArray) -> None:
-    """Write the positions of the samples under the boxes of the slots ``chosen`` (n,) to ``points`` (K, 2) [m], box by
-    box."""
-    total = 0
-    for k in range(len(chosen)):
-        top, left, bottom, right = cells_of(grid, boxes[chosen[k]])
-        for r in range(top, bottom + 1):
-            for c in range(left, right + 1):
-                points[total, 0], points[total, 1] = to_world(grid, float(r), float(c))
-                total += 1
 
 
 class RestingGround:
@@ -196,7 +135,7 @@ class RestingGround:
         counts = np.zeros(len(chosen), np.int64)
         for mesh in self._terrain.tiles.values():
             if isinstance(mesh, HeightMap):
-                count_updates(mesh.moved_to(time), chosen, boxes, time, counts)
+                CORE.count_updates(mesh.core_reader, time, chosen, boxes, counts)
             else:
                 counts[:] = -1 if mesh.moving(time) else counts + mesh.revision
         return counts
@@ -205,10 +144,8 @@ class RestingGround:
         """Return which bodies (n,) are above a map that moves horizontally."""
         counts = np.zeros(len(chosen), np.int64)
         for mesh in self._terrain.tiles.values():
-            if isinstance(mesh, HeightMap):
-                grid = mesh.moved_to(time)
-                if grid.slide_x != 0.0 or grid.slide_y != 0.0 or grid.spin != 0.0:
-                    count_updates(grid, chosen, boxes, time, counts)
+            if isinstance(mesh, HeightMap) and CORE.slides(mesh.core_reader, time):
+                CORE.count_updates(mesh.core_reader, time, chosen, boxes, counts)
         return counts < 0
 
     def _points_under(
@@ -218,10 +155,7 @@ class RestingGround:
         and their number for each body (n,). On a mesh, ground above a body does not count."""
         counts = np.zeros(len(chosen), np.int64)
         if isinstance(mesh, HeightMap):
-            grid = mesh.moved_to(time)
-            count_samples(grid, chosen, boxes, counts)
-            points = np.empty((int(counts.sum()), 2))
-            write_samples(grid, chosen, boxes, points)
+            points = CORE.samples_under(mesh.core_reader, time, chosen, boxes, counts)
             return np.column_stack([points, np.full(len(points), math.inf)]), counts
         share = np.linspace(0.0, 1.0, LATTICE)
         low, size = boxes[chosen, :2], boxes[chosen, 3:5] - boxes[chosen, :2]

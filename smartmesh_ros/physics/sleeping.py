@@ -17,22 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.bullet_sleep import STEPS_TO_STOP, BulletSleep, is_fixed
 from smartmesh_ros.physics.followers import Followers
-from smartmesh_ros.physics.neighbours import (
-    BOX_COLUMNS,
-    all_of,
-    first_groups,
-    islands,
-    mark_connected,
-    mark_near,
-    write_boxes,
-)
 from smartmesh_ros.physics.resting_ground import RestingGround
 from smartmesh_ros.physics.sleep_config import SleepConfig
-from smartmesh_ros.physics.stillness import SINCE, mark_reached, note_motion, strayed
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -41,6 +32,11 @@ from smartmesh_ros.terrain.terrain import Terrain
 EARTH = 9.81
 # Largest motion of a sleeping body that is rounding [m].
 ROUNDING = 1e-6
+# Columns of a table of boxes (S, 6): lowest and highest x, y, z [m].
+BOX_COLUMNS = 6
+# Columns of the table of anchors (S, 8): position [m] and orientation (x, y, z, w) that a still body stays near, and
+# the time since when [s].
+SINCE = 7
 
 
 class Sleeping:
@@ -75,9 +71,8 @@ class Sleeping:
         self._boxes: FloatArray = np.empty((0, BOX_COLUMNS))
         self._anchors: FloatArray = np.empty((0, SINCE + 1))
         self._owners: IntArray = np.empty(0, np.int64)  # PyBullet bodies
-        self._order: IntArray = np.empty(0, np.int64)  # sleeping bodies by their lowest x
-        self._widest = 0.0
-        self._ordered_for = -1
+        self._search: Any = None  # the core's, among the sleeping bodies
+        self._searches = -1  # value of `Followers.wakes` for which it was made
         self._watched = 0  # place in the sleeping bodies of the next one to read
         self._fresh: IntArray = np.empty(0, np.int64)  # bodies that fell asleep in the last update
 
@@ -133,13 +128,8 @@ class Sleeping:
         """Wake the bodies that may touch a follower."""
         if not self._followers.asleep.size or np.isnan(self._boxes[slot, 0]):
             return
-        self._sort()
         marked = np.zeros(self._followers.capacity, np.bool_)
-        config, radii = self.config, self._followers.radii
-        mark_near(
-            self._boxes[slot], config.near, radii[slot], self._order, self._widest, self._boxes, radii,
-            config.near_share, marked,
-        )  # fmt: skip
+        self._sleepers().mark_near(slot, marked)
         self._wake_marked(marked)
 
     def wake_on_changed_ground(self, time: float, duration: float) -> None:
@@ -193,13 +183,14 @@ class Sleeping:
         follower, known = self._followers[slot], self._followers.states[slot]
         body, link = follower.body, follower.link
         found = self._calls.states([body]) if link < 0 else self._calls.link_states(body, [link])
-        return not strayed(found[0], known, follower.radius) <= ROUNDING  # True for NaN
+        return not CORE.strayed(found[0], known, follower.radius) <= ROUNDING  # True for NaN
 
     def note_motion(self, time: float) -> None:
         """Note where the awake bodies are; their states are those of ``time`` [s]."""
-        followers, awake = self._followers, self._followers.awake
-        write_boxes(awake, followers.shapes, followers.states, self._boxes)
-        note_motion(awake, followers.states, followers.shapes, self._anchors, time, self.config.distance)
+        followers = self._followers
+        shapes = followers.shapes.table.view(np.uint8).reshape(followers.capacity, -1)
+        distance = self.config.distance
+        CORE.note_motion(followers.awake, shapes, followers.states, self._boxes, self._anchors, time, distance)
 
     def wake_reached(self, time: float, elapsed: float) -> bool:
         """Wake the bodies that something awake may touch in the step from ``time`` [s] on; returns True if there were
@@ -207,12 +198,10 @@ class Sleeping:
         followers, config = self._followers, self.config
         if not followers.asleep.size:
             return False
-        self._sort()
         marked = np.zeros(followers.capacity, np.bool_)
-        if not mark_reached(
+        if not self._sleepers().mark_reached(
             followers.awake, followers.states, followers.positions_w, followers.moved_w, self._anchors,
-            followers.radii, self._boxes, elapsed,
-            (time, self.after, config.distance, config.near, config.near_share), self._order, self._widest, marked,
+            (time, self.after, config.distance), elapsed, marked,
         ):  # fmt: skip
             return False
         self._wake_marked(marked)
@@ -237,7 +226,7 @@ class Sleeping:
         still = time - self._anchors[awake, SINCE] >= self.after
         if not (still & followers.table["solid"][awake]).any():
             return awake[:0], awake[:0]
-        groups = islands(awake, self._owners, self._boxes, followers.radii, config.near, config.near_share)
+        groups = CORE.islands(awake, self._owners, self._boxes, followers.radii, config.near, config.near_share)
         solid = awake[still & followers.table["solid"][awake] & all_of(still, groups)]
         if not solid.size:
             return awake[:0], awake[:0]
@@ -283,17 +272,13 @@ class Sleeping:
 
     def _wake_marked(self, marked: BoolArray) -> None:
         """Wake the marked bodies (S,), with all links of their robots and all that they may touch."""
-        followers, config = self._followers, self.config
-        asleep = followers.asleep
+        asleep = self._followers.asleep
         if not marked[asleep].any():
             return
-        self._sort()
         known = 0
         while known < int(np.count_nonzero(marked)):  # robots connect what their links do not
             known = int(np.count_nonzero(marked))
-            mark_connected(
-                self._order, self._widest, self._boxes, followers.radii, config.near, config.near_share, marked
-            )
+            self._sleepers().mark_connected(marked)
             marked[asleep] |= np.isin(self._owners[asleep], self._owners[asleep[marked[asleep]]])
         self._wake_slots(asleep[marked[asleep]])
 
@@ -312,11 +297,25 @@ class Sleeping:
             self.contacts.pop(slot, None)
         self._anchors[slots] = np.nan
 
-    def _sort(self) -> None:
-        """Sort the sleeping bodies by their lowest x, if the sleeping ones have changed."""
-        if self._ordered_for != self._followers.wakes:
-            self._ordered_for, asleep = self._followers.wakes, self._followers.asleep
-            boxes, radii = self._boxes[asleep], self._followers.radii[asleep]
-            self._order = asleep[np.argsort(boxes[:, 0], kind="stable")]
-            extent = float((boxes[:, 3] - boxes[:, 0]).max(initial=0.0))
-            self._widest = extent + self.config.near_share * float(radii.max(initial=0.0))
+    def _sleepers(self) -> Any:
+        """Return the search for sleeping bodies that others may touch, a new one if the sleeping ones have changed."""
+        if self._searches != self._followers.wakes:
+            self._searches, config = self._followers.wakes, self.config
+            self._search = CORE.Sleepers(
+                self._followers.asleep, self._boxes, self._followers.radii, config.near, config.near_share
+            )
+        return self._search
+
+
+def first_groups(groups: IntArray, most: int) -> BoolArray:
+    """Return which items (n,) are in the first groups that have at most ``most`` items together; at least one group."""
+    numbers, counts = np.unique(groups, return_counts=True)
+    fits = np.cumsum(counts) <= most
+    fits[0] = True
+    return np.isin(groups, numbers[fits])
+
+
+def all_of(marks: BoolArray, groups: IntArray) -> BoolArray:
+    """Return for each item (n,) whether all items of its group are marked; ``groups`` (n,)."""
+    unmarked = np.unique(groups[~marks])
+    return ~np.isin(groups, unmarked)

@@ -52,8 +52,8 @@ def simulated_states(world: World) -> StateTable:
 def _table(bodies: list[Body]) -> StateTable:
     """Return a table of the constant data of bodies, without states."""
     forms = [body.form for body in bodies]
-    return StateTable(
-        [body.name for body in bodies], NOWHERE, np.array([body.radius for body in bodies]),
-        np.array([form.kind for form in forms], np.uint8), np.array([form.dimensions for form in forms]).reshape(-1, 3),
-        np.array([form.centre for form in forms]).reshape(-1, 3), np.array([body.mass for body in bodies]),
-    )  # fmt: skip
+    radii, masses = np.array([(body.radius, body.mass) for body in bodies], np.float64).reshape(-1, 2).T.copy()
+    dimensions = np.array([form.dimensions for form in forms], np.float64).reshape(-1, 3)
+    centres = np.array([form.centre for form in forms], np.float64).reshape(-1, 3)
+    kinds = np.array([form.kind for form in forms], np.uint8)
+    return StateTable([body.name for body in bodies], NOWHERE, radii, kinds, dimensions, centres, masses)

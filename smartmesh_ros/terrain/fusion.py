@@ -6,8 +6,6 @@ moved, so the filter of that sample restarts.
 
 Measurements are assumed to be independent. Maps of a mapper that already fuses measurements are correlated, so the
 variance is underestimated; ``growth`` bounds the error.
-
-Compiled by Numba; a sample costs about half a nanosecond.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import overlap
 
 FloatGrid = NDArray[np.float32]
@@ -76,20 +74,17 @@ def fuse(
     exactly; heights with a negative or non-finite variance are ignored. ``elapsed``: time since these samples were last
     fused [s]. ``first``: (row, column). Raises `ValueError` if shapes do not match, and changes nothing.
     """
-    row, column = first
     _require_inside(known, measured.shape, first)
     if not 0.0 <= elapsed < math.inf:
         raise ValueError(f"{elapsed} s have passed since the last heights; the time must be finite and at least zero")
-    seen = np.ascontiguousarray(measured, np.float32)
-    grown = np.float32(config.growth * elapsed)
-    gate_squared = np.float32(min(config.gate, 1e18) ** 2)
-    if isinstance(variance, np.ndarray):
-        if variance.shape != seen.shape:
-            raise ValueError(f"variances have shape {variance.shape}; heights have {seen.shape}")
-        noises = np.ascontiguousarray(variance, np.float32)
-        _fuse_each(known.heights, known.variances, seen, noises, grown, gate_squared, row, column)
+    seen = np.require(measured, np.float32, ("C", "A"))
+    if not isinstance(variance, np.ndarray):
+        noises = np.full((1, 1), variance, np.float32)
+    elif variance.shape == seen.shape:
+        noises = np.require(variance, np.float32, ("C", "A"))
     else:
-        _fuse_all(known.heights, known.variances, seen, np.float32(variance), grown, gate_squared, row, column)
+        raise ValueError(f"variances have shape {variance.shape}; heights have {seen.shape}")
+    CORE.fuse(known.heights, known.variances, first, seen, noises, config.growth * elapsed, min(config.gate, 1e18) ** 2)
 
 
 def fused_across(before: FusedMap, measured: FusedMap, cells: tuple[int, int], elapsed: float) -> FusedMap:
@@ -113,67 +108,3 @@ def _require_inside(known: FusedMap, shape: tuple[int, ...], first: tuple[int, i
     rows, columns = size
     if len(shape) != 2 or min(first) < 0 or first[0] + shape[0] > rows or first[1] + shape[1] > columns:
         raise ValueError(f"heights of shape {shape} at {first} leave a map of {size}")
-
-
-@compiled
-def _fused(
-    height: np.float32,
-    variance: np.float32,
-    measured: np.float32,
-    noise: np.float32,
-    grown: np.float32,
-    gate_squared: np.float32,
-) -> tuple[np.float32, np.float32]:
-    """Return the height and variance of one sample after a measurement of variance ``noise``."""
-    prior = variance + grown
-    innovation = measured - height
-    spread = prior + noise
-    gain = prior / spread
-    seen = measured == measured and noise >= np.float32(0.0) and noise < np.float32(np.inf)
-    # The comparison is False for a sample without a height (NaN), which therefore starts from the measurement.
-    agrees = noise > np.float32(0.0) and innovation * innovation <= gate_squared * spread
-    if not seen:
-        return height, prior
-    if not agrees:
-        return measured, noise
-    return height + gain * innovation, gain * noise
-
-
-@compiled
-def _fuse_all(
-    heights: FloatGrid,
-    variances: FloatGrid,
-    measured: FloatGrid,
-    noise: np.float32,
-    grown: np.float32,
-    gate_squared: np.float32,
-    row: int,
-    column: int,
-) -> None:
-    """Fuse the rectangle at (row, column) in place, with one variance for all samples."""
-    high, wide = measured.shape
-    for i in range(high):
-        height, variance = heights[row + i][column : column + wide], variances[row + i][column : column + wide]
-        seen = measured[i]
-        for j in range(wide):
-            height[j], variance[j] = _fused(height[j], variance[j], seen[j], noise, grown, gate_squared)
-
-
-@compiled
-def _fuse_each(
-    heights: FloatGrid,
-    variances: FloatGrid,
-    measured: FloatGrid,
-    noises: FloatGrid,
-    grown: np.float32,
-    gate_squared: np.float32,
-    row: int,
-    column: int,
-) -> None:
-    """Fuse the rectangle at (row, column) in place, with a variance for each sample."""
-    high, wide = measured.shape
-    for i in range(high):
-        height, variance = heights[row + i][column : column + wide], variances[row + i][column : column + wide]
-        seen, noise = measured[i], noises[i]
-        for j in range(wide):
-            height[j], variance[j] = _fused(height[j], variance[j], seen[j], noise[j], grown, gate_squared)

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
-from smartmesh_ros.terrain.correction import BLOCK, take_corrected
+from smartmesh_ros.terrain.core_grid import clock_bytes, core_grid_of, update_core_grid
+from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow
@@ -19,13 +19,11 @@ from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
 from smartmesh_ros.terrain.moving_grid import MovingGrid
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.updates import samples_in, take_heights, take_rectangles
 
 # Distance outside the map at which a point still counts as on the edge [samples].
 EDGE = 1e-6
 
-_NO_VELOCITIES = np.empty((0, 0), np.float32)
-_NO_VELOCITIES.setflags(write=False)
+_NO_VELOCITIES = np.empty(0, np.float32)
 
 
 class Samples(NamedTuple):
@@ -262,9 +260,10 @@ class HeightMap:
         places = np.ascontiguousarray(rectangles, np.int64)
         if places.ndim != 2 or places.shape[1] != 4:
             raise InputError("length", f"rectangles have shape {places.shape}; it must be (n, 4)")
-        count = samples_in(places, *self._heights.shape)
-        if count < 0:
+        firsts, lasts = places[:, :2], places[:, 2:]
+        if not ((firsts >= 0) & (firsts <= lasts) & (lasts < self._heights.shape)).all():
             raise InputError("region", f"a rectangle is empty or leaves the map of {self._heights.shape} samples")
+        count = int((lasts - firsts + 1).prod(axis=1).sum())
         if count == 0:
             return
         new, speeds = _checked(heights, velocities, (count,), "the rectangles")
@@ -281,10 +280,7 @@ class HeightMap:
         self.version += len(places)
         self.revision = next_revision()
         self._deviation = None
-        take_rectangles(
-            self._heights, self._velocities, self._clocks, places, _read_only(new), _read_only(speeds), float(time),
-            self.motion.min_interval, self.motion.max_interval,
-        )  # fmt: skip
+        self._write(places, new, speeds, time)
         self._tell_core()
 
     def moving(self, time: float) -> bool:
@@ -418,17 +414,22 @@ class HeightMap:
         self, row: int, column: int, new: NDArray[np.float32], speeds: NDArray[np.float32] | None, time: float
     ) -> None:
         """Store heights of a rectangle that moves, and their velocities if they were given."""
-        given = _NO_VELOCITIES if speeds is None else _read_only(speeds)
-        take_heights(
-            self._heights, self._velocities, self._clocks, row, column, _read_only(new), given, float(time),
-            self.motion.min_interval, self.motion.max_interval,
+        high, wide = new.shape
+        place = np.array([[row, column, row + high - 1, column + wide - 1]], np.int64)
+        self._write(place, new, _NO_VELOCITIES if speeds is None else speeds, time)
+
+    def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
+        """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
+        CORE.take_rectangles(
+            self._heights, self._velocities, clock_bytes(self._clocks), places, _dense(new).reshape(-1),
+            _dense(speeds).reshape(-1), time, (self.motion.min_interval, self.motion.max_interval),
         )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        settle = self.motion.settle
-        take_corrected(
-            self._heights, self._offsets, self._clocks, row, column, _read_only(known), float(time), self._shown, settle
+        settle, clocks = self.motion.settle, clock_bytes(self._clocks)
+        CORE.take_corrected(
+            self._heights, self._offsets, clocks, (row, column), _dense(known), time, self._shown, settle
         )
         if self._shown < math.inf:
             self._settled = self._shown + settle
@@ -482,11 +483,9 @@ def _checked(
     return new, speeds
 
 
-def _read_only(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return values as a contiguous read-only array, so that compiled functions always see the same type."""
-    view = np.ascontiguousarray(values).view()
-    view.setflags(write=False)
-    return view
+def _dense(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return values as a contiguous and aligned array, as the core takes them."""
+    return np.require(values, np.float32, ("C", "A"))
 
 
 def _has_infinity(values: NDArray[np.float32]) -> bool:

@@ -112,7 +112,8 @@ class NoiseCheck:
         self._time = time
         height, least = float(geometry.origin[2]), self.config.least_change
         fading = math.exp(-interval / self.config.memory)
-        self._counts, step = compare(self._lattice, heights, height, *self._first, least, self._counts, fading)
+        counts, step = compare(self._lattice, heights, height, self._first, least)
+        self._counts = counts.after(self._counts, fading)
         if not self._counts.known:
             return
         self._maps = fading * self._maps + 1.0
@@ -132,7 +133,7 @@ class NoiseCheck:
         if moved is None or moved == (0, 0):
             return True  # the samples move with a map that slides or rotates
         least = self.config.least_change
-        if not moved_as_one(self._lattice, heights, float(geometry.origin[2]), *self._first, least):
+        if not moved_as_one(self._lattice, heights, float(geometry.origin[2]), self._first, least):
             self._first = (self._first[0] + moved[0], self._first[1] + moved[1])
         return True
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.compiled import compiled
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray
 
 FloatGrid = NDArray[np.float32]
@@ -48,6 +48,10 @@ class Counts(NamedTuple):
     agreeing: float
     tilt: float
 
+    def after(self, before: Counts, fading: float) -> Counts:
+        """Return these numbers and those ``before``, which decay by the factor ``fading`` [-]."""
+        return Counts(*(fading * old + new for old, new in zip(before, self, strict=True)))
+
 
 NO_COUNTS = Counts(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -61,85 +65,21 @@ def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
     )
 
 
-@compiled
-def height_at(heights: FloatGrid, z: float, row: int, column: int) -> float:
-    """Return the height of a sample [m]; NaN beyond the edge."""
-    rows, columns = heights.shape
-    return z + float(heights[row, column]) if 0 <= row < rows and 0 <= column < columns else math.nan
-
-
-@compiled
-def moved_as_one(
-    lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float
-) -> bool:
+def moved_as_one(lattice: Lattice, heights: FloatGrid, z: float, first: tuple[int, int], least: float) -> bool:
     """Return True if the samples of a map differ from those with the same indices in the map before by a constant.
 
-    Then the ground moved together with the map. ``least`` [m]: tolerance.
+    Then the ground moved together with the map. ``least`` [m]: tolerance. Other arguments as in `compare`.
     """
-    known, rise = 0, 0.0
-    for i in range(lattice.cells.shape[0]):
-        for j in range(lattice.cells.shape[1]):
-            row = lattice.cells[i, j, 0] * lattice.stride[0] - first_row
-            column = lattice.cells[i, j, 1] * lattice.stride[1] - first_column
-            change = height_at(heights, z, row, column) - lattice.heights[i, j, 1]
-            if math.isnan(change):
-                continue
-            if known == 0:
-                rise = change
-            if abs(change - rise) > least:
-                return False
-            known += 1
-    return known > 0
+    return bool(CORE.moved_as_one(*lattice, heights, z, first, least))
 
 
-@compiled
 def compare(
-    lattice: Lattice, heights: FloatGrid, z: float, first_row: int, first_column: int, least: float,
-    before: Counts, fading: float,
-) -> tuple[Counts, float]:  # fmt: skip
+    lattice: Lattice, heights: FloatGrid, z: float, first: tuple[int, int], least: float
+) -> tuple[Counts, float]:
     """Return the `Counts` of a map compared to the map before, and the median of the changes [m].
 
-    Counts are added to those ``before``, which decay by the factor ``fading`` [-]. ``first_row``, ``first_column``:
-    position of sample (0, 0) in the world [samples]. Changes below ``least`` [m] are ignored.
+    ``heights`` (rows, columns) [m]: above ``z`` [m]. ``first``: row and column of sample (0, 0) in the world [samples].
+    Changes below ``least`` [m] are ignored.
     """
-    rows, columns = heights.shape
-    down, along = lattice.stride
-    high, wide = lattice.steps.shape
-    sizes = np.empty(lattice.steps.size)
-    known, changed, reverses, tilted, agreeing, tilt = 0, 0, 0, 0, 0, 0.0
-    for i in range(-(-first_row // down), (first_row + rows - 1) // down + 1):
-        for j in range(-(-first_column // along), (first_column + columns - 1) // along + 1):
-            row, column = i * down - first_row, j * along - first_column
-            cell, last = lattice.cells[i % high, j % wide], lattice.heights[i % high, j % wide]
-            if cell[0] != i or cell[1] != j:
-                cell[0], cell[1] = i, j
-                last[:] = math.nan
-                lattice.steps[i % high, j % wide] = 0.0
-            left = change_at(last, 0, height_at(heights, z, row, column - 1))
-            step = change_at(last, 1, height_at(heights, z, row, column))
-            right = change_at(last, 2, height_at(heights, z, row, column + 1))
-            if not math.isnan(step):
-                sizes[known] = abs(step)
-                known += 1
-            if abs(step) >= least:
-                last_step = lattice.steps[i % high, j % wide]
-                changed += last_step != 0.0
-                reverses += step * last_step < 0.0
-                lattice.steps[i % high, j % wide] = step
-            if abs(step - left) >= least and abs(right - step) >= least:
-                tilted += 1
-                agreeing += (step - left) * (right - step) > 0.0
-                tilt += abs(step - left)
-    counts = Counts(
-        fading * before.known + known, fading * before.changed + changed, fading * before.reversed + reverses,
-        fading * before.tilted + tilted, fading * before.agreeing + agreeing, fading * before.tilt + tilt,
-    )  # fmt: skip
-    return counts, np.median(sizes[:known]) if known > 0 else 0.0
-
-
-@compiled
-def change_at(last: FloatArray, index: int, height: float) -> float:
-    """Return the change of a stored height to a new one [m], and store the new one."""
-    change: float = height - last[index]
-    last[index] = height
-    return change
+    counts, median = CORE.compare_maps(*lattice, heights, z, first, least)
+    return Counts(*counts), median

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.core_grid import core_mesh_of
+from smartmesh_ros.terrain.core_grid import clock_bytes, core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
@@ -19,7 +19,6 @@ from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
 from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, REST_AFTER, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision
-from smartmesh_ros.terrain.updates import CORRECTION, UNCHANGED, note_update
 
 
 class MeshSamples(NamedTuple):
@@ -162,20 +161,17 @@ class TriangleMesh:
         """Store the velocities of an update: given ones, or the difference quotient to the positions before."""
         motion, newest = self.motion, self._clock[0].newest
         whole = isinstance(target, slice)
-        update = note_update(
-            self._clock[0], float(time), speeds is not None, whole, motion.min_interval, motion.max_interval
+        inverse, keep = CORE.note_update(
+            clock_bytes(self._clock), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
         )
-        if update.method == UNCHANGED:
-            return
         if self._clock[0].newest != newest:
             self._velocities[self._clock[0].newest] = 0.0
         velocities = self._velocities[self._clock[0].newest]
         if speeds is not None:
             velocities[:, target] = speeds
             return
-        rates = velocities[:, target] * update.keep + (new - self._now[:, target]) * update.inverse
-        if update.method != CORRECTION:
-            velocities *= update.keep
+        rates = velocities[:, target] * keep + (new - self._now[:, target]) * inverse
+        velocities *= keep
         velocities[:, target] = rates
 
     @property

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, World
-from smartmesh_ros.physics.body_rays import GROUND, NOTHING, groups_of, may_meet
+from smartmesh_ros.core import CORE
+from smartmesh_ros.physics.body_rays import GROUND, NOTHING
 
 ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
 # How early PyBullet's rays may stop at a curved surface [m].
@@ -104,10 +105,7 @@ def test_rays_are_sent_to_bodies_whose_bounds_they_pass_through(count: int) -> N
     ways[::5, rng.integers(3)] = 0.0  # along a plane of the axes
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     reach = rng.uniform(0.5, 15.0, 300)
-    grouped, around, firsts = groups_of(bounds)
-    assert sorted(map(tuple, grouped)) == sorted(map(tuple, bounds))
-    assert firsts[0] == 0 and firsts[-1] == count and len(around) == len(firsts) - 1
-    found = may_meet(origins, ways, reach, grouped, around, firsts)
+    found = CORE.may_meet(origins, ways, reach, bounds)
     with np.errstate(divide="ignore"):
         ends = np.sort((bounds.reshape(count, 2, 3)[None] - origins[:, None, None]) / ways[:, None, None], axis=2)
     enter, leave = ends[:, :, 0].max(axis=-1).clip(0.0), ends[:, :, 1].min(axis=-1)

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
+from smartmesh_ros.core import CORE
 from smartmesh_ros.physics.guest_config import GuestConfig
 from smartmesh_ros.physics.guests import Guests
 from smartmesh_ros.physics.shapes import Shape, form_of, shape_of
-from smartmesh_ros.physics.state_table import StateTable, blended, extrapolated, may_touch, near_any
+from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.physics.states import simulated_states
 from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
@@ -287,13 +288,13 @@ def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     rng = np.random.default_rng(seed)
     numbers = rng.normal(scale=5.0, size=(3, 13))
     numbers[:, 3:7] = [random_turn(rng) for _ in range(3)]
-    moved = extrapolated(numbers, duration)
+    moved = CORE.extrapolated(numbers, duration)
     for before, after in zip(numbers, moved, strict=True):
         assert np.allclose(after[:3], before[:3] + duration * before[7:10])
         assert np.allclose(rotation(after[3:7]), turn_about(duration * before[10:]) @ rotation(before[3:7]), atol=1e-9)
         assert np.array_equal(after[7:], before[7:])
-    assert np.allclose(blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
-    half = blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
+    assert np.allclose(CORE.blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
+    half = CORE.blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
     assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
 
 
@@ -305,14 +306,14 @@ def test_bodies_are_near_as_brute_force_says(seed: int) -> None:
     own = rng.random(5) < 0.6
     places[rng.random(5) < 0.2] = np.nan  # just come
     velocities, horizon = rng.uniform(-2, 2, (5, 3)), rng.uniform(0, 0.3)
-    found = near_any(numbers, 0.1, radii, places, velocities, own_radii, own, margins, horizon)
+    found = CORE.near_any((numbers, radii, margins), 0.1, (places, velocities, own_radii, own), horizon)
     there = numbers[:, :3] + 0.1 * numbers[:, 7:10]
     gaps = np.linalg.norm(there[:, None] - places[None], axis=2) - radii[:, None] - own_radii - margins[:, None]
     gaps -= horizon * np.linalg.norm(numbers[:, None, 7:10] - velocities[None], axis=2)
     assert np.array_equal(found, (gaps[:, own] < 0.0).any(axis=1))
     places = np.nan_to_num(places)
     at_rest = np.zeros((5, 3))
-    close = may_touch(places, at_rest, own_radii, own, np.ones(5, bool), 0.3)
+    close = CORE.may_touch(places, at_rest, own_radii, own, np.ones(5, bool), 0.3)
     between = np.linalg.norm(places[:, None] - places[None], axis=2) - own_radii[:, None] - own_radii - 0.3
     np.fill_diagonal(between, np.inf)
     assert np.array_equal(close, own & (between < 0.0).any(axis=1))

@@ -212,3 +212,14 @@ def test_a_large_map_takes_its_bytes_once_until_it_moves() -> None:
     assert resident() - before < 1.2 * heights.nbytes
     heightmap.replace(heights, time=3.0)
     assert resident() - before < 2.2 * heights.nbytes
+
+
+def test_heights_may_lie_at_any_address() -> None:
+    """A message's bytes need not start at a multiple of four."""
+    new = np.arange(12, dtype=np.float32).reshape(3, 4)
+    shifted = np.frombuffer(b"\0" + new.tobytes(), np.float32, 12, 1).reshape(3, 4)
+    for motion in (MotionConfig(), MotionConfig(changes="correction", noise=0.01)):
+        heightmap = HeightMap(shifted, motion=motion)
+        heightmap.replace(shifted, time=0.1, velocities=shifted, variance=shifted)
+        heightmap.update_region(1, 0, shifted[1:], time=0.2)
+        np.testing.assert_allclose(heightmap.heights, new, rtol=1e-6)

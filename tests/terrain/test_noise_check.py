@@ -18,7 +18,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
-from smartmesh_ros.terrain.sample_lattice import NO_COUNTS, Lattice, compare
+from smartmesh_ros.terrain.sample_lattice import Lattice, compare
 from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
 from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES
@@ -304,7 +304,7 @@ def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) ->
         np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
     )
     for heights in maps:
-        found, step = compare(lattice, heights, 0.0, 0, 0, 0.002, NO_COUNTS, 0.0)
+        found, step = compare(lattice, heights, 0.0, (0, 0), 0.002)
     first, last = np.diff(maps.astype(np.float64), axis=0)
     both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
     tilts = np.diff(last, axis=1)

@@ -1,0 +1,57 @@
+// Tables with a row for each slot of a body, which Python gives to the core or takes from it.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "bindings.h"
+
+namespace smartmesh {
+
+using Doubles1 = Array<const double, 1>;
+using Slots1 = std::vector<std::int64_t>;
+
+// Refuses a table that has not the shape (rows, columns).
+template <class T>
+void check_table(const Array<T, 2>& table, std::size_t rows, std::size_t columns, const char* name) {
+  check_alignment(table.data(), sizeof(T));
+  if (table.shape(0) != rows || table.shape(1) != columns)
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) + ", " +
+                                std::to_string(columns) + ")");
+}
+
+// Refuses a list that has not `count` items.
+template <class T>
+void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
+  check_alignment(list.data(), sizeof(T));
+  if (list.shape(0) != count) throw std::invalid_argument(std::string(name) + " must have one item for each row");
+}
+
+inline double checked_number(double value, const char* name) {
+  if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
+  return value;
+}
+
+// Returns slots, all of which are in tables of `count` rows.
+inline Slots1 slots_below(const Slots& slots, std::size_t count) {
+  check_alignment(slots.data(), sizeof(std::int64_t));
+  for (std::size_t k = 0; k < slots.shape(0); ++k)
+    if (slots.data()[k] < 0 || slots.data()[k] >= static_cast<std::int64_t>(count))
+      throw std::invalid_argument("a slot is not in the tables");
+  return {slots.data(), slots.data() + slots.shape(0)};
+}
+
+// Returns a new array for Python, which owns it.
+template <class T, std::size_t N>
+nb::ndarray<nb::numpy, T, nb::ndim<N>> new_array(const std::array<std::size_t, N>& shape) {
+  std::size_t size = 1;
+  for (std::size_t count : shape) size *= count;
+  T* data = new T[std::max<std::size_t>(size, 1)]();
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return nb::ndarray<nb::numpy, T, nb::ndim<N>>(data, N, shape.data(), owner);
+}
+
+using NewTable = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
+using NewFlags = nb::ndarray<nb::numpy, bool, nb::ndim<1>>;
+
+}  // namespace smartmesh
