@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -71,15 +71,6 @@ def directions(count: int) -> FloatArray:
 
 # Among the vertices of a hull those farthest along these directions are tried first.
 DIRECTIONS = directions(64)
-
-
-class Shapes(NamedTuple):
-    """Shapes by slot for compiled functions: ``table`` (S,), records of ``SHAPE``; ``parts`` (P,) of compounds, records
-    of ``SHAPE``; ``vertices`` (V, 3) of hulls [m]."""
-
-    table: Any
-    parts: Any
-    vertices: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,11 +220,6 @@ class ShapeTable:
         if self._core is None:
             self._core = CORE.Shapes(as_bytes(self.table), as_bytes(self.parts), self.vertices)
         return self._core
-
-    @property
-    def shapes(self) -> Shapes:
-        """The shapes for compiled functions."""
-        return Shapes(self.table, self.parts, self.vertices)
 
     def reserve(self, slots: int) -> None:
         """Make room for shapes in ``slots`` slots."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, Shapes, ShapeTable
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, BodyShape, ShapeTable
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.revisions import next_revision
@@ -78,11 +78,6 @@ class Followers:
     def capacity(self) -> int:
         """Number of rows of the tables."""
         return len(self.table)
-
-    @property
-    def shapes(self) -> Shapes:
-        """Shapes by slot for compiled functions."""
-        return self.shape_table.shapes
 
     @property
     def radii(self) -> FloatArray:

@@ -188,7 +188,7 @@ class Sleeping:
     def note_motion(self, time: float) -> None:
         """Note where the awake bodies are; their states are those of ``time`` [s]."""
         followers = self._followers
-        shapes = followers.shapes.table.view(np.uint8).reshape(followers.capacity, -1)
+        shapes = followers.shape_table.table.view(np.uint8).reshape(followers.capacity, -1)
         distance = self.config.distance
         CORE.note_motion(followers.awake, shapes, followers.states, self._boxes, self._anchors, time, distance)
 
