@@ -44,7 +44,8 @@ def run(*command: str) -> None:
         "LD_PRELOAD": " ".join([runtime("libasan.so"), runtime("libubsan.so"), runtime("libstdc++.so")]),
         "ASAN_OPTIONS": "detect_leaks=0:abort_on_error=0",  # Python itself frees little at its end
         "UBSAN_OPTIONS": "print_stacktrace=1",
-        "PYTHONPATH": str(PACKAGE.parent),
+        "PYTHONPATH": os.pathsep.join([str(PACKAGE.parent), str(ROOT)]),
+        "PYTHONSAFEPATH": "1",  # else the working folder, with the real package, comes first
         "PYTHONMALLOC": "malloc",
         "OPENBLAS_NUM_THREADS": "1",
     }

@@ -110,6 +110,12 @@ class Ground:
         """True if contacts come from the map itself, by ground proxies."""
         return self._proxies is not None
 
+    def states_of(self, slots: IntArray) -> FloatArray | None:
+        """Return the states (n, 13) of attached bodies and links now: position [m], orientation (x, y, z, w), linear
+        [m/s] and angular velocity [rad/s] of their centres of mass; NaN for those that are gone. None if contacts are
+        not `exact`: PyBullet's calls then read bodies one by one."""
+        return None if self._proxies is None else self._proxies.states_of(slots)
+
     @property
     def batches(self) -> list[PatchBatch]:
         """Patches as of the last update; their bodies are slots of `followers`. Call `choose_tracked` before, if bodies

@@ -14,7 +14,7 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.physics.followers import Follower, Followers
-from smartmesh_ros.terrain.grid import BoolArray
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 # What the names of the plugin's functions end with.
@@ -125,6 +125,12 @@ class Proxies:
         self._core.read(awake, followers.states)
         followers.positions_w[awake] = followers.states[awake, :3]
         followers.moved_w[awake] = followers.states[awake, 7:10] * dt
+
+    def states_of(self, slots: IntArray) -> FloatArray:
+        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
+        states = np.empty_like(self._followers.states)
+        self._core.read(slots, states)
+        return np.asarray(states[slots])
 
     def read_positions(self) -> None:
         """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""

@@ -63,14 +63,30 @@ class PressingBody(NamedTuple):
     state: tuple[float, ...]
 
 
+class ManyBodies(NamedTuple):
+    """Bodies that press the soil: the ``shapes`` (n,), None = there is no such body, and ``states`` (n, 13)."""
+
+    shapes: list[FootShape | None]
+    states: FloatArray
+
+
 class PressingBodies(Protocol):
     """Where `Soil` gets bodies from."""
 
     def read(self, name: str) -> PressingBody | None:
         """Return a body, None if there is no such body."""
 
+    # A source may also have ``read_all(names)``, which returns `ManyBodies` as `all_of` does, but faster.
+
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction coefficient of a body with the soil, if that is possible."""
+
+
+def all_of(bodies: PressingBodies, names: list[str]) -> ManyBodies:
+    """Return several bodies; states of those that are not there are zero."""
+    found = [bodies.read(name) for name in names]
+    states = np.array([(0.0,) * 13 if body is None else body.state for body in found]).reshape(-1, 13)
+    return ManyBodies([None if body is None else body.shape for body in found], states)
 
 
 class BulletBodies:
@@ -85,6 +101,8 @@ class BulletBodies:
         self._pose_of, self._velocity_of = client.getBasePositionAndOrientation, client.getBaseVelocity
         self._world = world
         self._known: dict[str, tuple[int, int, FootShape]] = {}
+        self._slots: dict[str, int] = {}  # in the world's tables, as of an epoch of these
+        self._epoch = -1
         self._grips: dict[str, float] = {}
 
     def add(self, name: str, body: int, link: int = -1, shape: FootShape | None = None) -> None:
@@ -94,6 +112,7 @@ class BulletBodies:
         A mesh counts as the cylinder or box around it. Raises `InputError`.
         """
         self._known[name] = body, link, shape or self._shape_of(name, body, link)
+        self._slots.pop(name, None)
 
     def read(self, name: str) -> PressingBody | None:
         """Return a body, None if there is no such body."""
@@ -110,6 +129,29 @@ class BulletBodies:
             del self._known[name]
             return None
         return PressingBody(shape, pose[0] + pose[1] + velocity[0] + velocity[1])
+
+    def read_all(self, names: list[str]) -> ManyBodies:
+        """Return bodies as `read` does. The world reads its own at once, without a call of PyBullet for each."""
+        if self._world is None:
+            return all_of(self, names)
+        if self._epoch != self._world.followers.epoch:
+            self._epoch, self._slots = self._world.followers.epoch, {}
+        known = self._slots
+        slots = [known[name] if name in known else self._find_slot(name) for name in names]
+        states = None if -1 in slots or not slots else self._world.ground.states_of(np.array(slots))
+        if states is None or np.isnan(states).any():
+            return all_of(self, names)
+        return ManyBodies([self._known[name][2] for name in names], states)
+
+    def _find_slot(self, name: str) -> int:
+        """Return the row of a body in the world's tables, -1 if it has none or is a link, and note it."""
+        slot = -1
+        if name in self._known or self._find(name):
+            body, link, _ = self._known[name]
+            followers = self._world.followers
+            slot = next((each for each in followers.of(body) if followers[each].link == link == -1), -1)
+        self._slots[name] = slot
+        return slot
 
     def set_grip(self, name: str, grip: float) -> None:
         """Set the friction of a body; colliders of the ground have friction 1, and PyBullet multiplies the two."""

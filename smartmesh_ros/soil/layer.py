@@ -14,8 +14,8 @@ from smartmesh_ros.terrain.grid import FloatArray
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
-# Columns of the table of soils, in the order of `SoilType`.
-KPHI, KC, EXPONENT, COHESION, FRICTION, SHEAR, ELASTIC, DAMPING = range(8)
+# Column of the table of soils, in the order of `SoilType`.
+FRICTION = 4
 # Fields of a sample in `SoilLayer`, side by side in memory, because bodies need all fields of few samples.
 LAYER_SAMPLE = np.dtype(
     [
@@ -28,17 +28,19 @@ LAYER_SAMPLE = np.dtype(
 
 
 class SoilLayer(NamedTuple):
-    """Soil of a height map, for compiled functions; all (rows, columns) unless noted.
+    """Soil of a height map; all (rows, columns) unless noted. The core writes the fields.
 
-    ``level`` [m]: height of the soil as it was never pressed, without the map's z. ``target`` [m]: height at the end of
-    the current update. ``plastic`` [m]: sinkage that remains without load. ``yielded`` [Pa]: highest pressure so far.
-    ``pressure`` [Pa]: of the last update. ``shear_x``, ``shear_y`` [m]: shear displacement of the loaded soil, along
-    columns and rows. ``known`` [m]: height in the map as of the last update; another height there is new ground.
-    ``touched``: 1 = the other fields hold values. ``moves``: 1 = the last update gave the sample a velocity.
-    ``pressed``: number of the last update in which a body pressed the sample. ``kinds``: rows of ``soils``. ``soils``
-    (S, 8): parameters of the soils in the order of `SoilType`, friction as its tangent.
+    ``samples``: records of ``LAYER_SAMPLE``, whose fields follow. ``level`` [m]: height of the soil as it was never
+    pressed, without the map's z. ``target`` [m]: height at the end of the current update. ``plastic`` [m]: sinkage that
+    remains without load. ``yielded`` [Pa]: highest pressure so far. ``pressure`` [Pa]: of the last update. ``shear_x``,
+    ``shear_y`` [m]: shear displacement of the loaded soil, along columns and rows. ``known`` [m]: height in the map as
+    of the last update; another height there is new ground. ``touched``: 1 = the other fields hold values. ``moves``:
+    1 = the last update gave the sample a velocity. ``pressed``: number of the last update in which a body pressed the
+    sample. ``kinds``: rows of ``soils``. ``soils`` (S, 8): parameters of the soils in the order of `SoilType`, friction
+    as its tangent.
     """
 
+    samples: NDArray[np.void]
     level: FloatArray
     target: FloatArray
     plastic: Floats
@@ -59,4 +61,6 @@ def untouched_layer(shape: tuple[int, int], soils: list[SoilType], kinds: Bytes)
     table = np.array([astuple(soil) for soil in soils], np.float64)
     table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
     samples = np.zeros(shape, LAYER_SAMPLE)
-    return SoilLayer(**{name: samples[name] for name in LAYER_SAMPLE.fields or {}}, kinds=kinds, soils=table)
+    return SoilLayer(
+        samples=samples, **{name: samples[name] for name in LAYER_SAMPLE.fields or {}}, kinds=kinds, soils=table
+    )

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.bodies import PressingBodies
+from smartmesh_ros.soil.bodies import FootShape, PressingBodies, all_of
 from smartmesh_ros.soil.config import SoilConfig, SoilType
-from smartmesh_ros.soil.feet import FOOT
-from smartmesh_ros.soil.flowing import Changes, Flow, list_changes, no_blocks, update_soil
+from smartmesh_ros.soil.feet import FOOT, with_room
 from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
-from smartmesh_ros.soil.pressing import NOWHERE, Press
 from smartmesh_ros.soil.soils import soil_named
-from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
@@ -57,6 +57,15 @@ class Region(NamedTuple):
 
     row: int
     column: int
+    heights: Floats
+    velocities: Floats
+
+
+class Changes(NamedTuple):
+    """Changed ``rectangles`` (n, 4) of the map: first row and column, last row and column. ``heights`` [m] without the
+    map's z, and ``velocities`` [m/s] (N,): of one rectangle after the other, each row by row."""
+
+    rectangles: IntArray
     heights: Floats
     velocities: Floats
 
@@ -124,10 +133,12 @@ class Soil:
         self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
         self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
+        self._shapes: list[FootShape | None] = []  # of the feet
         self.number = 0  # of the last update
         self._contacts: list[Contact] = []  # since the last update, of a number of steps
         self._steps = 0
-        self._dirty = no_blocks(shape)
+        samples = self.layer.samples.view(np.uint8).reshape(*shape, -1)
+        self._core = CORE.Soil(samples, self.layer.kinds, self.layer.soils)
 
     def note(self, contacts: Iterable[Contact]) -> None:
         """Add the contacts of a step. The next `apply` takes the mean over all steps since the one before, because
@@ -150,7 +161,8 @@ class Soil:
         loads = loads_of(self._contacts, self._steps)
         self._contacts, self._steps = [], 0
         changes = self._press(loads, dt, now)
-        self.map.update_rectangles(*changes, time=now)
+        if len(changes.rectangles):
+            self.map.take_rectangles(*changes, now)
         if self.config.grip:
             carried, grips = self._feet["carried"].tolist(), self._feet["grip"].tolist()
             for name, force, grip in zip(self._names, carried, grips, strict=True):
@@ -173,17 +185,8 @@ class Soil:
     def _press(self, loads: dict[str, Load], dt: float, time: float) -> Changes:
         self._read_bodies(loads)
         self.number += 1
-        config = self.config
-        grid = self.map.moved_to(time)
-        press = Press(time, dt, self.number, config.load_time, config.lean_time, config.fastest)
-        extrapolates = self.map.motion.mode == "extrapolate" and not self.map.motion.corrects
-        carried = config.carried_speed * dt if extrapolates else 0.0
-        drop = math.tan(math.radians(config.repose)) * grid.resolution
-        flow = Flow(config.flow, config.rim, config.slides, drop, config.still * dt, config.flow_speed * dt, carried)
-        count, size = update_soil(grid, self.layer, self._feet, press, flow, self._dirty)
-        changes = Changes(np.empty((count, 4), np.int64), np.empty(size, np.float32), np.empty(size, np.float32))
-        list_changes(grid, self.layer, press, flow, self._dirty, changes)
-        return changes
+        feet = self._feet.view(np.uint8).reshape(-1, FOOT.itemsize)
+        return Changes(*self._core.update(self.map.core_reader, feet, time, dt, self.number, self.config))
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
@@ -205,39 +208,33 @@ class Soil:
 
     def reset(self) -> None:
         """Take the ground as it is now for soil that nobody has touched."""
-        for values in self.layer[:-2]:
-            values[...] = 0
-        self._names, self._feet, self._contacts, self._steps = [], self._feet[:0], [], 0
+        self.layer.samples[...] = 0
+        self._names, self._shapes, self._feet, self._contacts, self._steps = [], [], self._feet[:0], [], 0
 
     def _read_bodies(self, loads: dict[str, Load]) -> None:
         """Read the bodies with contact, and those whose soil still moves. Raises `InputError`, and changes nothing."""
-        busy = ((self._feet["load"] > 0.0) | (self._feet["seen_last"][:, 0] >= 0)).tolist()
+        busy = ((self._feet["load"] > 0.0) | (self._feet["seen"][:, 2] >= 0)).tolist()
         kept = [row for row, name in enumerate(self._names) if busy[row] or name in loads]
-        names = [self._names[row] for row in kept]
-        known = set(names)
-        names += [name for name in loads if name not in known]
-        bodies = [self.bodies.read(name) for name in names]
-        gone = [row for row, body in enumerate(bodies) if body is None]
+        names = list(dict.fromkeys([*(self._names[row] for row in kept), *loads]))
+        read_all = getattr(self.bodies, "read_all", None)
+        shapes, states = all_of(self.bodies, names) if read_all is None else read_all(names)
+        gone = [row for row, shape in enumerate(shapes) if shape is None]
         for row in gone:
             if names[row] in loads:
                 raise InputError("unknown_body", f"there is a contact of {names[row]!r}, which is no known body")
-        feet = self._feet if len(kept) == len(self._names) == len(names) else _with_room(self._feet[kept], len(names))
-        if names:
-            there = [row for row, body in enumerate(bodies) if body is not None] if gone else slice(None)
-            feet["form"][there] = np.array([body.shape.numbers for body in bodies if body]).reshape(-1, 11)
-            feet["state"][there] = np.array([body.state for body in bodies if body]).reshape(-1, 13)
-            feet["load"][gone] = 0.0
-            pressing = np.array([loads.get(name, NO_LOAD) for name in names])
-            feet["force"], feet["place"] = pressing[:, 0], pressing[:, 1:] - feet["state"][:, :2]
-        self._names, self._feet = names, feet
-
-
-def _with_room(feet: Any, count: int) -> Any:
-    """Return ``count`` records of ``FOOT``, the first of which are ``feet``."""
-    more = np.zeros(count - len(feet), FOOT)
-    more["last"] = more["seen_last"] = -1
-    more["seen_first"], more["seat"] = NOWHERE, math.nan
-    return np.concatenate((feet, more))
+        if len(kept) != len(self._names) or len(kept) != len(names):
+            self._feet = with_room(self._feet[kept], len(names))
+            self._shapes = [self._shapes[row] for row in kept] + [None] * (len(names) - len(kept))
+        self._names, feet = names, self._feet
+        for row, shape in enumerate(shapes):
+            if shape is not self._shapes[row] and shape is not None:
+                feet["form"][row], self._shapes[row] = shape.numbers, shape
+        if gone:
+            states[gone], feet["load"][gone] = feet["state"][gone], 0.0
+        feet["state"] = states
+        pressing = chain.from_iterable([loads.get(name, NO_LOAD) for name in names])
+        given = np.fromiter(pressing, np.float64, 3 * len(names)).reshape(-1, 3)
+        feet["force"], feet["place"] = given[:, 0], given[:, 1:] - states[:, :2]
 
 
 def loads_of(contacts: Iterable[Contact], steps: int = 1) -> dict[str, Load]:

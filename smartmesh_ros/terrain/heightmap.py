@@ -267,6 +267,14 @@ class HeightMap:
         if count == 0:
             return
         new, speeds = _checked(heights, velocities, (count,), "the rectangles")
+        assert speeds is not None
+        self.take_rectangles(places, _dense(new), _dense(speeds), time)
+
+    def take_rectangles(
+        self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float
+    ) -> None:
+        """Do as `update_rectangles` with arrays that the core made: they have its types, and infinities are not looked
+        for."""
         if self.motion.corrects:
             start = 0
             for top, left, bottom, right in places.tolist():
@@ -274,13 +282,11 @@ class HeightMap:
                 end = start + shape[0] * shape[1]
                 self._take(top, left, new[start:end].reshape(shape), None, time, None)
                 start = end
-            self._tell_core()
-            return
-        assert speeds is not None
-        self.version += len(places)
-        self.revision = next_revision()
-        self._deviation = None
-        self._write(places, new, speeds, time)
+        elif len(places):
+            self._write(places, new, speeds, time)
+            self.version += len(places)
+            self.revision = next_revision()
+            self._deviation = None
         self._tell_core()
 
     def moving(self, time: float) -> bool:
@@ -416,13 +422,13 @@ class HeightMap:
         """Store heights of a rectangle that moves, and their velocities if they were given."""
         high, wide = new.shape
         place = np.array([[row, column, row + high - 1, column + wide - 1]], np.int64)
-        self._write(place, new, _NO_VELOCITIES if speeds is None else speeds, time)
+        self._write(place, _dense(new), _NO_VELOCITIES if speeds is None else _dense(speeds), time)
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
         CORE.take_rectangles(
-            self._heights, self._velocities, clock_bytes(self._clocks), places, _dense(new).reshape(-1),
-            _dense(speeds).reshape(-1), time, (self.motion.min_interval, self.motion.max_interval),
+            self._heights, self._velocities, clock_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
+            time, (self.motion.min_interval, self.motion.max_interval),
         )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:

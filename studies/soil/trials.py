@@ -10,7 +10,6 @@ import numpy as np
 
 from smartmesh_ros.soil.bodies import FootShape, GivenBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
-from smartmesh_ros.soil.feet import overlap_1d
 from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import FloatArray
@@ -191,9 +190,9 @@ class TowedWheel:
         layer, wheel = self.soil.layer, self.wheel
         rows, columns = np.nonzero(layer.pressed == self.soil.number)
         ahead = columns * self._spacing - self._x
-        half = 0.5 * wheel.width
-        widths = [overlap_1d(row * self._spacing - self._y, half, self._spacing) * self._spacing for row in rows]
-        area = np.array(widths) * self._spacing
+        beside, half = rows * self._spacing - self._y, 0.5 * self._spacing
+        widths = np.minimum(beside + half, 0.5 * wheel.width) - np.maximum(beside - half, -0.5 * wheel.width)
+        area = np.maximum(widths, 0.0) * self._spacing
         slope = ahead / np.sqrt(wheel.radius**2 - ahead**2)
         pressure = layer.pressure[rows, columns].astype(np.float64)
         resistance = float((area * pressure * slope).sum())

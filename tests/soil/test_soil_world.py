@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World
-from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.bodies import BulletBodies, FootShape, all_of
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.soil.soils import soil_named
@@ -109,6 +109,27 @@ def test_lost_contact_and_removed_bodies_leave_their_print() -> None:
         run(world, soil, 1.0)
         assert soil.results() == {}
         assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
+
+
+def test_bodies_that_the_world_reads_at_once_are_those_that_pybullet_reports() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        for k, shape in enumerate((Box(0.2, 0.1, 0.3), Sphere(0.1), Cylinder(0.1, 0.2))):
+            world.spawn(f"b{k}", shape, 5.0, BodyState((1.0 + 0.5 * k, 2.0, 0.4), angular=(1.0, 2.0, 3.0)))
+        bodies, names = BulletBodies(world.client, world), ["b2", "b0", "b1"]
+        for number in range(60):
+            world.step()
+            if number == 30:
+                world.move("b0", BodyState((3.0, 3.0, 0.3)))
+            shapes, states = bodies.read_all(names)
+            one_by_one = all_of(bodies, names)
+            assert shapes == one_by_one.shapes
+            np.testing.assert_array_equal(states, one_by_one.states)
+        world.remove("b0")
+        assert [shape is None for shape in bodies.read_all([*names, "ghost"]).shapes] == [False, True, False, True]
+        world.spawn("b0", Sphere(0.3), 1.0, BodyState((2.0, 1.0, 1.0)))
+        again = bodies.read_all(names)
+        assert again.shapes[1] == FootShape("sphere", (0.3,))
+        assert again.states[1, :3].tolist() == [2.0, 1.0, 1.0]
 
 
 def test_soil_without_grip_leaves_friction_alone() -> None:
