@@ -21,6 +21,7 @@ NB_MODULE(_core, m) {
       .def(nb::init<Doubles2, Doubles3, Bytes2, Whole2>(), "vertices"_a.noconvert(), "velocities"_a.noconvert(),
            "clock"_a.noconvert(), "triangles"_a.noconvert())
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a)
+      .def("moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
       .def("update", &Mesh::update);
 #ifdef SMARTMESH_BULLET
   add_ground(m);

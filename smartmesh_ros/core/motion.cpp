@@ -7,7 +7,9 @@ namespace smartmesh {
 
 namespace {
 
-// Age of the last map at which extrapolation ends, in map intervals; see terrain/motion.py.
+// Age of the last map at which extrapolation ends, as a multiple of the age at which the next map is expected. Older ground
+// returns to the last map at half its speed, because a sudden reset would teleport it. Raising this tolerates later maps,
+// but overshoots further.
 constexpr double LATE_AFTER = 1.5;
 constexpr double FOREVER = std::numeric_limits<double>::infinity();
 

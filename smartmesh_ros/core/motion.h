@@ -23,7 +23,8 @@ struct Clock {
 };
 static_assert(sizeof(Clock) == 168, "the layout of CLOCK in terrain/motion.py");
 
-// Age of the last map at which the ground is at rest, in map intervals; see terrain/motion.py.
+// Age of the last map at which the ground is at rest at the map's heights, as a multiple of the age at which the next map
+// is expected: three times LATE_AFTER.
 constexpr double REST_AFTER = 4.5;
 
 // Returns true if two blocks move alike: they were updated at the same times.
@@ -58,7 +59,7 @@ Phase phase_of(double time, double last, double lifetime, double lag, Mode mode,
 // Returns the phase of a block at `time` [s].
 Phase block_phase(const Clock& clock, double time, Mode mode);
 
-// Limit of an acceleration, as a multiple of the one before. See terrain/motion.py for the reasons.
+// Limit of an acceleration, as a multiple of the one before, against overshoot where ground stops, jolts or jumps.
 constexpr double AGREEMENT = 4.0;
 
 // Returns a `change` limited to a multiple of the one `before`; zero if their signs differ.

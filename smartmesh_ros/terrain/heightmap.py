@@ -10,14 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.core_grid import clock_bytes, core_grid_of, update_core_grid
-from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow
 from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
-from smartmesh_ros.terrain.moving_grid import MovingGrid
+from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision
 
 # Distance outside the map at which a point still counts as on the edge [samples].
@@ -120,7 +118,9 @@ class HeightMap:
 
     @property
     def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.void], NDArray[np.float32]]:
-        """The arrays that change in place: heights, velocities, clocks and offsets, as in `MovingGrid`."""
+        """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
+        velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
+        records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections."""
         return self._heights, self._velocities, self._clocks, self._offsets
 
     @property
@@ -341,16 +341,6 @@ class HeightMap:
         self._shown += by
         self._settled += by
         self._tell_core()
-
-    def moved_to(self, time: float) -> MovingGrid:
-        """Return the map for compiled functions, at its pose at ``time`` [s]."""
-        geometry, motion = self.geometry, self.motion
-        x, y, cos, sin, slide_x, slide_y, spin = CORE.grid_pose(self.core_reader, time)
-        return MovingGrid(
-            self._heights, self._velocities, self._clocks, x, y, geometry.origin[2], cos, sin, geometry.resolution,
-            slide_x, slide_y, spin, motion.code, motion.max_velocity, self._offsets, self._shown, motion.settle,
-            self.noise,
-        )  # fmt: skip
 
     def placed_at(self, time: float) -> GridGeometry:
         """Return the grid at its pose at ``time`` [s]."""

@@ -17,7 +17,7 @@ from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.mesh_shape import MeshShape, count_parts, shape_of
-from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, REST_AFTER, MotionConfig
+from smartmesh_ros.terrain.motion import CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision
 
 
@@ -195,7 +195,7 @@ class TriangleMesh:
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
-        return self.lifetime > 0.0 and time - self.time < REST_AFTER * (self.lifetime + self.delay)
+        return bool(self.core_reader.moves(time))
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time."""

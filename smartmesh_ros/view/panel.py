@@ -129,10 +129,7 @@ class Panel:
         self._contacts.on_update(lambda _: setattr(self._scene, "show_contacts", self._contacts.value))
         self._sunk.on_update(lambda _: setattr(self._scene, "show_sunk", self._sunk.value))
 
-        @self._server.scene.on_click()
-        def _(event: Any) -> None:
-            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            self._actions.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
+        self._server.scene.on_click()(self._on_click)
 
     def _on(self, button: Any, act: Callable[[], None]) -> None:
         button.on_click(lambda _: self._actions.put(act))
@@ -145,6 +142,11 @@ class Panel:
                 self._remote.paused = fields["data"]
 
         self._remote.call(service, kind, done, **fields)
+
+    def _on_click(self, event: Any) -> None:
+        """Let the loop answer a click on the ground."""
+        origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+        self._actions.put(lambda: self._clicked(origin, direction / np.linalg.norm(direction)))
 
     def _clicked(self, origin: Any, direction: Any) -> None:
         if self._click.value == SELECT:

@@ -75,7 +75,7 @@ def rms(values: NDArray[Any]) -> float:
 def test_a_ray_ends_where_it_first_meets_the_triangles_of_the_ground(seed: int, roughness: float) -> None:
     rng = np.random.default_rng(seed)
     geometry = GridGeometry(rows=12, columns=15, resolution=0.3, origin=(-1.0, 2.0, 0.5))
-    ground = Surface(geometry, rng.normal(0.0, roughness, (12, 15)))
+    ground = Surface(geometry, rng.normal(0.0, roughness, (12, 15)).astype(np.float32).astype(np.float64))
     start = np.array([*geometry.to_world(*rng.uniform(1.0, 10.0, 2)), 0.0])
     start[2] = ground.below(start[None])[0] + rng.uniform(0.05, 2.0)
     directions = rng.normal(size=(30, 3))

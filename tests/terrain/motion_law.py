@@ -1,6 +1,6 @@
 """The law by which the ground moves between maps, in plain Python: what the core's reader must give to the bit.
 
-The reasons for it are in terrain/motion.py, terrain/correction.py and core/noisy_motion.h.
+The reasons for it are in core/motion.h, core/motion.cpp and core/noisy_motion.h.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from smartmesh_ros.terrain.correction import BLOCK_SHIFT
-from smartmesh_ros.terrain.motion import AGREEMENT, KEPT, LATE_AFTER, Mode
+from smartmesh_ros.terrain.motion import BLOCK_SHIFT, KEPT, Mode
 
+LATE_AFTER, REST_AFTER, AGREEMENT = 1.5, 4.5, 4.0
 HALF_WINDOW, SCATTER_MARGIN = 2, 2.0
 
 
@@ -151,7 +151,7 @@ def denoised(value: float, pairs: list[tuple[float, float]], variance: float) ->
 
 
 def motion_in_noise(grid: Any, row: int, column: int, clock: Any, phase: Phase) -> tuple[float, float]:
-    """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy `MovingGrid`."""
+    """Velocity [m/s] and acceleration [m/s^2] of a sample of a noisy height map."""
     ring = [(clock.newest - back) % KEPT for back in range(KEPT)]
 
     def read(r: int, c: int) -> list[float]:
@@ -190,7 +190,7 @@ def motion_in_noise(grid: Any, row: int, column: int, clock: Any, phase: Phase) 
 
 
 def sample_at(grid: Any, row: int, column: int, time: float, ahead: float) -> tuple[float, float]:
-    """Height [m] of a sample of a `MovingGrid` at ``time`` [s] and its rise [m] within the time ``ahead`` [s]."""
+    """Height [m] of a sample of a height map at ``time`` [s] and its rise [m] within the time ``ahead`` [s]."""
     height = grid.z + float(grid.heights[row, column])
     clock = grid.clocks[row >> BLOCK_SHIFT, column >> BLOCK_SHIFT]
     if grid.mode == Mode.CORRECT:

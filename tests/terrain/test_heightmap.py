@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.motion import BLOCK, MotionConfig
 from tests.examples import examples
 
 

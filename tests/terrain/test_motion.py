@@ -11,8 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.motion import AGREEMENT, LATE_AFTER, REST_AFTER, Mode, MotionConfig
-from tests.terrain.motion_law import AT_REST, Phase, agreed, displacement, motion_of, phase_of, rise_of
+from smartmesh_ros.terrain.motion import Mode, MotionConfig
+from tests.terrain.motion_law import (
+    AGREEMENT,
+    AT_REST,
+    LATE_AFTER,
+    REST_AFTER,
+    Phase,
+    agreed,
+    displacement,
+    motion_of,
+    phase_of,
+    rise_of,
+)
 
 AGES = np.linspace(0.0, 1.0, 2001)
 INTERVAL = 0.1

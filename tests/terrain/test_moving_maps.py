@@ -11,10 +11,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.correction import BLOCK
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import REST_AFTER, MotionConfig, MotionMode
+from smartmesh_ros.terrain.motion import BLOCK, REST_AFTER, MotionConfig, MotionMode
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
