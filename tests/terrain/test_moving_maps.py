@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import BLOCK, REST_AFTER, MotionConfig, MotionMode
+from smartmesh_ros.terrain.motion import BLOCK, MotionConfig, MotionMode
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.examples import examples
+from tests.terrain.motion_law import REST_AFTER
 
 SIDE = 2 * BLOCK + 10
 EVERYTHING = np.arange(SIDE * SIDE)

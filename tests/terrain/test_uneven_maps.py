@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import INTERVALS_KEPT, LATE_AFTER
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT
 from tests.examples import examples
+from tests.terrain.motion_law import LATE_AFTER
 
 INTERVAL = 0.05
 EVERYTHING = np.arange(25)
