@@ -1,8 +1,8 @@
 """Builds smartmesh_ros.core._core, the C++ core: in place when run, and for setup.py.
 
 Bullet's headers and the few of its sources that the core needs come from the source package of PyBullet, nanobind from
-its own package. Without Bullet's headers the core is built without its folder bullet. Libraries are kept in build/core
-under a digest of what they are made of, so that `colcon build`, pip and a build in place compile once.
+its own package. Without Bullet's headers the core is built without its folder bullet. Libraries and objects are kept in
+build/core under a digest of what they are made of, so that `colcon build`, pip and a build in place compile once.
 """
 
 from __future__ import annotations
@@ -107,30 +107,24 @@ def _compiler() -> str:
 
 
 def _digest(sources: list[Path], flags: list[str]) -> str:
-    """Return a digest of what the core is made of, but not of where that lies: pip builds in folders of new names."""
+    """Return a digest of sources and all headers, but not of where they lie: pip builds in folders of new names."""
     found = hashlib.sha256("\n".join([sys.version, PYBULLET, version("nanobind"), *flags]).encode())
     for path in [*sources, *sorted((ROOT / CORE).rglob("*.h"))]:
         found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
 
-def _compile(library: Path, command: list[str], sources: list[Path], extra: tuple[str, ...]) -> None:
-    """Compile the sources with a command on all cores, and link them."""
-    library.parent.mkdir(parents=True, exist_ok=True)
-
-    def compile_one(item: tuple[int, Path]) -> str:
-        made = library.parent / f"{item[0]}_{item[1].stem}.o"
-        foreign = [] if item[1].is_relative_to(ROOT / CORE) else ["-w"]
-        subprocess.run([*command, "-fPIC", *foreign, "-c", str(item[1]), "-o", str(made)], check=True)
-        return str(made)
-
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        objects = list(pool.map(compile_one, enumerate(sources)))
-    part = library.with_suffix(f".{os.getpid()}")
-    subprocess.run([command[0], "-shared", "-o", str(part), *objects, *extra], check=True)
-    part.rename(library)
-    for made in objects:
-        Path(made).unlink()
+def _compile(source: Path, command: list[str], flags: list[str], folders: list[str]) -> str:
+    """Compile a source, unless that was done before; return the object."""
+    own = source.is_relative_to(ROOT / CORE)
+    made = ROOT / "build" / "core" / "objects" / f"{_digest([source], flags)}_{source.stem}.o"
+    if not made.is_file():
+        part = made.with_suffix(f".{os.getpid()}.o")
+        made.parent.mkdir(parents=True, exist_ok=True)
+        foreign = [] if own else ["-w"]
+        subprocess.run([*command, *flags, *folders, "-fPIC", *foreign, "-c", str(source), "-o", str(part)], check=True)
+        part.rename(made)
+    return str(made)
 
 
 def build(target: Path, extra: tuple[str, ...] = ()) -> None:
@@ -140,6 +134,7 @@ def build(target: Path, extra: tuple[str, ...] = ()) -> None:
     sources = [*sorted((ROOT / CORE).glob("*.cpp")), binding / "src/nb_combined.cpp"]
     includes = [binding / "include", binding / "ext/robin_map/include", Path(sysconfig.get_path("include"))]
     flags = [*FLAGS, *(["-DPy_LIMITED_API=0x030C0000"] if STABLE_ABI else []), *extra]
+    with_bullet: list[str] = []  # for the file that names what the folder bullet adds
     try:
         bullet = bullet_sources()
     except MissingError as missing:
@@ -148,11 +143,20 @@ def build(target: Path, extra: tuple[str, ...] = ()) -> None:
     else:
         sources += [*sorted((ROOT / CORE / "bullet").glob("*.cpp")), *(bullet / "src" / path for path in OF_BULLET)]
         includes += [bullet / "src", bullet]
-        flags.append("-DSMARTMESH_BULLET")
-    library = ROOT / "build" / "core" / _digest(sources, flags) / "_core.so"
+        with_bullet = ["-DSMARTMESH_BULLET"]
+    library = ROOT / "build" / "core" / _digest(sources, [*flags, *with_bullet]) / "_core.so"
     if not library.is_file():
         folders = [f"-I{ROOT / CORE}", *(f"-isystem{path}" for path in includes)]
-        _compile(library, [compiler, *flags, *folders], sources, extra)
+
+        def compile_one(source: Path) -> str:
+            return _compile(source, [compiler], flags + (with_bullet if source.name == "bindings.cpp" else []), folders)
+
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            objects = list(pool.map(compile_one, sources))
+        library.parent.mkdir(parents=True, exist_ok=True)
+        linked = library.with_suffix(f".{os.getpid()}")
+        subprocess.run([compiler, "-shared", "-o", str(linked), *objects, *extra], check=True)
+        linked.rename(library)
     target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over
     shutil.copy2(library, part)

@@ -1,6 +1,5 @@
 """The C++ core in an installation, and what is said where it cannot be built."""
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -55,9 +54,8 @@ def test_a_ball_rests_on_the_map_of_an_installed_package(packages: Path) -> None
 
 
 def build(folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
-    """Build the core of a copy of the sources that has no library yet, with nothing downloaded before."""
+    """Build the core of a copy of the sources, with nothing downloaded before."""
     copy_of_this(folder)
-    shutil.rmtree(folder / "build", ignore_errors=True)
     return run(sys.executable, folder / "core_build.py", XDG_CACHE_HOME=str(folder.parent), **settings)
 
 

@@ -76,8 +76,7 @@ class _Window:
 
 
 class _Audience:
-    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
-    have made subscribers forget some."""
+    """Subscribers and publishers of an output."""
 
     def __init__(self) -> None:
         self._counts = (0, 0)
@@ -89,13 +88,10 @@ class _Audience:
         if (subscribers, publishers) != self._counts:
             self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
 
-    @property
-    def new(self) -> bool:
-        return monotonic() < self._new_until
-
     def needs_all(self) -> bool:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
-        all subscribers, receive everything."""
+        all subscribers, receive everything, and forget what they had: they may have missed messages, or another
+        publisher may have ended."""
         now = monotonic()
         if self._new_until <= now < self._all_due:
             return False
@@ -208,24 +204,24 @@ class Publishing:
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
-    def _only_changed(self, output: str) -> bool:
+    def _needs_all(self, output: str) -> bool:
         publisher, audience = self._outputs[output].publisher, self._audiences[output]
         audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
-        return self._session.settings.incremental and not audience.needs_all()
+        return audience.needs_all()
 
     def _make_patches(self) -> bytes:
-        world, only_changed = self._world, self._only_changed("patches")
+        world, whole = self._world, self._needs_all("patches")
         return self._markers.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
-            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
+            only_changed=self._session.settings.incremental and not whole, clear=whole,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
-        world, only_changed = self._world, self._only_changed("collider_patches")
+        world, whole = self._world, self._needs_all("collider_patches")
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
-            only_changed=only_changed,
+            only_changed=self._session.settings.incremental and not whole,
         )  # fmt: skip
 
     def _make_body_states(self) -> bytes:
