@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 from time import monotonic
+from typing import Any
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
@@ -73,13 +74,17 @@ def started(count: int, package: Path | None) -> list[Start]:
         try:
             for index in range(count):
                 Thread(target=read, args=[index], daemon=True).start()
-            calls: dict[int, object] = {}
+            calls: list[tuple[int, Any]] = []
+            asked: dict[int, float] = {}  # when [s]
             while len(answers) < count and monotonic() < begin + TIMEOUT:
                 rclpy.spin_once(node, timeout_sec=0.02)
                 for index, client in enumerate(clients):
-                    if index not in calls and client.service_is_ready():
-                        calls[index] = client.call_async(SetBool.Request(data=False))
-                    if index not in answers and index in calls and calls[index].done():  # type: ignore[attr-defined]
+                    # DDS may lose the answer to a call of the first moments, so it is repeated.
+                    if index not in answers and client.service_is_ready() and monotonic() > asked.get(index, 0.0) + 0.2:
+                        asked[index] = monotonic()
+                        calls.append((index, client.call_async(SetBool.Request(data=False))))
+                for index, call in calls:
+                    if index not in answers and call.done():
                         status = Path(f"/proc/{running[index].pid}/status").read_text()
                         memory = int(status.split("VmHWM:")[1].split()[0]) / 1024
                         answers[index] = Start(lines.get(index, float("nan")), monotonic() - begin, memory)
