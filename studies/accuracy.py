@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,8 +81,12 @@ def _beside_those_before(outcomes: list[Outcome], path: Path) -> list[Outcome]:
     new = {(outcome.row, outcome.method): outcome for outcome in outcomes}
     before = {(cell["row"], cell["method"]): Outcome(**cell) for cell in written}
     cells = before | new
-    rows = dict.fromkeys(outcome.row for outcome in outcomes)
-    return [cells[row, method] for row in rows for method in METHODS if (row, method) in cells]
+    methods = [method for method in METHODS if any(method == known for _, known in cells)]
+    return [
+        cells.get((outcome.row, method)) or replace(outcome, method=method, figure=None)
+        for outcome in {outcome.row: outcome for outcome in outcomes}.values()
+        for method in methods
+    ]
 
 
 def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], data: dict[str, Any], say: Any) -> None:
