@@ -260,8 +260,12 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(probe: Probe,
         flat_map(probe)
         moving, start, key = probe.publisher(TFMessage, "/tf"), monotonic(), "refused, /tf: stamp_backwards"
         tracked: list[str] = []
+        sent = [start]
 
         def told_twice() -> bool:
+            sent.append(monotonic())
+            if sent[-1] - sent[-2] > 0.5:  # this test stalled, on a busy machine: the body may time out
+                tracked.clear()
             message = transform(probe, "map", "base_link", 0.5 * ((monotonic() - start) % 3.0), 0.0)
             at = 1_000_000.0 + (monotonic() - start) % 3.0
             message.transforms[0].header.stamp = Time(sec=int(at), nanosec=int(at % 1 * 1e9)) if looped else Time()

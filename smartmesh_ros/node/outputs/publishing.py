@@ -37,7 +37,7 @@ from smartmesh_ros.physics.states import SimulatedStates
 # Longest time between two messages with all patches in incremental mode [s].
 ALL_PATCHES_PERIOD = 5.0
 # Time in which a new subscriber may not have discovered the node and so misses messages [s].
-DISCOVERY_TIME = 1.0
+DISCOVERY_TIME = 3.0
 # Outputs that show patches. They are published only after the patches were refreshed.
 PATCH_OUTPUTS = ("patches", "collider_patches")
 # Longest wait at the end until subscribers have the last message [s].
@@ -76,7 +76,8 @@ class _Window:
 
 
 class _Audience:
-    """Subscribers and publishers of an output."""
+    """Subscribers and publishers of an output. ``new``: True if some may have missed messages, or another publisher may
+    have made subscribers forget some."""
 
     def __init__(self) -> None:
         self._counts = (0, 0)
@@ -88,10 +89,13 @@ class _Audience:
         if (subscribers, publishers) != self._counts:
             self._counts, self._new_until = (subscribers, publishers), monotonic() + DISCOVERY_TIME
 
+    @property
+    def new(self) -> bool:
+        return monotonic() < self._new_until
+
     def needs_all(self) -> bool:
         """Return False if the next message may contain only changes. New subscribers, and every `ALL_PATCHES_PERIOD`
-        all subscribers, receive everything, and forget what they had: they may have missed messages, or another
-        publisher may have ended."""
+        all subscribers, receive everything."""
         now = monotonic()
         if self._new_until <= now < self._all_due:
             return False
@@ -204,24 +208,24 @@ class Publishing:
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
-    def _needs_all(self, output: str) -> bool:
+    def _only_changed(self, output: str) -> bool:
         publisher, audience = self._outputs[output].publisher, self._audiences[output]
         audience.count(publisher.get_subscription_count(), self._node.count_publishers(publisher.topic_name))
-        return audience.needs_all()
+        return self._session.settings.incremental and not audience.needs_all()
 
     def _make_patches(self) -> bytes:
-        world, whole = self._world, self._needs_all("patches")
+        world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
-            only_changed=self._session.settings.incremental and not whole, clear=whole,
+            only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
     def _make_collider_patches(self) -> bytes:
-        world, whole = self._world, self._needs_all("collider_patches")
+        world, only_changed = self._world, self._only_changed("collider_patches")
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
             self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
-            only_changed=self._session.settings.incremental and not whole,
+            only_changed=only_changed,
         )  # fmt: skip
 
     def _make_body_states(self) -> bytes:
