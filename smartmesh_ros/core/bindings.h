@@ -69,7 +69,7 @@ struct Grid {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
       throw std::invalid_argument("the resolution must be above zero and finite");
     if (!std::isfinite(x + y + z + yaw)) throw std::invalid_argument("the place of a grid must be finite");
-    grid.place({x, y, z}, yaw, resolution);
+    grid.x = x, grid.y = y, grid.z = z, grid.yaw = yaw, grid.resolution = resolution;
   }
   void move(double time, double interval, double x, double y, double spin) {
     if (!std::isfinite(time + interval + x + y + spin)) throw std::invalid_argument("the motion of a grid must be finite");

@@ -26,26 +26,14 @@ class ShapeReach final : public Reach {
   }
 
   bool is_clear_of(const Vec3 (&corners)[4]) const override {
-    if (is_ball_) {
-      const double limit = shape_.radius + grown_;
-      Bounds bounds;
-      for (const Vec3& p : corners)
-        if (!std::isnan(p.z)) bounds.add(p);
-      const Vec3 nearest{std::clamp(pose_.at.x, bounds.low.x, bounds.high.x), std::clamp(pose_.at.y, bounds.low.y, bounds.high.y),
-                         std::clamp(pose_.at.z, bounds.low.z, bounds.high.z)};
-      return norm2(nearest - pose_.at) > limit * limit;
-    }
-    // Beyond a face of the shape's box that looks down.
-    const Vec3 &low = shape_.bounds.low, &high = shape_.bounds.high, up = pose_.turn.row[2];
-    bool x = true, y = true, z = true;
-    for (const Vec3& p : corners) {
-      if (std::isnan(p.z)) continue;
-      const Vec3 q = pose_.to_local(p);
-      x &= up.x > 0.0 ? q.x < low.x - grown_ : q.x > high.x + grown_;
-      y &= up.y > 0.0 ? q.y < low.y - grown_ : q.y > high.y + grown_;
-      z &= up.z > 0.0 ? q.z < low.z - grown_ : q.z > high.z + grown_;
-    }
-    return x || y || z;
+    if (!is_ball_) return false;
+    const double limit = shape_.radius + grown_;
+    Bounds bounds;
+    for (const Vec3& p : corners)
+      if (!std::isnan(p.z)) bounds.add(p);
+    const Vec3 &at = pose_.at, &low = bounds.low, &high = bounds.high;
+    const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y), std::clamp(at.z, low.z, high.z)};
+    return norm2(nearest - at) > limit * limit;
   }
 
   bool is_outside(const Vec3& p, const Vec3& one, const Vec3& other) const override {
@@ -71,12 +59,12 @@ Bounds bounds_of(const Convex& shape, const Pose& pose) {
 
 }  // namespace
 
-bool ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
+void ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface, double time, const Approach& approach,
                         std::vector<Contact>& contacts) {
   contacts.clear();
   const double grown = approach.reach(pose.at, shape.reach);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
-  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return false;
+  if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown);
   surface.gather(bounds, time, reach, maps_);
   surface.gather_meshes(bounds, time, reach, meshes_);
@@ -84,7 +72,6 @@ bool ContactSearch::run(const Convex& shape, const Pose& pose, Surface& surface,
     patch->finish();
     find_contacts(shape, pose, *patch, approach, contacts);
   }
-  return !(maps_.points.empty() && meshes_.points.empty());
 }
 
 }  // namespace smartmesh

@@ -15,13 +15,8 @@ double chord(double turn) { return turn == 0.0 ? 1.0 : std::sin(0.5 * turn) / (0
 
 }  // namespace
 
-void HeightGrid::place(const Vec3& origin, double turned, double spacing) {
-  x = origin.x, y = origin.y, z = origin.z, yaw = turned, resolution = spacing;
-  cos_yaw = std::cos(yaw), sin_yaw = std::sin(yaw);
-}
-
 GridPose HeightGrid::pose_at(double time) const {
-  if (track.interval == 0.0) return {x, y, cos_yaw, sin_yaw, 0.0, 0.0, 0.0};
+  if (track.interval == 0.0) return {x, y, std::cos(yaw), std::sin(yaw), 0.0, 0.0, 0.0};
   const Phase phase = phase_of(time, track.time, track.interval, 0.0, mode, clocks[0].delay);
   const double turn = track.spin * phase.along, along = phase.along * chord(turn);
   const double c = std::cos(0.5 * turn), s = std::sin(0.5 * turn), ct = std::cos(turn), st = std::sin(turn);

@@ -41,7 +41,6 @@ struct HeightGrid {
   const Clock* clocks = nullptr;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
-  double cos_yaw = 1.0, sin_yaw = 0.0;
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, shown = 0.0;
   GridTrack track;
@@ -56,7 +55,6 @@ struct HeightGrid {
     return clocks[(row >> BLOCK_SHIFT) * block_columns + (column >> BLOCK_SHIFT)];
   }
 
-  void place(const Vec3& origin, double turned, double spacing);
   GridPose pose_at(double time) const;
 
   // Blends corrections in up to the instant `shown` [s].

@@ -13,9 +13,9 @@ constexpr double CONVEX = 1e-7;
 // Steps in rows and columns to the neighbours of a sample, in a circle. Cells are cut from (r, c) to (r + 1, c + 1).
 constexpr int AROUND[6][2] = {{0, 1}, {1, 1}, {1, 0}, {0, -1}, {-1, -1}, {-1, 0}};
 
-// Facet beside an edge: its third corner and its cell, relative to the start of the edge, and which half of the cell.
+// Facet beside an edge: its third corner and its cell, relative to the start of the edge.
 struct Side {
-  int row, column, cell_row, cell_column, half;
+  int row, column, cell_row, cell_column;
 };
 
 // The edges that start at a sample: where they end, and the facets to their left and right.
@@ -23,19 +23,18 @@ struct EdgeKind {
   int row, column;
   Side sides[2];
 };
-constexpr EdgeKind EDGES[3] = {{0, 1, {{1, 1, 0, 0, 0}, {-1, 0, -1, 0, 1}}},
-                               {1, 0, {{0, -1, 0, -1, 0}, {1, 1, 0, 0, 1}}},
-                               {1, 1, {{1, 0, 0, 0, 1}, {0, 1, 0, 0, 0}}}};
+constexpr EdgeKind EDGES[3] = {{0, 1, {{1, 1, 0, 0}, {-1, 0, -1, 0}}},
+                               {1, 0, {{0, -1, 0, -1}, {1, 1, 0, 0}}},
+                               {1, 1, {{1, 0, 0, 0}, {0, 1, 0, 0}}}};
 
 // Adds the parts of one window to a patch.
 class CellAdder {
  public:
   CellAdder(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch)
       : window_(window), first_row_(first_row), first_column_(first_column), reach_(reach), patch_(patch),
-        index_(patch.index), facet_of_(patch.facet_of), active_(patch.active) {
+        index_(patch.index), active_(patch.active) {
     const std::size_t count = window.heights.size();
     patch.index.assign(count, -1);
-    patch.facet_of.assign(2 * count, -1);
     patch.active.assign(count, 0);
   }
 
@@ -117,9 +116,8 @@ class CellAdder {
     return known;
   }
 
-  void add_facet(int a, int b, int c, int& facet) {
+  void add_facet(int a, int b, int c) {
     if (a < 0 || b < 0 || c < 0) return;
-    facet = static_cast<int>(patch_.facets.size());
     patch_.facets.push_back({{a, b, c}, normal_of(a, b, c)});
   }
 
@@ -130,8 +128,8 @@ class CellAdder {
 
   void add_facets(int r, int c) {
     const int a = point(r, c), b = point(r, c + 1), d = point(r + 1, c), e = point(r + 1, c + 1);
-    add_facet(a, b, e, facet_of_[2 * at(r, c)]);
-    add_facet(a, e, d, facet_of_[2 * at(r, c) + 1]);
+    add_facet(a, b, e);
+    add_facet(a, e, d);
   }
 
   // Adds an edge that starts at sample (r, c) if it belongs to a cell that may be touched and the ground is convex there.
@@ -151,8 +149,7 @@ class CellAdder {
       const Side& side = kind.sides[k];
       const int corner = edge.opposite[k] = point(r + side.row, c + side.column);
       if (corner < 0) continue;
-      const int facet = facet_of_[2 * cell(side) + side.half];
-      const Vec3 normal = facet >= 0 ? patch_.facets[facet].normal : normal_of(edge.end[k], edge.end[1 - k], corner);
+      const Vec3 normal = normal_of(edge.end[k], edge.end[1 - k], corner);
       patch_.steepest = std::min(patch_.steepest, normal.z);
       edge.outward = edge.outward + normal;
     }
@@ -181,7 +178,7 @@ class CellAdder {
   const long first_row_, first_column_;
   const Reach& reach_;
   Patch& patch_;
-  std::vector<int>&index_, &facet_of_;
+  std::vector<int>& index_;
   std::vector<char>& active_;
   CellRange active_cells_;
 };

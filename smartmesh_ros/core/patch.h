@@ -55,8 +55,7 @@ struct Patch {
 
   double highest = 0.0;    // of the points [m]
   double steepest = -1.0;  // least upward component of the normals beside the convex edges
-  // While cells are added: the samples of a window in `points`, and the two halves of its cells in `facets`.
-  std::vector<int> index, facet_of;
+  std::vector<int> index;  // of the samples of a window in `points`, while cells are added
   std::vector<char> active;
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
@@ -72,8 +71,8 @@ struct Patch {
 struct Reach {
   virtual bool touches(const Vec3& centre, double radius) const = 0;
 
-  // Returns true if no point of a cell of a height map with these corners may be touched, because what touches lies above
-  // it. Height NaN: no ground.
+  // Returns true if no point of a cell of a height map with these corners may be touched; narrower than `touches`, which
+  // knows a ball around the cell alone. Height NaN: no ground.
   virtual bool is_clear_of(const Vec3 (&corners)[4]) const = 0;
 
   // Returns true if an edge at `p` may be touched from the directions between the outward normals `one` and `other` of

@@ -110,7 +110,7 @@ Table contacts_of(const Convex& shape, const Points& pose, const Heights& height
   grid.heights = heights.data(), grid.clocks = clocks.data(), grid.block_columns = static_cast<int>(block_columns);
   grid.rows = static_cast<int>(rows), grid.columns = static_cast<int>(columns);
   if (!std::isfinite(yaw)) throw std::invalid_argument("the yaw must be finite");
-  grid.place({}, yaw, checked(resolution, "the resolution"));
+  grid.resolution = checked(resolution, "the resolution"), grid.yaw = yaw;
   Surface surface;
   surface.set_tiles({&grid}, {});
   return contacts_with(surface, shape, pose, motion, duration, margin);

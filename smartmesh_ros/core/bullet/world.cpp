@@ -188,12 +188,11 @@ void BulletWorld::place(Slot& slot) {
   const btVector3 by(grown, grown, grown), travel = to_bullet(slot.linear * duration);
   low.setMin(low + travel), high.setMax(high + travel);
   low -= by, high += by;
-  if (!slot.is_near && surface.highest_under({from_bullet(low), from_bullet(high)}, time) < low.z())
+  if (surface.highest_under({from_bullet(low), from_bullet(high)}, time) < low.z())
     high = low -= btVector3(0, 0, APART);  // so that they are no pair
   // Bullet itself renews the bounds of awake objects only.
   world_->getBroadphase()->setAabb(ground.getBroadphaseHandle(), low, high, world_->getDispatcher());
   if (low == high) return;
-  slot.is_near = false;
   btTransform foot;
   foot.setIdentity();
   foot.setOrigin(motion.known ? to_bullet(motion.foot) : pose.getOrigin());
@@ -260,7 +259,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   approach.duration = step;
   approach.gravity = from_bullet(world_->getGravity());
   approach.margin = margin_in(step);
-  slot.is_near |= search_.run(*shape, pose, surface, time, approach, contacts_);
+  search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
   write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2}, manifold);

@@ -26,7 +26,6 @@ struct Slot {
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
-  bool is_near = false;    // the body had ground in reach in the last step, so that it need not be looked for
   std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
   long slept_at = -1;            // revision of the ground when they were read
   std::unordered_map<const btCollisionShape*, std::unique_ptr<Convex>> shapes;
