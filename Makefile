@@ -48,7 +48,7 @@ before-after:  ## the code of another checkout against this one's: BEFORE=/path/
 robots:  ## robots on rough and moving ground, beside other engines (about 12 minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
 
-start-study:  ## from a node's command to its first answer, compiled and not (two minutes; on a machine with nothing to do)
+start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
 	@$(RUN) -- python scripts/start_study.py $(ARGS)
 
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif

@@ -1,8 +1,8 @@
 """Starts nodes as forks of one process that has imported what they import.
 
-A node spends two seconds of processor time on imports and on loading machine code, most of what a short test takes.
-A fork runs the same entry point as the executable, in a process and an environment of its own. Tests of the start, and
-of other environments, use the executables; see the fixture ``executables``.
+A node spends most of what a short test takes on imports. A fork runs the same entry point as the executable, in a
+process and an environment of its own. Tests of the start, and of other environments, use the executables; see the
+fixture ``executables``.
 """
 
 from __future__ import annotations

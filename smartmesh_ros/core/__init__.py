@@ -18,5 +18,5 @@ except ImportError as error:
 
 
 def as_bytes(records: Any) -> NDArray[np.uint8]:
-    """Return a table of records (n,) as the core takes it: their bytes (n, size), not copied."""
-    return np.asarray(records.view(np.uint8).reshape(len(records), records.dtype.itemsize))
+    """Return records (...) as the core takes them: their bytes (..., size), not copied."""
+    return np.asarray(records.view(np.uint8).reshape(*records.shape, records.dtype.itemsize))

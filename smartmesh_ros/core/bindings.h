@@ -33,6 +33,30 @@ using Slots = Array<const std::int64_t, 1>;
 using Flags = Array<const bool, 1>;
 using States = Array<double, 2>;
 
+// Refuses a table that has not the shape (rows, columns).
+template <class T>
+void check_table(const Array<T, 2>& table, std::size_t rows, std::size_t columns, const char* name) {
+  check_alignment(table.data(), sizeof(T));
+  if (table.shape(0) != rows || table.shape(1) != columns)
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) + ", " +
+                                std::to_string(columns) + ")");
+}
+
+// Refuses a list that has not `count` items.
+template <class T>
+void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
+  check_alignment(list.data(), sizeof(T));
+  if (list.shape(0) != count)
+    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
+}
+
+inline double finite(double value, const char* name) {
+  if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
+  return value;
+}
+
+inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
+
 inline Mode mode_of(int number) {
   if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
   return static_cast<Mode>(number);
@@ -130,15 +154,19 @@ struct Mesh {
   }
 };
 
-// Sets the tiles of a surface: grids and meshes of Python, which must outlive it.
-inline void set_tiles_of(Surface& surface, const nb::list& tiles) {
+// Sets the tiles of a surface: grids and meshes of Python. Returns what must outlive the surface: a copy of the list, which
+// Python may change.
+inline nb::list set_tiles_of(Surface& surface, const nb::list& tiles) {
   std::vector<const HeightGrid*> grids;
   std::vector<const MeshSurface*> meshes;
+  nb::list kept;
   for (nb::handle tile : tiles) {
     if (nb::isinstance<Mesh>(tile)) meshes.push_back(&nb::cast<Mesh&>(tile).surface);
     else grids.push_back(&nb::cast<Grid&>(tile).grid);
+    kept.append(tile);
   }
   surface.set_tiles(grids, meshes);
+  return kept;
 }
 
 // Each adds what its room needs.

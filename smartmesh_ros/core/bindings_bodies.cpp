@@ -75,11 +75,6 @@ struct Supports {
   }
 };
 
-Vec3 row_of(const Doubles2& points, std::size_t k) {
-  const double* p = points.data() + 3 * k;
-  return {p[0], p[1], p[2]};
-}
-
 // Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
 void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubles1& found) {
   require(kept.shape(1) == 3 && points.shape(1) == 3, "points must have the shape (n, 3)");
@@ -89,14 +84,14 @@ void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubl
   check_alignment(found.data(), sizeof(double));
   Solid hull;
   hull.kind = ShapeKind::Hull, hull.vertices = kept.data(), hull.rows = static_cast<std::int64_t>(kept.shape(0));
-  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(row_of(points, k), hull);
+  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(vector_at(points.data() + 3 * k), hull);
 }
 
 using Lifts = std::vector<std::tuple<std::int64_t, double, double>>;
 
 // Returns slot, lift [m] and the ground's vertical velocity [m/s] of those bodies in `slots` that are below the ground.
 Lifts find_below(const Shapes& shapes, const Doubles2& states, const Slots& slots, const nb::list& tiles, double time) {
-  require(std::isfinite(time), "the time must be finite");
+  finite(time, "the time");
   check_alignment(slots.data(), sizeof(std::int64_t));
   const Bodies bodies(shapes, states);
   Surface surface;
@@ -116,7 +111,7 @@ Lifts find_below(const Shapes& shapes, const Doubles2& states, const Slots& slot
 // rectangles on a height map.
 void find_feet(const Grid& grid, const Shapes& shapes, const Doubles2& states, const Slots& slots, const Doubles3& heights,
                const Doubles3& velocities, double time, const Bytes2Out& supports_s) {
-  require(std::isfinite(time), "the time must be finite");
+  finite(time, "the time");
   check_alignment(slots.data(), sizeof(std::int64_t));
   check_alignment(heights.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
   const std::size_t rows = heights.shape(1), columns = heights.shape(2);
@@ -147,7 +142,7 @@ void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shap
   for (std::size_t k = 0; k < triangles.size(); ++k) {
     const std::int32_t corner = triangles.data()[k];
     require(corner >= 0 && static_cast<std::size_t>(corner) < points.shape(0), "a triangle uses a point that is not there");
-    corners.push_back(row_of(points, corner));
+    corners.push_back(vector_at(points.data() + 3 * corner));
   }
   BodySolid body;
   Bodies(shapes, states).place(slot, body);
@@ -162,7 +157,7 @@ using Corrected = std::tuple<std::int64_t, const Grid*, double>;
 std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& tiles, const Shapes& shapes,
                                                const Doubles2& states, const Slots& slots, const Slots& owners,
                                                const Bytes2Out& supports_s, double time, const Doubles2Out& poses) {
-  require(std::isfinite(time), "the time must be finite");
+  finite(time, "the time");
   require(owners.shape(0) == slots.shape(0), "there must be an owner for each slot");
   require(poses.shape(1) == 7, "poses must have the shape (B, 7)");
   check_alignment(slots.data(), sizeof(std::int64_t)), check_alignment(owners.data(), sizeof(std::int64_t));
@@ -178,7 +173,7 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
     const SupportRecord& support = supports.at(slot);
     const bool stands = support.state != Support::None;
     bodies.place(slot, body);
-    const Vec3 origin{poses.data()[7 * owner], poses.data()[7 * owner + 1], poses.data()[7 * owner + 2]};
+    const Vec3 origin = vector_at(poses.data() + 7 * owner);
     for (const auto& [number, grid, shown] : tiles) {
       if (stands && support.tile != number) continue;
       HeightGrid before = grid->grid;
@@ -189,7 +184,7 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
   std::vector<std::size_t> moved;
   for (std::size_t k = 0; k < sums.size(); ++k) {
     double* p = poses.data() + 7 * k;
-    BodyPose pose{{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
+    BodyPose pose{vector_at(p), {p[3], p[4], p[5], p[6]}};
     if (!move_with(sums[k], pose)) continue;
     moved.push_back(k);
     const double found[7] = {pose.at.x, pose.at.y, pose.at.z, pose.turn.x, pose.turn.y, pose.turn.z, pose.turn.w};

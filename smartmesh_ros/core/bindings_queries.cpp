@@ -19,16 +19,8 @@ constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 // Largest coordinate of a ray's origin, and its longest reach [m], as in terrain/grid.py.
 constexpr double MOST = 1e9;
 
-template <class A>
-void check(const A& array, std::size_t rows, std::size_t columns, const char* name) {
-  check_alignment(array.data(), sizeof(*array.data()));
-  if (array.shape(0) != rows || (array.ndim() == 2 && array.shape(1) != columns))
-    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) +
-                                (array.ndim() == 2 ? ", " + std::to_string(columns) + ")" : ",)"));
-}
-
 void check_instant(double time, double ahead) {
-  if (!std::isfinite(time)) throw std::invalid_argument("the time must be finite");
+  finite(time, "the time");
   if (!(ahead > 0.0 && std::isfinite(ahead))) throw std::invalid_argument("the time ahead must be above zero and finite");
 }
 
@@ -37,17 +29,13 @@ struct Parts {
   nb::list list;
   Surface surface;
 
-  void set(const nb::list& parts) {
-    std::vector<const HeightGrid*> grids;
-    std::vector<const MeshSurface*> meshes;
-    nb::list kept;
-    for (nb::handle part : parts) {
-      if (nb::isinstance<Mesh>(part)) meshes.push_back(&nb::cast<Mesh&>(part).surface);
-      else grids.push_back(&nb::cast<Grid&>(part).grid);
-      kept.append(part);
-    }
-    surface.set_tiles(grids, meshes);
-    list = kept;
+  void set(const nb::list& parts) { list = set_tiles_of(surface, parts); }
+  // Returns a reader of some parts at `time` [s], for `count` points.
+  SurfaceReader begin(const nb::list& parts, double time, std::size_t count) {
+    set(parts);
+    SurfaceReader reader = surface.reader(time, INSTANT);
+    reader.prepare(count);
+    return reader;
   }
   bool are(const nb::list& parts) const {
     if (parts.size() != list.size()) return false;
@@ -62,12 +50,10 @@ void write(double* at, const Vec3& v) { at[0] = v.x, at[1] = v.y, at[2] = v.z; }
 // Writes the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
 void ground_heights(const nb::list& tiles, Points points, double time, Rows heights, Rows velocities) {
   const std::size_t count = points.shape(0);
-  check(points, count, 2, "points"), check(heights, count, 0, "heights"), check(velocities, count, 0, "velocities");
+  check_table(points, count, 2, "points"), check_list(heights, count, "heights"), check_list(velocities, count, "velocities");
   check_instant(time, INSTANT);
   Parts parts;
-  parts.set(tiles);
-  SurfaceReader reader = parts.surface.reader(time, INSTANT);
-  reader.prepare(count);
+  SurfaceReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
     const GroundPoint ground =
@@ -81,13 +67,11 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
 void ground_samples(const nb::list& tiles, Points points, double time, Rows heights, Table normals, Table velocities,
                     Rows ages) {
   const std::size_t count = points.shape(0);
-  check(points, count, 3, "points"), check(heights, count, 0, "heights"), check(normals, count, 3, "normals");
-  check(velocities, count, 3, "velocities"), check(ages, count, 0, "ages");
+  check_table(points, count, 3, "points"), check_list(heights, count, "heights"), check_table(normals, count, 3, "normals");
+  check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages");
   check_instant(time, INSTANT);
   Parts parts;
-  parts.set(tiles);
-  SurfaceReader reader = parts.surface.reader(time, INSTANT);
-  reader.prepare(count);
+  SurfaceReader reader = parts.begin(tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double* p = points.data() + 3 * k;
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
@@ -111,25 +95,21 @@ struct RayCaster {
   void cast(const nb::list& tiles, Points origins, Points directions, double reach, double time, Rows distances,
             Table normals) {
     const std::size_t count = origins.shape(0);
-    check(origins, count, 3, "origins"), check(directions, count, 3, "directions");
-    check(distances, count, 0, "distances"), check(normals, count, 3, "normals");
+    check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
+    check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
     check_instant(time, INSTANT);
     if (!(reach > 0.0 && reach <= MOST)) throw std::invalid_argument("the reach must be above zero and at most 1e9 m");
-    for (std::size_t k = 0; k < count; ++k) check_ray(vector_of(origins, k), vector_of(directions, k));
+    for (std::size_t k = 0; k < count; ++k) check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
     if (!parts.are(tiles)) parts.set(tiles);
     SurfaceReader ground = rays.begin(parts.surface, time);
     ground.prepare(count);
     for (std::size_t k = 0; k < count; ++k) {
-      const RayHit hit = rays.first_hit(ground, {vector_of(origins, k), vector_of(directions, k), reach});
+      const RayHit hit = rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), reach});
       distances.data()[k] = hit.distance;
       if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
     }
   }
 
-  static Vec3 vector_of(const Points& points, std::size_t k) {
-    const double* p = points.data() + 3 * k;
-    return {p[0], p[1], p[2]};
-  }
   static void check_ray(const Vec3& from, const Vec3& way) {
     if (!(std::abs(from.x) <= MOST && std::abs(from.y) <= MOST && std::abs(from.z) <= MOST))
       throw std::invalid_argument("origins must be finite and at most 1e9 m away");
@@ -141,7 +121,7 @@ struct RayCaster {
 // row-major map; NaN beyond it.
 void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Rows heights, Rows velocities) {
   const std::size_t count = indices.shape(0);
-  check(indices, count, 0, "indices"), check(heights, count, 0, "heights"), check(velocities, count, 0, "velocities");
+  check_list(indices, count, "indices"), check_list(heights, count, "heights"), check_list(velocities, count, "velocities");
   check_instant(time, ahead);
   GridReader reader(grid.grid, time, ahead);
   const std::int64_t columns = grid.grid.columns, size = columns * grid.grid.rows;
@@ -155,7 +135,7 @@ void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Row
 
 // Writes the heights (h, w) [m] of the window of samples that starts at a row and column; NaN beyond the edge.
 void grid_window(const Grid& grid, int row, int column, double time, Table heights) {
-  check(heights, heights.shape(0), heights.shape(1), "heights");
+  check_table(heights, heights.shape(0), heights.shape(1), "heights");
   check_instant(time, INSTANT);
   constexpr int most = 1 << 29;
   if (row < -most || row > most || column < -most || column > most || heights.shape(0) > most || heights.shape(1) > most)
@@ -176,8 +156,8 @@ auto grid_pose(const Grid& grid, double time) {
 // Writes the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
 void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Table positions, Table velocities) {
   const std::size_t count = indices.shape(0);
-  check(indices, count, 0, "indices"), check(positions, count, 3, "positions");
-  check(velocities, count, 3, "velocities");
+  check_list(indices, count, "indices"), check_table(positions, count, 3, "positions");
+  check_table(velocities, count, 3, "velocities");
   check_instant(time, ahead);
   for (std::size_t k = 0; k < count; ++k)
     if (indices.data()[k] < 0 || indices.data()[k] >= mesh.surface.vertices)

@@ -31,7 +31,7 @@ void write_states(Slots slots, Doubles2 found, double dt, States states, States 
   const std::size_t count = states.shape(0);
   check_table(found, slots.shape(0), BODY_COLUMNS, "found"), check_table(states, count, BODY_COLUMNS, "states");
   check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
-  checked_number(dt, "the time step");
+  finite(dt, "the time step");
   const double* row = found.data();
   for (std::int64_t slot : slots_below(slots, count)) {
     take_state(row, dt, states.data() + BODY_COLUMNS * slot, positions.data() + 3 * slot, moved.data() + 3 * slot);
@@ -64,7 +64,7 @@ nb::object first_fault(Doubles2 states, Doubles1 radii, Array<const std::uint8_t
 // Returns states (n, 13) after a `duration` [s].
 NewTable extrapolated(Doubles2 states, double duration) {
   check_table(states, states.shape(0), BODY_COLUMNS, "states");
-  checked_number(duration, "the duration");
+  finite(duration, "the duration");
   NewTable moved = new_array<double, 2>({states.shape(0), states.shape(1)});
   for (std::size_t k = 0; k < states.shape(0); ++k)
     extrapolate(states.data() + BODY_COLUMNS * k, duration, moved.data() + BODY_COLUMNS * k);
@@ -75,7 +75,7 @@ NewTable extrapolated(Doubles2 states, double duration) {
 NewTable blended(Doubles2 states, Doubles2 targets, double share) {
   check_table(states, states.shape(0), BODY_COLUMNS, "states");
   check_table(targets, states.shape(0), BODY_COLUMNS, "targets");
-  checked_number(share, "the share");
+  finite(share, "the share");
   NewTable drawn = new_array<double, 2>({states.shape(0), states.shape(1)});
   for (std::size_t k = 0; k < states.shape(0); ++k)
     blend(states.data() + BODY_COLUMNS * k, targets.data() + BODY_COLUMNS * k, share, drawn.data() + BODY_COLUMNS * k);
@@ -95,7 +95,7 @@ NewFlags near_any(Remote remote, double duration, Attached attached, double hori
   check_list(radii, count, "radii"), check_list(margins, count, "margins");
   check_table(positions, bodies, 3, "positions"), check_table(velocities, bodies, 3, "velocities");
   check_list(own_radii, bodies, "radii"), check_list(own, bodies, "own");
-  checked_number(duration, "the duration"), checked_number(horizon, "the horizon");
+  finite(duration, "the duration"), finite(horizon, "the horizon");
   NewFlags near = new_array<bool, 1>({count});
   find_near({states.data(), radii.data(), margins.data(), count}, duration,
             {positions.data(), velocities.data(), own_radii.data(), own.data(), bodies}, horizon, near.data());
@@ -109,7 +109,7 @@ NewFlags may_touch(Doubles2 positions, Doubles2 moved, Doubles1 radii, Flags gue
   check_list(radii, count, "radii"), check_list(guests, count, "guests"), check_list(solid, count, "solid");
   NewFlags found = new_array<bool, 1>({count});
   find_touching({positions.data(), moved.data(), radii.data(), guests.data(), solid.data(), count},
-                checked_number(slack, "the slack"), found.data());
+                finite(slack, "the slack"), found.data());
   return found;
 }
 
@@ -124,11 +124,10 @@ NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 reach, Doubles2 boxe
   check_table(origins, count, 3, "origins"), check_table(ways, count, 3, "ways");
   check_table(boxes, boxes.shape(0), 6, "boxes"), check_list(reach, count, "reach");
   if (boxes.shape(0) > 1u << 24) throw std::invalid_argument("there are at most 2^24 boxes");
-  const auto vector_at = [](const double* p) { return Vec3{p[0], p[1], p[2]}; };
   std::vector<Bounds> bounds;
   for (std::size_t k = 0; k < boxes.shape(0); ++k)
     bounds.push_back({vector_at(boxes.data() + 6 * k), vector_at(boxes.data() + 6 * k + 3)});
-  for (std::size_t k = 0; k < boxes.size(); ++k) checked_number(boxes.data()[k], "boxes");
+  for (std::size_t k = 0; k < boxes.size(); ++k) finite(boxes.data()[k], "boxes");
   BoxTree tree;
   tree.build(bounds);
   NewFlags found = new_array<bool, 1>({count});

@@ -33,7 +33,7 @@ double strayed_from(Doubles1 state, Doubles1 anchor, double radius) {
 
 BodyBoxes bodies_of(const Doubles2& boxes, const Doubles1& radii, double near, double share) {
   check_table(boxes, boxes.shape(0), BOX_COLUMNS, "boxes"), check_list(radii, boxes.shape(0), "radii");
-  return {boxes.data(), radii.data(), checked_number(near, "near"), checked_number(share, "the share")};
+  return {boxes.data(), radii.data(), finite(near, "near"), finite(share, "the share")};
 }
 
 // Returns the island of each body in `chosen` slots (n,); see islands.
@@ -79,7 +79,7 @@ struct SleepingBodies {
     const auto [time, after, distance] = stillness;
     return sleepers.mark_reached(
         {slots_below(movers, count), states.data(), positions.data(), moved.data(), anchors.data()},
-        {time, after, distance}, checked_number(elapsed, "the time"), marks(found));
+        {time, after, distance}, finite(elapsed, "the time"), marks(found));
   }
 };
 
@@ -92,7 +92,7 @@ Slots1 slots_with_boxes(const Slots& chosen, const Doubles2& boxes, const Array<
 // Adds the number of updates under the box of each slot to `counts` (n,); -1 where the ground may move.
 void count_updates(const Grid& map, double time, Slots chosen, Doubles2 boxes, Array<std::int64_t, 1> counts) {
   const Slots1 slots = slots_with_boxes(chosen, boxes, counts);
-  const GridPose pose = map.grid.pose_at(checked_number(time, "the time"));
+  const GridPose pose = map.grid.pose_at(finite(time, "the time"));
   for (std::size_t k = 0; k < slots.size(); ++k) {
     std::int64_t& count = counts.data()[k];
     const std::int64_t more = updates_under(map.grid, pose, boxes.data() + BOX_COLUMNS * slots[k], time);
@@ -103,7 +103,7 @@ void count_updates(const Grid& map, double time, Slots chosen, Doubles2 boxes, A
 // Writes the number of samples under the box of each slot to `counts` (n,), and returns their positions (K, 2) [m].
 NewTable samples_under(const Grid& map, double time, Slots chosen, Doubles2 boxes, Array<std::int64_t, 1> counts) {
   const Slots1 slots = slots_with_boxes(chosen, boxes, counts);
-  const GridPose pose = map.grid.pose_at(checked_number(time, "the time"));
+  const GridPose pose = map.grid.pose_at(finite(time, "the time"));
   std::vector<Region> found;
   std::size_t total = 0;
   for (std::size_t k = 0; k < slots.size(); ++k) {
@@ -117,7 +117,7 @@ NewTable samples_under(const Grid& map, double time, Slots chosen, Doubles2 boxe
   return positions;
 }
 
-bool grid_slides(const Grid& map, double time) { return slides(map.grid.pose_at(checked_number(time, "the time"))); }
+bool grid_slides(const Grid& map, double time) { return slides(map.grid.pose_at(finite(time, "the time"))); }
 
 }  // namespace
 

@@ -19,11 +19,6 @@ using Pair = std::tuple<std::int64_t, std::int64_t>;
 constexpr std::size_t MOST_SIDE = 1u << 24;
 constexpr std::int64_t FARTHEST_SAMPLE = std::int64_t{1} << 52;
 
-double finite(double value, const char* name) {
-  if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
-  return value;
-}
-
 // Refuses a clock whose numbers are no places in its arrays.
 void check_clock(const Clock& clock) {
   if (clock.newest < 0 || clock.newest >= KEPT || clock.count < 0 || clock.count > INTERVALS_KEPT)

@@ -57,10 +57,9 @@ void level_axes(const Solid& solid, Vec3 (&level)[2]) {
 }
 
 // Returns the height of the ground under a point [m]; NaN beyond the map and over holes.
-double height_under(const HeightGrid& grid, const GridPose& pose, double time, const Vec3& p) {
+double height_under(const HeightGrid& grid, GridReader& reader, const GridPose& pose, const Vec3& p) {
   const GridPoint place = to_grid(pose, grid.resolution, p.x, p.y);
   if (!is_on(grid, place)) return std::numeric_limits<double>::quiet_NaN();
-  GridReader reader(grid, time, INSTANT);
   return facet_at(grid, reader, clamped(grid, place), INSTANT).height;
 }
 
@@ -77,14 +76,15 @@ void add_points_under(const HeightGrid& before, const HeightGrid& after, double 
                       const Vec3& origin, CorrectionSums& sums) {
   const Vec3 centre = solid.whole.centre;
   const GridPose pose = before.pose_at(time);
-  if (!stands && !(solid.lowest() - height_under(before, pose, time, centre) <= HIGHEST_MOVED)) return;
+  GridReader reader(before, time, INSTANT), reader_after(after, time, INSTANT);
+  if (!stands && !(solid.lowest() - height_under(before, reader, pose, centre) <= HIGHEST_MOVED)) return;
   Vec3 level[2];
   level_axes(solid.whole, level);
   for (int m = 0; m < POINTS; ++m) {
     for (int k = 0; k < POINTS; ++k) {
       const double s = 2.0 * m / (POINTS - 1) - 1.0, t = 2.0 * k / (POINTS - 1) - 1.0;
       const Vec3 p = centre + level[0] * s + level[1] * t;
-      const double old = height_under(before, pose, time, p), now = height_under(after, pose, time, p);
+      const double old = height_under(before, reader, pose, p), now = height_under(after, reader_after, pose, p);
       if (!std::isnan(old) && !std::isnan(now))
         sums.add(stands ? 1.0 : AIRBORNE_WEIGHT, p.x - origin.x, p.y - origin.y, old, now - old);
     }

@@ -3,14 +3,11 @@
 
 #include <cstdint>
 
+#include "rotation.h"
 #include "soil_layer.h"
 #include "soil_shape.h"
 
 namespace smartmesh {
-
-struct Quaternion {
-  double x, y, z, w;
-};
 
 // Vertical force on the soil [N], at a distance (x, y) from the body's position along the world's axes [m]; NaN =
 // unknown.
@@ -24,10 +21,10 @@ struct Foot {
   // the body's frame.
   double kind, half[3];
   Vec3 centre;
-  Quaternion turn;
+  Turn turn;
   // Pose and velocity of the body's frame in the world.
   Vec3 position;
-  Quaternion attitude;
+  Turn attitude;
   Vec3 linear, angular;
   FootLoad given, load;  // of the last update, and filtered
   // Height of the shape's middle without the map's z [m], at which the soil carries the load, NaN = without load; slope

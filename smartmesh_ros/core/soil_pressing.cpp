@@ -21,7 +21,7 @@ struct PlacedShape {
   double size;
 };
 
-Mat3 rotation_of(const Quaternion& q) {
+Mat3 rotation_of(const Turn& q) {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   return {{{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
            {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},

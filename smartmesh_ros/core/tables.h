@@ -11,27 +11,6 @@ namespace smartmesh {
 using Doubles1 = Array<const double, 1>;
 using Slots1 = std::vector<std::int64_t>;
 
-// Refuses a table that has not the shape (rows, columns).
-template <class T>
-void check_table(const Array<T, 2>& table, std::size_t rows, std::size_t columns, const char* name) {
-  check_alignment(table.data(), sizeof(T));
-  if (table.shape(0) != rows || table.shape(1) != columns)
-    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) + ", " +
-                                std::to_string(columns) + ")");
-}
-
-// Refuses a list that has not `count` items.
-template <class T>
-void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
-  check_alignment(list.data(), sizeof(T));
-  if (list.shape(0) != count) throw std::invalid_argument(std::string(name) + " must have one item for each row");
-}
-
-inline double checked_number(double value, const char* name) {
-  if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
-  return value;
-}
-
 // Returns slots, all of which are in tables of `count` rows.
 inline Slots1 slots_below(const Slots& slots, std::size_t count) {
   check_alignment(slots.data(), sizeof(std::int64_t));

@@ -28,8 +28,8 @@ TileReader::TileReader(const std::vector<const HeightGrid*>& grids, double time,
   }
 }
 
-TileFacet TileReader::at(double x, double y, double z) {
-  bool on_any = false;
+TileFacet TileReader::on_maps(double x, double y, double z, bool& on_any) {
+  on_any = false;
   for (Tile& tile : tiles_) {
     const GridPoint place = tile.place(x, y);
     if (!is_on(*tile.grid, place)) continue;
@@ -37,6 +37,13 @@ TileFacet TileReader::at(double x, double y, double z) {
     const GridFacet facet = facet_at(*tile.grid, tile.reader, clamped(*tile.grid, place), ahead_);
     if (facet.height <= z) return {facet, &tile};
   }
+  return {};
+}
+
+TileFacet TileReader::at(double x, double y, double z) {
+  bool on_any;
+  const TileFacet here = on_maps(x, y, z, on_any);
+  if (here.tile != nullptr) return here;
   if (on_any || tiles_.size() < 2) return {};
   const TileFacet found = in_gap(x, y);
   return found.facet.height <= z ? found : TileFacet{};
@@ -78,14 +85,9 @@ Sample TileReader::across(std::size_t number, double row, double column) {
 }
 
 GroundPoint TileReader::sample(double x, double y) {
-  bool on_any = false;
-  for (Tile& tile : tiles_) {
-    const GridPoint place = tile.place(x, y);
-    if (!is_on(*tile.grid, place)) continue;
-    on_any = true;
-    const GridFacet facet = facet_at(*tile.grid, tile.reader, clamped(*tile.grid, place), ahead_);
-    if (!std::isnan(facet.height)) return {facet.height, facet.velocity};
-  }
+  bool on_any;
+  const TileFacet here = on_maps(x, y, ABOVE_ALL, on_any);
+  if (here.tile != nullptr) return {here.facet.height, here.facet.velocity};
   return on_any ? GroundPoint{NONE, 0.0} : bridged(x, y);
 }
 

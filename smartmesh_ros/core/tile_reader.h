@@ -71,6 +71,8 @@ class TileReader {
   double widest_gap() const { return widest_gap_; }
 
  private:
+  // Returns the facet of the first map that has ground at (x, y) up to `z` [m]. `on_any`: true if (x, y) is on a map.
+  TileFacet on_maps(double x, double y, double z, bool& on_any);
   TileFacet in_gap(double x, double y);
   bool is_on_any(double x, double y) const;
   GroundPoint bridged(double x, double y);

@@ -76,7 +76,7 @@ class Proxies:
         self._visual: int | None = None
         self._layout = -1
         self._wakes = -1
-        self._holds = False
+        self.holds = False  # whether followers are held
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -97,16 +97,15 @@ class Proxies:
         """Collide the awake followers with the tiles of ``terrain`` from now on."""
         if self._layout != terrain.layout_revision:
             self._layout = terrain.layout_revision
-            self._core.set_tiles([mesh.core_reader for mesh in terrain.tiles.values()])
+            self._core.set_tiles(terrain.readers)
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
             self._switch(self._followers.flags("awake"))
 
     def hold(self, stopped: BoolArray) -> None:
         """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
-        if stopped.any() or self._holds:
-            self._holds = bool(stopped.any())
-            self._core.hold(stopped)
+        self.holds = bool(stopped.any())
+        self._core.hold(stopped)
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.core import CORE
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.physics.bullet import BulletCalls
 from smartmesh_ros.physics.bullet_sleep import STEPS_TO_STOP, BulletSleep, is_fixed
@@ -188,7 +188,7 @@ class Sleeping:
     def note_motion(self, time: float) -> None:
         """Note where the awake bodies are; their states are those of ``time`` [s]."""
         followers = self._followers
-        shapes = followers.shape_table.table.view(np.uint8).reshape(followers.capacity, -1)
+        shapes = as_bytes(followers.shape_table.table)
         distance = self.config.distance
         CORE.note_motion(followers.awake, shapes, followers.states, self._boxes, self._anchors, time, distance)
 

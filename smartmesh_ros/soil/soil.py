@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.core import CORE
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.soil.bodies import FootShape, PressingBodies, all_of
 from smartmesh_ros.soil.config import SoilConfig, SoilType
@@ -137,8 +137,7 @@ class Soil:
         self.number = 0  # of the last update
         self._contacts: list[Contact] = []  # since the last update, of a number of steps
         self._steps = 0
-        samples = self.layer.samples.view(np.uint8).reshape(*shape, -1)
-        self._core = CORE.Soil(samples, self.layer.kinds, self.layer.soils)
+        self._core = CORE.Soil(as_bytes(self.layer.samples), self.layer.kinds, self.layer.soils)
 
     def note(self, contacts: Iterable[Contact]) -> None:
         """Add the contacts of a step. The next `apply` takes the mean over all steps since the one before, because
@@ -185,8 +184,9 @@ class Soil:
     def _press(self, loads: dict[str, Load], dt: float, time: float) -> Changes:
         self._read_bodies(loads)
         self.number += 1
-        feet = self._feet.view(np.uint8).reshape(-1, FOOT.itemsize)
-        return Changes(*self._core.update(self.map.core_reader, feet, time, dt, self.number, self.config))
+        return Changes(
+            *self._core.update(self.map.core_reader, as_bytes(self._feet), time, dt, self.number, self.config)
+        )
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from smartmesh_ros.core import CORE
-
-
-def clock_bytes(clocks: NDArray[np.void]) -> NDArray[np.uint8]:
-    """Return records of ``CLOCK`` as the core takes them, with one more axis: their bytes."""
-    return clocks.view(np.uint8).reshape(*clocks.shape, clocks.dtype.itemsize)
+from smartmesh_ros.core import CORE, as_bytes
 
 
 def core_grid_of(heightmap: Any) -> Any:
     """Return the core's reader of a height map, which shares its arrays."""
     heights, velocities, clocks, offsets = heightmap.arrays
-    grid = CORE.Grid(heights, velocities, offsets, clock_bytes(clocks))
+    grid = CORE.Grid(heights, velocities, offsets, as_bytes(clocks))
     update_core_grid(grid, heightmap)
     return grid
 
@@ -34,6 +26,6 @@ def update_core_grid(grid: Any, heightmap: Any) -> None:
 def core_mesh_of(mesh: Any) -> Any:
     """Return the core's reader of a general mesh, which shares its arrays."""
     now, velocities, clock = mesh.arrays
-    made = CORE.Mesh(now, velocities, clock_bytes(clock), mesh.triangles)
+    made = CORE.Mesh(now, velocities, as_bytes(clock), mesh.triangles)
     made.set_motion(mesh.motion.code, mesh.motion.max_velocity)
     return made

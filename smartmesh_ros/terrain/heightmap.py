@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.core import CORE
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.core_grid import clock_bytes, core_grid_of, update_core_grid
+from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
 from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow
@@ -417,13 +417,13 @@ class HeightMap:
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
         CORE.take_rectangles(
-            self._heights, self._velocities, clock_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
+            self._heights, self._velocities, as_bytes(self._clocks), places, new.reshape(-1), speeds.reshape(-1),
             time, (self.motion.min_interval, self.motion.max_interval),
         )  # fmt: skip
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        settle, clocks = self.motion.settle, clock_bytes(self._clocks)
+        settle, clocks = self.motion.settle, as_bytes(self._clocks)
         CORE.take_corrected(
             self._heights, self._offsets, clocks, (row, column), _dense(known), time, self._shown, settle
         )

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.core import CORE
+from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.core_grid import clock_bytes, core_mesh_of
+from smartmesh_ros.terrain.core_grid import core_mesh_of
 from smartmesh_ros.terrain.graph import TriangleGraph
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
@@ -162,7 +162,7 @@ class TriangleMesh:
         motion, newest = self.motion, self._clock[0].newest
         whole = isinstance(target, slice)
         inverse, keep = CORE.note_update(
-            clock_bytes(self._clock), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
+            as_bytes(self._clock), time, speeds is not None, whole, (motion.min_interval, motion.max_interval)
         )
         if self._clock[0].newest != newest:
             self._velocities[self._clock[0].newest] = 0.0

@@ -19,7 +19,7 @@ from ament_index_python.packages import get_package_prefix
 
 # Default limit of waits [s], far longer than an idle machine needs.
 TIMEOUT = 120.0
-# Limit of a collider's start [s]. Without machine code a node compiles, for minutes on a busy machine.
+# Limit of a collider's start [s], for busy machines.
 START_TIMEOUT = 300.0
 # Requests SIGKILL (9) from Linux when the parent ends (PR_SET_PDEATHSIG = 1), then executes the command unless the
 # parent has ended already.

@@ -40,12 +40,7 @@ struct Ground {
     if (BulletWorld* found = find_world()) return *found;
     throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
   }
-  void set_tiles(nb::list parts) {
-    set_tiles_of(world().surface, parts);
-    nb::list kept;  // a copy, because Python may change its list
-    for (nb::handle part : parts) kept.append(part);
-    tiles = kept;
-  }
+  void set_tiles(nb::list parts) { tiles = set_tiles_of(world().surface, parts); }
   void attach(int slot, int body, int link, int proxy) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
     if (world().has(slot)) throw std::invalid_argument("the slot is used already");
