@@ -308,7 +308,7 @@ class Ground:
         self._chosen = self._tracked_chosen = False
         if self._proxies is not None:
             self._proxies.use(self.terrain)
-            if sleeping is not None and (sleeping.stopped or self._proxies.holds):
+            if sleeping is not None:
                 self._proxies.hold(sleeping.stopping)
         elif followers.awake.size:
             self._require_usable(self.config)

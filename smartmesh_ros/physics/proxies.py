@@ -76,7 +76,6 @@ class Proxies:
         self._visual: int | None = None
         self._layout = -1
         self._wakes = -1
-        self.holds = False  # whether followers are held
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -104,7 +103,6 @@ class Proxies:
 
     def hold(self, stopped: BoolArray) -> None:
         """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
-        self.holds = bool(stopped.any())
         self._core.hold(stopped)
 
     def set_time(self, time: float, dt: float) -> None:
