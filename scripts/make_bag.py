@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 
 from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.testing import bags, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 
 MAP_RATE, POSE_RATE = 20, 60
 SPEED = 0.5  # of the rover along x [m/s]

@@ -15,10 +15,10 @@ import yaml
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
-from smartmesh_ros.node.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
-from smartmesh_ros.node.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.testing import bags, heightmap_message
+from smartmesh_ros.tools.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
+from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
+from smartmesh_ros.tools.testing import bags, heightmap_message
 
 START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 COMMAND_RATE = 4.0

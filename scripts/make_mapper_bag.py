@@ -18,7 +18,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import bags, floats, pose_message
+from smartmesh_ros.tools.testing import bags, floats, pose_message
 from studies.mapper import DriftConfig, MapFrame, MapperConfig, MappingConfig, mapped_terrain
 from studies.mapper.grid_map import grid_map_arrays
 

@@ -14,14 +14,14 @@ import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
 
-from smartmesh_ros.node.demo.demo import ROBOT, Demo
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
-from smartmesh_ros.view.browser import FLAGS, find_browser
-from smartmesh_ros.view.camera import Camera
-from smartmesh_ros.view.main import demo_running
-from smartmesh_ros.view.page import Page
-from smartmesh_ros.view.remote import Remote
+from smartmesh_ros.tools.demo.demo import ROBOT, Demo
+from smartmesh_ros.tools.view.browser import FLAGS, find_browser
+from smartmesh_ros.tools.view.camera import Camera
+from smartmesh_ros.tools.view.main import demo_running
+from smartmesh_ros.tools.view.page import Page
+from smartmesh_ros.tools.view.remote import Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))

@@ -9,27 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from smartmesh_ros.errors import InputError
+    from smartmesh_ros.ground.config import PhysicsConfig
+    from smartmesh_ros.ground.ground import Ground
+    from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
+    from smartmesh_ros.ground.state import BodyState
     from smartmesh_ros.patches.config import PatchConfig
-    from smartmesh_ros.physics.config import PhysicsConfig
-    from smartmesh_ros.physics.ground import Ground
-    from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Sphere
-    from smartmesh_ros.physics.snapshot import Snapshot
-    from smartmesh_ros.physics.state import BodyState
-    from smartmesh_ros.physics.world import World, WorldConfig
     from smartmesh_ros.terrain.grid import GridGeometry
     from smartmesh_ros.terrain.heightmap import HeightMap
     from smartmesh_ros.terrain.motion import MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain
+    from smartmesh_ros.world.snapshot import Snapshot
+    from smartmesh_ros.world.world import World, WorldConfig
 
 _MODULES = {
     "errors": ("InputError",),
     "patches.config": ("PatchConfig",),
-    "physics.config": ("PhysicsConfig",),
-    "physics.ground": ("Ground",),
-    "physics.snapshot": ("Snapshot",),
-    "physics.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
-    "physics.state": ("BodyState",),
-    "physics.world": ("World", "WorldConfig"),
+    "ground.config": ("PhysicsConfig",),
+    "ground.ground": ("Ground",),
+    "world.snapshot": ("Snapshot",),
+    "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
+    "ground.state": ("BodyState",),
+    "world.world": ("World", "WorldConfig"),
     "terrain.grid": ("GridGeometry",),
     "terrain.heightmap": ("HeightMap",),
     "terrain.motion": ("MotionConfig",),

@@ -9,8 +9,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.evaluation.machine import describe
-from smartmesh_ros.evaluation.scene import read_scenes
+from smartmesh_ros.tools.evaluation.machine import describe
+from smartmesh_ros.tools.evaluation.scene import read_scenes
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
 from studies.contest import PIECES, Result, run_scene

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.machine import describe
-from smartmesh_ros.evaluation.scene import Scene, read_scenes
+from smartmesh_ros.tools.evaluation.machine import describe
+from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.configurations import Configuration
 from studies.contest import Result, run_scene
 from studies.engines.checkout import HERE, CheckoutOptions

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from smartmesh_ros.evaluation.engines.smartmesh import SmartMeshOptions
-from smartmesh_ros.evaluation.presets import read_presets
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.tools.evaluation.engines.smartmesh import SmartMeshOptions
+from smartmesh_ros.tools.evaluation.presets import read_presets
 from studies.engines.registry import missing
 
 Family = Literal["ours", "ours, less", "report", "whole map", "MuJoCo", "PhysX", "Rapier"]

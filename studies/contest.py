@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.evaluation.measures import BoolArray, Penetration, deviation, held_up, penetration
-from smartmesh_ros.evaluation.reference import HORIZON, reference_positions
-from smartmesh_ros.evaluation.scene import Scene
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.clearance import clearances
+from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
+from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, deviation, held_up, penetration
+from smartmesh_ros.tools.evaluation.reference import HORIZON, reference_positions
+from smartmesh_ros.tools.evaluation.scene import Scene
 from studies.configurations import Configuration
 from studies.engines.checkout import Checkout
 from studies.engines.registry import build

@@ -21,14 +21,14 @@ import smartmesh_ros
 from smartmesh_ros.errors import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("terrain", "search", "patches", "physics")
+_CORE = ("core", "terrain", "patches", "report", "ground", "world")
 # The rooms that the figures of a block depend on, by its subject.
 SUBJECTS = {
     "core": _CORE,
-    "soil": ("terrain", "soil"),
+    "soil": ("core", "terrain", "soil"),
     "node": (*_CORE, "node"),
-    "tuner": (*_CORE, "evaluation", "tune"),
-    "client": (*_CORE, "node", "client"),
+    "tuner": (*_CORE, "tools/evaluation", "tools/tune"),
+    "client": (*_CORE, "node", "tools/client"),
 }
 _MARK = re.compile(r"<!-- generated: (?P<name>[\w -]+?) of (?P<subject>\w+), code (?P<digest>\w+) -->\n")
 _END = "<!-- end -->"
@@ -70,7 +70,8 @@ def fill(page: Path, blocks: Mapping[str, str], measured: Mapping[str, str] | No
 def digest_of(subject: str) -> str:
     """Digest of the code that figures of a subject depend on."""
     package = Path(smartmesh_ros.__file__).parent
-    files = [file for room in SUBJECTS[subject] for file in sorted((package / room).rglob("*.py"))]
+    sources = [path for room in SUBJECTS[subject] for path in sorted((package / room).rglob("*"))]
+    files = [path for path in sources if path.suffix in (".py", ".cpp", ".h")]
     return digest({str(file.relative_to(package)): file.read_text() for file in files})
 
 

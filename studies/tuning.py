@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Tunes what is not in the results yet; with all of them there it only writes the table."""
     options = _parser().parse_args(arguments)
     silence_pybullet()
-    from smartmesh_ros.evaluation.machine import describe
+    from smartmesh_ros.tools.evaluation.machine import describe
     from studies.pages import fill
 
     results = options.out / "results.json"
@@ -51,10 +51,10 @@ ON_FRONT = "the defaults are on the front"
 
 def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
     """The confirmed figures of one case."""
-    from smartmesh_ros.tune import space
-    from smartmesh_ros.tune.cli import parser
-    from smartmesh_ros.tune.parameter_file import parameter_file
-    from smartmesh_ros.tune.session import Request, find
+    from smartmesh_ros.tools.tune import space
+    from smartmesh_ros.tools.tune.cli import parser
+    from smartmesh_ros.tools.tune.parameter_file import parameter_file
+    from smartmesh_ros.tools.tune.session import Request, find
 
     given = parser().parse_args([source, "--trials", str(options.trials), "--out", str(options.out)])
     request = Request.of(given)

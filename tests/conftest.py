@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 
-from smartmesh_ros.testing import Process
+from smartmesh_ros.tools.testing import Process
 from tests import preloaded
 from tests.examples import FACTORS
 
@@ -31,24 +31,24 @@ Process.starter = staticmethod(preloaded.start)
 COSTS = {
     "newcomer/test_workspace.py": 48,
     "newcomer/test_wheel.py": 39,
-    "physics/test_robots_asleep.py": 38,
+    "world/test_robots_asleep.py": 38,
     "studies/test_consumer.py": 36,
     "node/test_processes.py": 35,
     "newcomer/test_pybullet.py": 25,
     "newcomer/test_core.py": 20,
     "node/test_presets.py": 22,
-    "view/test_page.py": 21,
-    "tune/test_search.py": 20,
+    "tools/view/test_page.py": 21,
+    "tools/tune/test_search.py": 20,
     "node/test_fleet.py": 18,
     "node/test_faults.py": 17,
-    "physics/test_guests.py": 14,
+    "world/test_guests.py": 14,
     "fuzz/test_quick.py": 13,
     "node/test_batches.py": 13,
     "studies/test_accuracy.py": 13,
     "node/test_body_inputs.py": 24,
     "core/test_mesh_ground.py": 25,
     "node/test_start.py": 12,
-    "physics/test_colliders.py": 12,
+    "ground/test_colliders.py": 12,
     "studies/test_bench.py": 12,
     "node/test_soil.py": 11,
     "node/test_testing.py": 11,
@@ -61,14 +61,14 @@ COSTS = {
     "node/test_partition.py": 9,
     "node/test_client.py": 8,
     "node/test_robot_descriptions.py": 8,
-    "physics/test_belts.py": 8,
-    "physics/test_waking.py": 8,
+    "ground/test_belts.py": 8,
+    "ground/test_waking.py": 8,
     "soil/test_closed_forms.py": 8,
     "terrain/test_noise_check.py": 8,
     "node/test_connections.py": 7,
     "node/test_tutorial.py": 7,
-    "physics/test_robot_descriptions.py": 7,
-    "physics/test_moving_ground.py": 7,
+    "world/test_robot_descriptions.py": 7,
+    "ground/test_moving_ground.py": 7,
     "studies/test_robots.py": 7,
     "node/test_late_maps.py": 30,
     "node/test_tracking.py": 14,
@@ -82,7 +82,7 @@ COSTS = {
     "node/test_outputs.py": 5,
     "node/test_real_maps.py": 5,
     "node/test_security.py": 5,
-    "physics/test_sleep.py": 5,
+    "ground/test_sleep.py": 5,
     "soil/test_soil_world.py": 5,
     "studies/test_before_after.py": 5,
 }

@@ -20,7 +20,7 @@ from typing import IO
 
 from smartmesh_ros.startup import executables
 from smartmesh_ros.startup.quiet import STDERR, STDOUT
-from smartmesh_ros.testing.process import start_command
+from smartmesh_ros.tools.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.
 ENTRY_POINTS = ("fleet_front", "soil", "terrain_collider", "terrain_sensor", "terrain_source")

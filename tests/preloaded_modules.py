@@ -5,5 +5,6 @@ from importlib import import_module
 from smartmesh_ros.startup.quiet import silence_pybullet
 
 silence_pybullet()
-for name in ("demo.terrain_source", "fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):
+for name in ("fleet.front", "sensor.terrain_sensor", "soil.soil_node", "terrain_collider"):
     import_module(f"smartmesh_ros.node.{name}")
+import_module("smartmesh_ros.tools.demo.terrain_source")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.world.world import World
 
 
 class RobotNames:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.node.endpoint_names import EndpointNames
 from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.conversions import BodyInput
@@ -25,8 +26,7 @@ from smartmesh_ros.node.services.robot_preparation import RobotPreparation
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.clock import NodeClock, stamp_of
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer
-from smartmesh_ros.physics.limits import FARTHEST_BODY
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.world.world import World
 
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)

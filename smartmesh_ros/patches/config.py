@@ -5,10 +5,15 @@ from dataclasses import dataclass
 from typing import Literal, TypeGuard, get_args
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.patches.report.collect import CollectMethod
-from smartmesh_ros.patches.report.extent import MOST_GRID_RINGS
-from smartmesh_ros.search.methods import SearchMethod
 
+# The report's nearest-vertex searches, and those of them that are valid on every mesh. *auto* is grid traversal on
+# evenly spaced grids, and brute force elsewhere.
+SearchMethod = Literal["brute_force", "ray_cast", "best_first", "grid_traversal", "auto"]
+ANYWHERE = ("brute_force", "ray_cast", "auto")
+# The report's ways to collect the vertices of a patch.
+CollectMethod = Literal["queue_bfs", "union_bfs", "cached"]
+# Rings of the report's largest collider: 9 x 9 samples.
+MOST_GRID_RINGS = 4
 # Colliders made of triangles, which PyBullet cannot change.
 MeshKind = Literal["trimesh", "hull", "prisms"]
 # One collider of the whole terrain.

@@ -25,7 +25,7 @@ def terrain_collider() -> None:
 def terrain_source() -> None:
     """Run the node that publishes demo terrain."""
     _exit_on_signals()
-    _start("smartmesh_ros.node.demo.terrain_source")
+    _start("smartmesh_ros.tools.demo.terrain_source")
 
 
 def terrain_sensor() -> None:
@@ -46,7 +46,7 @@ def rover() -> None:
     """Run the robot of the soil's demo."""
     _exit_on_signals()
     import_pybullet_quietly()
-    _start("smartmesh_ros.node.demo.rover")
+    _start("smartmesh_ros.tools.demo.rover")
 
 
 def fleet_front() -> None:
@@ -66,20 +66,20 @@ def demo() -> None:
     """Run the demo."""
     _exit_on_signals()
     import_pybullet_quietly()
-    _start("smartmesh_ros.node.demo.demo")
+    _start("smartmesh_ros.tools.demo.demo")
 
 
 def view() -> None:
     """Run the page in the browser."""
     _exit_on_signals()
     import_pybullet_quietly()
-    _start("smartmesh_ros.view.main")
+    _start("smartmesh_ros.tools.view.main")
 
 
 def tune() -> None:
     """Search for parameters. Needs no ROS. PyBullet is silenced before measuring imports it."""
     silence_pybullet()
-    main = importlib.import_module("smartmesh_ros.tune.cli").main
+    main = importlib.import_module("smartmesh_ros.tools.tune.cli").main
     with ending_with_reader():
         sys.exit(main())
 

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
+from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.shapes import Sphere
-from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
 from studies.bench.handing import Handing, handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (

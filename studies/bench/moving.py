@@ -8,16 +8,16 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.world.world import World, WorldConfig
 
 T = TypeVar("T")
 S = TypeVar("S")

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from smartmesh_ros.patches.report.collect import topology_around
-from smartmesh_ros.search.best_first import best_first_cells, best_first_vertex, best_first_vertices
-from smartmesh_ros.search.brute_force import BruteForce, brute_force_cells
-from smartmesh_ros.search.grid import Cells, nearest_vertices
-from smartmesh_ros.search.ray_cast import ray_cast
+from smartmesh_ros.report.best_first import best_first_cells, best_first_vertex, best_first_vertices
+from smartmesh_ros.report.brute_force import BruteForce, brute_force_cells
+from smartmesh_ros.report.collect import topology_around
+from smartmesh_ros.report.nearest import Cells, nearest_vertices
+from smartmesh_ros.report.ray_cast import ray_cast
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, crowd_positions, general_mesh

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.engines.engine import Setup
 from smartmesh_ros.terrain.trimesh import grid_triangles
+from smartmesh_ros.tools.evaluation.engines.engine import Setup
 from studies.bench.handing import handing
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import FRAME, RESOLUTION, Waves, doubles, grid_vertices

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from smartmesh_ros.evaluation.engines.engine import Setup
 from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.tools.evaluation.engines.engine import Setup
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     FRAME,

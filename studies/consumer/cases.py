@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.scenes.elevation import jacksboro_fault
 from smartmesh_ros.scenes.moving import Wave
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.distance import Surface
 
 Source = Literal["patches", "map"]
 SceneName = Literal["waves", "elevation"]

@@ -14,9 +14,9 @@ from time import monotonic, perf_counter, process_time
 
 import numpy as np
 
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.clearance import clearances
 from studies.consumer.cases import Case, TrueGround
 from studies.consumer.map_ground import MapGround
 from studies.consumer.rover import RADIUS, STEP, Rover

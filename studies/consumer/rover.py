@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from smartmesh_ros.client import TrackedLink
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.client import TrackedLink
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _PLACES = ((0.5, 0.4), (0.5, -0.4), (-0.5, 0.4), (-0.5, -0.4))  # of the wheels on the chassis [m]

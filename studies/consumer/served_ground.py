@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smartmesh_ros.client import PatchClient, write_field
+from smartmesh_ros.tools.client import PatchClient, write_field
 from studies.consumer.cases import COLLIDER
 from studies.consumer.rover import CONTACT, WHEELS, FieldSpec, Rover
 

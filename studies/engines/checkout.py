@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 
 import smartmesh_ros
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
 from studies.engines import checkout_process
 
 HERE = Path(smartmesh_ros.__file__).parents[1]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.engines.engine import Engine, EngineBody, Setup
-from smartmesh_ros.physics.shapes import Sphere
+from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
 
 # Memory for the contacts of one body [bytes]: MuJoCo takes up to 50 between it and the ground.
 _ARENA = 1 << 20

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Box, Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.states import simulated_states
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.states import simulated_states
 from studies.fleet.worlds import RATE, Start, flat_world, peers
 
 BALL = Sphere(0.2)

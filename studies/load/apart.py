@@ -21,13 +21,13 @@ from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import Heightmap, StageTiming, Timing, TrackedBodyArray
 
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.load.cases import MAX_VELOCITY, RESOLUTION
 
 # The newest map's number, at the start of the shared memory; map k lies in buffer k % 2.

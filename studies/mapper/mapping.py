@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.mapper.drift import DriftConfig, Estimator
 from studies.mapper.elevation_mapper import ElevationMapper, MapperConfig
 from studies.mapper.poses import LoopPath, Pose, on_ground

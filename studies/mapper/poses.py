@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.distance import Surface
 
 # Between the rover's wheels, along it and across it [m].
 WHEELBASE, TRACK = 0.8, 0.6

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.ray_cast import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.tools.evaluation.distance import Surface
 
 
 def cast_rays(surface: Surface, start_w: FloatArray, directions_w: FloatArray, reach: float) -> FloatArray:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.node.sensor.range_sensors import RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.mapper.poses import Pose
 from studies.mapper.rays import cast_rays
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmesh_ros.evaluation.distance import Surface
-from smartmesh_ros.evaluation.grounds import elevation
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.tools.evaluation.grounds import elevation
 
 
 @dataclass(frozen=True, kw_only=True)

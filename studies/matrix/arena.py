@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.evaluation.distance import Surface
-from smartmesh_ros.evaluation.grounds import Rigid, make_ground
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Shape
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.evaluation.clearance import clearances
+from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
+from smartmesh_ros.world.world import World, WorldConfig
 
 
 def square(size: int, resolution: float) -> GridGeometry:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.evaluation.measures import GRAVITY
+from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.patches.config import PatchConfig, PatchKind
-from smartmesh_ros.physics.shapes import Box, Sphere
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, square
 from studies.matrix.row import Row
 from studies.matrix.rules import HILLS

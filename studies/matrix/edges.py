@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from smartmesh_ros.evaluation.measures import GRAVITY
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Box, Shape, Sphere
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row
 

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import pybullet_data
 
-from smartmesh_ros.evaluation.distance import Surface
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.mapper.mapping import MapFrame, MappingConfig, mapped_terrain
 from studies.mapper.truth import true_ground
 from studies.matrix.row import METHODS, Row

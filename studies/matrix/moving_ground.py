@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.evaluation.measures import GRAVITY
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, deepest, lost_in, square
 from studies.matrix.row import Row
 

@@ -11,15 +11,15 @@ from typing import NamedTuple
 import numpy as np
 import pybullet_data
 
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.joints import JointCommand
-from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.matrix.arena import square
 from studies.matrix.row import METHODS, Row
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.measures import deviation
+from smartmesh_ros.ground.shapes import Box, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.shapes import Box, Sphere
-from smartmesh_ros.physics.state import BodyState
+from smartmesh_ros.tools.evaluation.measures import deviation
 from studies.matrix.arena import Arena
 from studies.matrix.row import Row
 

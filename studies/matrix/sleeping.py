@@ -12,17 +12,17 @@ import numpy as np
 import pybullet_data
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.joints import JointCommand
-from smartmesh_ros.physics.shapes import Box, Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.states import simulated_states
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.states import simulated_states
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.matrix.row import Row
 
 SIDE, SPACING = 41, 0.1

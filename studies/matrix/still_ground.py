@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.evaluation.distance import Surface, nearest
-from smartmesh_ros.evaluation.engines.bullet import BulletTrimeshOptions
-from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.evaluation.measures import GRAVITY, angles_between, energies
-from smartmesh_ros.evaluation.scene import lowest
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.distance import Surface, nearest
+from smartmesh_ros.tools.evaluation.engines.bullet import BulletTrimeshOptions
+from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
+from smartmesh_ros.tools.evaluation.measures import GRAVITY, angles_between, energies
+from smartmesh_ros.tools.evaluation.scene import lowest
 from studies.engines.registry import build
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Row

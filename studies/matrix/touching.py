@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from smartmesh_ros.ground.shapes import Box, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.shapes import Box, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.matrix.arena import Arena, deepest
 from studies.matrix.row import Figure, Row

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smartmesh_ros.ground.shapes import Box, Shape, Sphere
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.shapes import Box, Shape, Sphere
 from smartmesh_ros.terrain.motion import MotionConfig
 from studies.matrix.arena import Arena
 from studies.matrix.moving_ground import WAVES

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
 from smartmesh_ros.scenes.moving import FloatGrid
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.robots.engine import FRICTION, SERVO, Links, RobotEngine, RobotSetup
 
 

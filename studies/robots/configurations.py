@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.evaluation.presets import read_presets
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.physics.config import PhysicsConfig
+from smartmesh_ros.tools.evaluation.presets import read_presets
 from studies.configurations import RATE, Family
 from studies.engines.registry import missing
 from studies.robots.bullet_robots import WorldOptions, WorldRobots

@@ -12,9 +12,9 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.measures import BoolArray, deviation, held_up, penetration
-from smartmesh_ros.evaluation.reference import HORIZON
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.measures import BoolArray, deviation, held_up, penetration
+from smartmesh_ros.tools.evaluation.reference import HORIZON
 from studies.contest import Result, result_of
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.configurations import RobotConfiguration

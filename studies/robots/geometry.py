@@ -13,9 +13,9 @@ import coal
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.evaluation.clearance import rotate
-from smartmesh_ros.physics.obj_parts import obj_parts
+from smartmesh_ros.ground.obj_parts import obj_parts
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.clearance import rotate
 
 # Depth of the prisms [m]: deeper than any link sinks.
 THICK = 1.0

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.tools.evaluation.distance import Surface
 from studies.matrix.arena import square
 from studies.robots.ground import HEAVING, STILL, RoughHills
 from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.joints import JointCommand
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World, WorldConfig
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.world import World, WorldConfig
 from studies.matrix.arena import square
 from studies.robots.ground import HEAVING, STILL, RoughHills
 from studies.robots.robot import DATA

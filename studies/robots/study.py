@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.machine import describe
+from smartmesh_ros.tools.evaluation.machine import describe
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Family
 from studies.contest import Result

@@ -14,8 +14,8 @@ from smartmesh_msgs.msg import Heightmap, Timing
 from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.startup.domains import isolated
-from smartmesh_ros.testing.messages import heightmap_message, pose_message
-from smartmesh_ros.testing.process import Process
+from smartmesh_ros.tools.testing.messages import heightmap_message, pose_message
+from smartmesh_ros.tools.testing.process import Process
 
 RATE = 240.0
 RATES = {f"publish.{topic}": 60.0 for topic in ("contacts", "body_states", "joint_states")}

@@ -11,13 +11,13 @@ import matplotlib
 import numpy as np
 from PIL import Image
 
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.eight import PLACE, SPACING, ground, robot_file, steered
 from smartmesh_ros.soil.bodies import BulletBodies
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.world import World
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 
-from smartmesh_ros.physics.shapes import Box, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.shapes import Box, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.soil.bodies import BulletBodies
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.world import World
 from studies.pages import ROOT, fill
 from studies.soil.trials import (
     RIGID,

@@ -10,7 +10,7 @@ import pytest
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE
 from smartmesh_ros.patches.shapes import SHAPE
-from smartmesh_ros.physics.state_table import LIMITS
+from smartmesh_ros.world.state_table import LIMITS
 from tests.core.array_arguments import FEWER, Arguments, Entry, arrays_of
 from tests.core.test_bindings import REFUSED
 

@@ -24,7 +24,7 @@ import numpy as np
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
-from smartmesh_ros.testing import Probe
+from smartmesh_ros.tools.testing import Probe
 from tests.fuzz import seeds, strategies
 from tests.fuzz.mutations import mutated
 from tests.fuzz.target import FindingError, Target

@@ -33,7 +33,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.node.inputs.optional_messages import find_message
-from smartmesh_ros.testing import floats, heightmap_message, mesh_message, point_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
 
 ROWS, COLUMNS, RESOLUTION = 14, 17, 0.25
 ROBOT = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0"

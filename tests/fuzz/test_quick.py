@@ -7,7 +7,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBodyArray
 
-from smartmesh_ros.testing import Probe, domain, heightmap_message, pose_message, probe
+from smartmesh_ros.tools.testing import Probe, domain, heightmap_message, pose_message, probe
 from tests.fuzz.run import INPUTS, attack, attack_with_examples
 from tests.fuzz.seeds import make
 from tests.fuzz.target import Target

@@ -9,7 +9,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros.testing import Probe, Process, assert_on_map
+from smartmesh_ros.tools.testing import Probe, Process, assert_on_map
 from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated
 

@@ -7,9 +7,9 @@ from typing import IO, Any
 
 import pytest
 
-from smartmesh_ros.testing import Probe, Process, domain, probe
-from smartmesh_ros.testing.probe import DIAGNOSTICS
-from smartmesh_ros.testing.process import start_command
+from smartmesh_ros.tools.testing import Probe, Process, domain, probe
+from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
+from smartmesh_ros.tools.testing.process import start_command
 from tests.node.shared import clear
 
 __all__ = ["domain", "probe"]

@@ -26,7 +26,7 @@ import numpy as np
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 
-from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 
 SETTINGS = {"terrain.motion": "hold", "patch.kind": "heightfield", "bodies.timeout": 60.0}
 BOX = (2.5, 2.5, 0.3)

@@ -25,7 +25,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.testing import TIMEOUT, Probe, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}

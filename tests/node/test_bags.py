@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import HeightMap
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
-from smartmesh_ros.testing import Probe, assert_on_map, bags
+from smartmesh_ros.tools.testing import Probe, assert_on_map, bags
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "make_bag.py"
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"

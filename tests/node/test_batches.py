@@ -15,7 +15,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros.testing import TIMEOUT, Probe, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, pose_message
 
 # Answers that may wait while the caller does not run: by default ROS keeps ten.
 CALLS = QoSProfile(depth=1000)

@@ -9,8 +9,8 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import Probe
-from smartmesh_ros.testing.messages import pose_message
+from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing.messages import pose_message
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ROVER = Path(__file__).parents[1] / "data" / "rover.urdf"

@@ -16,8 +16,8 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.testing import Probe, Process, assert_cannot_start, pose_message
-from smartmesh_ros.testing.probe import DIAGNOSTICS
+from smartmesh_ros.tools.testing import Probe, Process, assert_cannot_start, pose_message
+from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from tests.node.shared import changed, refusal_at_start
 
 SHARED = {

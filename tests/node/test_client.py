@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from smartmesh_ros.client import Patch, PatchClient, TrackedLink
-from smartmesh_ros.testing import COLLIDER, Probe
+from smartmesh_ros.tools.client import Patch, PatchClient, TrackedLink
+from smartmesh_ros.tools.testing import COLLIDER, Probe
 from tests.node.shared import changed
 
 SHARED = {"patch.kind": "heightfield", "publish.collider_patches": 60.0}

@@ -17,7 +17,7 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 from tests.node.shared import changed, refusal_at_start
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.1])

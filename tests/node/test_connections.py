@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
-from smartmesh_ros.testing import COLLIDER, Probe, Process
+from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2

@@ -10,7 +10,7 @@ from smartmesh_msgs.msg import HeightmapUpdate
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.conversions import map_from, region_from
-from smartmesh_ros.testing import floats, heightmap_message
+from smartmesh_ros.tools.testing import floats, heightmap_message
 
 ROOM = 10_000
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)

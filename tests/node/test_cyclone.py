@@ -18,7 +18,7 @@ from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.testing import TIMEOUT, Probe, Process, assert_on_map, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_on_map, heightmap_message, pose_message
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
 

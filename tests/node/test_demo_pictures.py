@@ -10,10 +10,10 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros.node.demo import demo_pictures
-from smartmesh_ros.node.demo.demo_pictures import BODY_COLOURS, Snapshot
-from smartmesh_ros.testing import heightmap_message
-from smartmesh_ros.testing.messages import pose_message
+from smartmesh_ros.tools.demo import demo_pictures
+from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Snapshot
+from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.tools.testing.messages import pose_message
 
 SIDE = 101  # samples of 0.5 m
 # Balls and boxes in the middle, and a robot that has driven far away.

@@ -2,8 +2,8 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from smartmesh_ros.testing import Probe
-from smartmesh_ros.testing.probe import DIAGNOSTICS
+from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 
 
 def test_nodes_of_one_name_in_two_namespaces_have_diagnostics_of_their_own(domain: int) -> None:

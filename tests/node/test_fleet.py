@@ -21,7 +21,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.node.fleet.peer_bodies import NEWEST_QOS
 from smartmesh_ros.node.fleet.peer_names import peer_names
-from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 NODES = layout.node_names(2)

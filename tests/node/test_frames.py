@@ -12,9 +12,9 @@ from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer, Transform
 from smartmesh_ros.node.inputs.transform_input import transforms_from
-from smartmesh_ros.physics.state import BodyState
 
 NUMBERS = st.floats(-10.0, 10.0)
 FAR = st.floats(-1e6, 1e6)  # as in UTM coordinates

@@ -19,7 +19,7 @@ from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0

@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point
 from smartmesh_msgs.msg import ColliderPatchArray
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.testing import COLLIDER, Probe
+from smartmesh_ros.tools.testing import COLLIDER, Probe
 from tests.node.shared import set_parameters
 
 Picture = dict[Any, list[tuple[float, float, float]]]

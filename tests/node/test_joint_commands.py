@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from smartmesh_ros import BodyState, InputError, World
 from smartmesh_ros.node.inputs.joint_commands import CommandedJoint, joint_commands_from
 from smartmesh_ros.node.robot_names import RobotNames
-from smartmesh_ros.physics.joints import JointCommand
+from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM
 
 NAN = math.nan

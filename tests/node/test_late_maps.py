@@ -15,7 +15,7 @@ from smartmesh_ros.node.timing.pacing import Pacer, StampClock
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig, MotionMode
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.testing import Probe
+from smartmesh_ros.tools.testing import Probe
 
 PERIOD = 1 / 240
 SPEED = 0.1

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import SolidKind
 from smartmesh_ros.node.fleet.ledger import Duties, LastState, Ledger, LedgerConfig, Respawning
 from smartmesh_ros.node.fleet.requests import specification_of
-from smartmesh_ros.physics.shapes import SolidKind
-from smartmesh_ros.physics.state_table import StateTable
+from smartmesh_ros.world.state_table import StateTable
 
 NODES = ["a", "b", "c"]
 EVENTS = ["die", "cut", "come", "spawn", "wait"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.testing import Probe, Process
+from smartmesh_ros.tools.testing import Probe, Process
 
 
 class Display:

@@ -10,7 +10,7 @@ from smartmesh_msgs.msg import ColliderPatch, Heightmap, TerrainMeshUpdate
 from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.testing import Probe, Process, heightmap_message, mesh_message, point_message, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, mesh_message, point_message, pose_message
 from tests.node.shared import changed, one_round
 
 TRIANGLES = grid_triangles(20, 30)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros.client import Patch, write_field
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.client import Patch, write_field
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
 

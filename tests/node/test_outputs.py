@@ -22,18 +22,18 @@ from smartmesh_msgs.msg import (
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.state_table import StateTable
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.world.contacts import GroundContact
+from smartmesh_ros.world.state_table import StateTable
 from tests.bodies import shapes_of
-from tests.patches.selecting import Selecting
+from tests.ground.selecting import Selecting
 
 HEADER = Header(frame_id="some_map")
 PHYSICS = PhysicsConfig(rate=120.0)

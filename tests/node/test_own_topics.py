@@ -9,7 +9,7 @@ from grid_map_msgs.msg import GridMap
 from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import COLLIDER, Probe, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe, pose_message
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.shared import refusal_at_start
 from tests.node.test_presets import own_topics

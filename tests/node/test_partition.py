@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros.testing import TIMEOUT
+from smartmesh_ros.tools.testing import TIMEOUT
 
 NAMESPACES = ["unshare", "--user", "--map-root-user", "--net"]
 

@@ -9,9 +9,9 @@ import yaml
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 
-from smartmesh_ros.node.demo import terrain_source
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.testing import COLLIDER, Probe, executable
+from smartmesh_ros.tools.demo import terrain_source
+from smartmesh_ros.tools.testing import COLLIDER, Probe, executable
 from tests.node.shared import values
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from smartmesh_ros.testing import TIMEOUT, Probe, Process, assert_cannot_start, assert_on_map, executable
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, assert_on_map, executable
 from tests.node.shared import has_ended, refusal_at_start, wait_until
 
 pytestmark = pytest.mark.usefixtures("executables")

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from smartmesh_ros.node.demo.rover import Rover
-from smartmesh_ros.node.demo.terrain_source import TerrainSource
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
 from smartmesh_ros.node.soil.soil_node import SoilNode
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.testing import Probe
+from smartmesh_ros.tools.demo.rover import Rover
+from smartmesh_ros.tools.demo.terrain_source import TerrainSource
+from smartmesh_ros.tools.testing import Probe
 from tests.node.shared import made_with, refusal_at_start
 
 POLICIES = {"history": "keep_all", "depth": 7, "reliability": "best_effort", "durability": "transient_local"}

@@ -23,8 +23,8 @@ from smartmesh_ros.scenes.moving import InwardWaves, Wave
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.testing import Probe, Process, heightmap_message, pose_message
-from smartmesh_ros.testing.probe import DIAGNOSTICS
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from tests.node.shared import changed, set_parameters
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}

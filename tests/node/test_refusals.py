@@ -12,7 +12,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, heightmap_message, pose_message
 from tests.node.shared import one_round
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2

@@ -13,7 +13,7 @@ from smartmesh_msgs.srv import SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
 from smartmesh_ros.node.services.robot_files import robot_name
-from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.node.shared import show_level_ground
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}

@@ -12,7 +12,7 @@ from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityS
 from smartmesh_msgs.msg import BodyDescriptionArray, ContactWrenchArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.node.shared import show_level_ground
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map"}

@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.robot_files import robot_name, with_package_paths
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
 from tests.node.shared import changed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"

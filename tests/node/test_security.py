@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseArray
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
-from smartmesh_ros.testing import TIMEOUT, Probe, Process, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
 
 SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 BOX = '<collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision>'

@@ -40,7 +40,7 @@ from simulation_interfaces.srv import (
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.simulation_services import _urdf_of
-from smartmesh_ros.testing import TIMEOUT, Probe, Process, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
 from tests.node.shared import changed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"

@@ -30,8 +30,8 @@ from smartmesh_ros.node.soil.soil_map import soil_map_from
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.soils import soil_named
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.testing import Probe, pose_message
-from smartmesh_ros.testing.process import START_TIMEOUT
+from smartmesh_ros.tools.testing import Probe, pose_message
+from smartmesh_ros.tools.testing.process import START_TIMEOUT
 from studies.soil.trials import plate_sinkage
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -19,7 +19,6 @@ from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.demo import rover, terrain_source
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import publishing
 from smartmesh_ros.node.parameters.declaring import checked
@@ -29,7 +28,8 @@ from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.soil import soil_node
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.testing import TIMEOUT, Probe, Process, executable
+from smartmesh_ros.tools.demo import rover, terrain_source
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import made_with, refusal_at_start
 
 pytestmark = pytest.mark.usefixtures("executables")

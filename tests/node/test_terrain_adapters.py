@@ -16,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from smartmesh_ros.testing import Probe, assert_cannot_start, pose_message
+from smartmesh_ros.tools.testing import Probe, assert_cannot_start, pose_message
 from tests.node.shared import one_round, refusal_at_start
 
 RESOLUTION = 0.25

@@ -14,7 +14,7 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.testing import Probe, assert_on_map, floats, pose_message
+from smartmesh_ros.tools.testing import Probe, assert_on_map, floats, pose_message
 from tests.node.shared import changed, one_round, set_parameters, show_level_ground
 
 SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])

@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.bodies import rotation
 from tests.node.test_ground_services import LATCHED, hills, publish_hills, query
 

@@ -1,4 +1,4 @@
-"""Promises of `smartmesh_ros.testing`: no process outlives its test, failures explain themselves, domains are free."""
+"""`smartmesh_ros.tools.testing`: no process outlives its test, failures explain themselves, domains are free."""
 
 import os
 import re
@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.startup.domains import in_use, isolated, isolated_unless_chosen
-from smartmesh_ros.testing import TIMEOUT, Probe, Process
-from smartmesh_ros.testing.process import start_command
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing.process import start_command
 from tests import preloaded
 from tests.node.shared import has_ended, wait_until
 
 ROOT = Path(__file__).parents[2]
 STARTS_A_NODE = """
 import sys
-from smartmesh_ros.testing import Process
+from smartmesh_ros.tools.testing import Process
 from tests import preloaded
 if "fork" in sys.argv:
     Process.starter = staticmethod(preloaded.start)
@@ -151,7 +151,7 @@ def test_folders_that_import_the_fixture_share_a_domain(tmp_path: Path) -> None:
     names = ("first/test_one.py", "second/test_two.py", "first/test_three.py")
     for file in (tmp_path / name for name in names):
         file.parent.mkdir(exist_ok=True)
-        (file.parent / "conftest.py").write_text("from smartmesh_ros.testing import domain")
+        (file.parent / "conftest.py").write_text("from smartmesh_ros.tools.testing import domain")
         file.write_text(USES_THE_DOMAIN)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *names]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT, check=False)

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap, World
+from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
-from smartmesh_ros.physics.shapes import Box
-from smartmesh_ros.physics.state import BodyState
 
 FACE = 0.85  # of the box, along x [m]
 RADIUS = 0.4

@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
-from smartmesh_ros.testing import Probe, pose_message
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.node.shared import changed, refusal_at_start, show_level_ground
 from tests.node.test_robot_outputs import ARM, LATCHED, STIFF, spawn
 

@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros.testing import Probe, Process, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, pose_message
 
 ROOT = Path(__file__).parents[2]
 CELLS, RESOLUTION = 60, 0.1

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros.evaluation.scene import Bodies, Scene
+from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
 from studies.configurations import configurations
 from studies.contest import Result, run_scene

@@ -8,8 +8,8 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.evaluation.scene import Bodies, Scene
+from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
+from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import before_after
 from studies.before_after import BEFORE, NOW, compare, same, speed_table
 from studies.contest import Result

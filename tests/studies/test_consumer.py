@@ -15,7 +15,7 @@ from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool
 
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.testing import TIMEOUT, Probe, domain, heightmap_message, probe
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, domain, heightmap_message, probe
 from studies.consumer.cases import COLLIDER, Case, TrueGround
 from studies.consumer.served_ground import WHEELS, ServedGround
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.evaluation.clearance import clearances, rotate, skin
-from smartmesh_ros.evaluation.distance import Surface, nearest
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.tools.evaluation.clearance import clearances, rotate, skin
+from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 
 UPRIGHT = np.array([[0.0, 0.0, 0.0, 1.0]])
 

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 
 from smartmesh_ros.node.parameters.specifications import NAMES
-from smartmesh_ros.testing import domain
+from smartmesh_ros.tools.testing import domain
 from studies.load import cases
 from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case
 from studies.load.processes import run_case

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from smartmesh_ros import GridGeometry, InputError
-from smartmesh_ros.evaluation.distance import Surface
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map
 from smartmesh_ros.node.inputs.adapters.grid_map import raster_from
 from smartmesh_ros.node.sensor.range_sensors import RangeSensor
-from smartmesh_ros.testing import bags
+from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.tools.testing import bags
 from studies.mapper import (
     NO_DRIFT,
     DepthCamera,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros.evaluation.measures import angles_between, deviation, energies, held_up, penetration
+from smartmesh_ros.tools.evaluation.measures import angles_between, deviation, energies, held_up, penetration
 
 
 def test_percentiles_leave_lost_bodies_out_from_when_they_are_lost() -> None:

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.evaluation.distance import Surface, nearest
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.tools.evaluation.distance import Surface, nearest
+from smartmesh_ros.world.world import World
 from studies.contest import Result
 from studies.engines.registry import missing
 from studies.matrix.arena import square

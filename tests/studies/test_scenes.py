@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import GridGeometry, InputError
-from smartmesh_ros.evaluation.clearance import clearances
-from smartmesh_ros.evaluation.grounds import GROUNDS, make_ground
-from smartmesh_ros.evaluation.presets import NAMES, read_presets
-from smartmesh_ros.evaluation.reference import reference_positions
-from smartmesh_ros.evaluation.scene import read_scene, read_scenes
+from smartmesh_ros.tools.evaluation.clearance import clearances
+from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
+from smartmesh_ros.tools.evaluation.presets import NAMES, read_presets
+from smartmesh_ros.tools.evaluation.reference import reference_positions
+from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
 
 SCENES = read_scenes()
 

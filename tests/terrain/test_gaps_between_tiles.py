@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smartmesh_ros.physics.shapes import Sphere
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import PhysicsConfig, World, WorldConfig
+from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.ray_cast import RayCaster, checked_rays
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.world.world import PhysicsConfig, World, WorldConfig
 
 COUNT = 400
 

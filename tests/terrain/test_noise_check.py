@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros.evaluation.grounds import make_ground
-from smartmesh_ros.evaluation.scene import Scene, read_scenes
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.terrain.sample_lattice import Lattice, compare
+from smartmesh_ros.tools.evaluation.grounds import make_ground
+from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
 from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES

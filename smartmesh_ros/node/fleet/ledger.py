@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.state_table import StateTable
+from smartmesh_ros.world.state_table import StateTable
 
 Spread = Literal["fewest", "tiles"]
 Respawn = Literal["elsewhere", "same"]

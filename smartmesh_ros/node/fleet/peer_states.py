@@ -9,9 +9,9 @@ import numpy as np
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
-from smartmesh_ros.physics.state import Vector
-from smartmesh_ros.physics.state_table import StateTable
+from smartmesh_ros.world.state_table import StateTable
 
 # Fields of a TrackedBody after its name; they start at the next multiple of eight bytes.
 BODY_RECORD = np.dtype(

@@ -8,9 +8,9 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import SpawnBody
 
+from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.shapes import Box, Capsule, Shape, Sphere
 from smartmesh_ros.node.fleet.ledger import Respawning
-from smartmesh_ros.physics.quaternions import rotate
-from smartmesh_ros.physics.shapes import Box, Capsule, Shape, Sphere
 
 FIELDS = ("id", "shape", "urdf", "mass", "pose", "twist", "on_ground", "clearance", "align")
 

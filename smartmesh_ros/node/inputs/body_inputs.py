@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import Header
 
+from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.bounds import require_name, require_room
 from smartmesh_ros.node.inputs.conversions import BodyInput
@@ -19,7 +20,6 @@ from smartmesh_ros.node.inputs.joint_commands import joint_commands_from
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
-from smartmesh_ros.physics.limits import SIZES, require_between, require_possible
 
 # Matches reliable and best-effort publishers alike.
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)

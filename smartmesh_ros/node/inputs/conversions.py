@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import QUATERNION_SLACK, BodyState
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader, Stamped
-from smartmesh_ros.physics.quaternions import rotate
-from smartmesh_ros.physics.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState
 from smartmesh_ros.terrain.grid import GridGeometry
 
 FloatGrid = NDArray[np.float32]

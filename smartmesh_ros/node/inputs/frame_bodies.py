@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import StampClock
-from smartmesh_ros.physics.state import BodyState
 
 SOURCE = "bodies.frames"
 # Longest time between two look-ups of the frames without a new transform [s], for static frames.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.quaternions import conjugate, product, rotate, slerp
-from smartmesh_ros.physics.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
+from smartmesh_ros.ground.quaternions import conjugate, product, rotate, slerp
+from smartmesh_ros.ground.state import QUATERNION_SLACK, BodyState, Quaternion, Vector
 
 # A transform that is older than the newest of its child by more than this restarts the child's history, because the
 # clock of its source was set back or a recording started over [s].

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.joints import JointCommand
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.world.world import World
 
 
 class CommandedJoint(NamedTuple):

@@ -15,7 +15,7 @@ from smartmesh_ros.node.services.robot_files import robot_name, with_package_pat
 from smartmesh_ros.node.services.spawning import Entry
 from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

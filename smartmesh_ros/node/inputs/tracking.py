@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.physics.limits import FASTEST, FASTEST_SPIN
-from smartmesh_ros.physics.state import BodyState, Quaternion, Vector
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.limits import FASTEST, FASTEST_SPIN
+from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.world import World
 
 # Longest time between two poses from which velocity is estimated; a body without a pose for so long stops [s].
 MAX_INTERVAL = 0.5

@@ -13,10 +13,10 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.node.services.robot_files import urdf_text
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.world.bodies import Body
 
 # Period of the check for added and removed bodies [s].
 PERIOD = 0.1

@@ -8,11 +8,11 @@ import numpy as np
 from smartmesh_msgs.msg import Contact, ContactArray, TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.node.outputs.array_message import ArrayMessage, by_length
 from smartmesh_ros.node.outputs.cdr import text_rows
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.contacts import GroundContact
-from smartmesh_ros.physics.state_table import StateTable
+from smartmesh_ros.world.contacts import GroundContact
+from smartmesh_ros.world.state_table import StateTable
 
 
 class BodyStates:

@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.world.world import World
 
 # A map older than this is stale [s].
 STALE = 2.0

@@ -32,7 +32,7 @@ from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.states import SimulatedStates
+from smartmesh_ros.world.states import SimulatedStates
 
 # Longest time between two messages with all patches in incremental mode [s].
 ALL_PATCHES_PERIOD = 5.0

@@ -8,9 +8,9 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import ContactWrench, ContactWrenchArray
 from std_msgs.msg import Header
 
-from smartmesh_ros.physics.quaternions import conjugate, rotate
-from smartmesh_ros.physics.state import BodyState
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.quaternions import conjugate, rotate
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.world.world import World
 
 
 def joint_states(header: Header, world: World, prefixes: dict[str, str]) -> JointState:

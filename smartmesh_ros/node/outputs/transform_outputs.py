@@ -16,8 +16,8 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.array_message import ArrayMessage, stamp_fields
 from smartmesh_ros.node.outputs.cdr import text_rows
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.physics.link_frames import LinkFrames
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import LinkFrames
 
 TOPIC, PARAMETER = "/tf", "publish.tf"
 # Time after subscribing in which frames of other nodes may not have arrived [s]; nothing is published before.

@@ -11,8 +11,8 @@ from smartmesh_ros.io.urdf import UrdfRules
 from smartmesh_ros.node.inputs.body_sources import BodySource
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.physics.world import WorldConfig
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.world import WorldConfig
 
 Durability = Literal["volatile", "transient_local"]
 Reliability = Literal["reliable", "best_effort"]

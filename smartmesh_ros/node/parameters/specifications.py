@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.io.rasters import FirstRow, RasterConfig
 from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.node.inputs.body_sources import body_sources
@@ -32,13 +33,10 @@ from smartmesh_ros.node.parameters.settings import (
 from smartmesh_ros.node.running import ExecutorKind
 from smartmesh_ros.node.timing.clock import require_one_clock
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
-from smartmesh_ros.patches.config import PatchConfig, PatchKind
-from smartmesh_ros.patches.report.collect import CollectMethod
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.guest_config import GuestConfig
-from smartmesh_ros.physics.world import WorldConfig
-from smartmesh_ros.search.methods import SearchMethod
+from smartmesh_ros.patches.config import CollectMethod, PatchConfig, PatchKind, SearchMethod
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
+from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.world import WorldConfig
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

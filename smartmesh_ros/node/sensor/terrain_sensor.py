@@ -18,6 +18,7 @@ from smartmesh_msgs.srv import CastRays
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.arrays import doubles
 from smartmesh_ros.node.parameters.declaring import Spec, declare
@@ -26,7 +27,6 @@ from smartmesh_ros.node.parameters.parameter_node import ParameterNode
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeNoise, RangeSensor
 from smartmesh_ros.node.sensor.sensor_messages import camera_info, cloud_message, depth_image
-from smartmesh_ros.physics.quaternions import product
 from smartmesh_ros.terrain.grid import FloatArray
 
 NAME = "terrain_sensor"

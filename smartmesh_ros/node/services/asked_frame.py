@@ -10,14 +10,14 @@ import numpy as np
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.clock import stamp_of
-from smartmesh_ros.physics.quaternions import rotate
-from smartmesh_ros.physics.standing import NO_TERRAIN
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.standing import NO_TERRAIN
 
 # Largest difference between the instant of a question and now [s].
 FARTHEST = 1.0

@@ -6,10 +6,10 @@ from itertools import product
 
 import numpy as np
 
-from smartmesh_ros.physics.bodies import Body
-from smartmesh_ros.physics.quaternions import rotate
-from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.bodies import Body
 
 
 def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:

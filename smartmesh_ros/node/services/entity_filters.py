@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.world import World
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.world import World
 
 
 def select(world: World, filters: Any, bounds: Any) -> list[str]:

@@ -10,7 +10,7 @@ from smartmesh_ros.node.services.robot_files import with_package_paths
 from smartmesh_ros.node.services.spawning import Entry, entry_from_text, spawn, state_of
 from smartmesh_ros.node.services.turns import Work, in_turns
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 
 
 class InitialBodies:

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.robots.description import is_text, xml_of
-from smartmesh_ros.physics.robots.files import package_folder
+from smartmesh_ros.world.robots.description import is_text, xml_of
+from smartmesh_ros.world.robots.files import package_folder
 
 
 def robot_name(urdf: str) -> str:

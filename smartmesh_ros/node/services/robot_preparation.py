@@ -6,8 +6,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from smartmesh_ros.node.services.turns import Waiting
-from smartmesh_ros.physics.robots.prepared import PreparedRobot, prepare_robot
-from smartmesh_ros.physics.robots.workshop import WORKSHOP
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.robots.workshop import WORKSHOP
 
 
 class RobotPreparation:

@@ -21,8 +21,8 @@ from smartmesh_ros.node.services.entity_bounds import own_bounds
 from smartmesh_ros.node.services.entity_filters import select
 from smartmesh_ros.node.services.robot_files import robot_name, urdf_text, with_package_paths
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.physics.base_frames import centre_state
-from smartmesh_ros.physics.bodies import Body
+from smartmesh_ros.world.base_frames import centre_state
+from smartmesh_ros.world.bodies import Body
 
 PACKAGE = "simulation_interfaces"
 FEATURES = (

@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.physics.robots.prepared import PreparedRobot
-from smartmesh_ros.physics.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.physics.state import BodyState, Vector
-from smartmesh_ros.physics.world import World
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState, Vector
+from smartmesh_ros.world.robots.prepared import PreparedRobot
+from smartmesh_ros.world.world import World
 
 _SHAPES: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
 # The C parser takes a tenth of the time, which matters for a thousand bodies.

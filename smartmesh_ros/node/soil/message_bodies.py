@@ -10,12 +10,12 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.conversions import state_from
-from smartmesh_ros.physics.bodies import Body, BodyFactory
-from smartmesh_ros.physics.config import PhysicsConfig
-from smartmesh_ros.physics.robots.prepared import prepare_robot
-from smartmesh_ros.physics.state import BodyState
 from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies, PressingBody
+from smartmesh_ros.world.bodies import Body, BodyFactory
+from smartmesh_ros.world.robots.prepared import prepare_robot
 
 # Kinds of shape by their numbers in a TrackedBody, and their number of dimensions.
 _KINDS: dict[int, tuple[FootKind, int]] = {

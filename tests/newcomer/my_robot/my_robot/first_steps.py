@@ -8,7 +8,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody
 
-from smartmesh_ros.testing import Probe, isolated
+from smartmesh_ros.tools.testing import Probe, isolated
 
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 

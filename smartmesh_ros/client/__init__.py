@@ -1,8 +1,0 @@
-"""Client for other simulators: patches of a running ``terrain_collider`` over topics. See docs/other_simulators.md."""
-
-from smartmesh_ros.client.mujoco_field import write_field
-from smartmesh_ros.client.patch import Patch
-from smartmesh_ros.client.patch_client import PatchClient
-from smartmesh_ros.client.tracked import TrackedLink
-
-__all__ = ["Patch", "PatchClient", "TrackedLink", "write_field"]

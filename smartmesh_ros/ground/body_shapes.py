@@ -1,0 +1,150 @@
+"""Shapes of bodies and links, as users give them or as PyBullet reports them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.obj_parts import obj_parts
+from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.shapes import Box, Capsule, Shape, Sphere
+from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, compound, cylinder, hull
+from smartmesh_ros.terrain.grid import FloatArray
+
+# Margin by which PyBullet's loader grows the hulls of links [m]; ``changeDynamics`` changes that of base links only.
+HULL_MARGIN = 1e-3
+
+
+def body_shape(shape: Shape) -> BodyShape:
+    """A shape about the body's centre of mass."""
+    if isinstance(shape, Sphere):
+        return ball(shape.radius)
+    if isinstance(shape, Box):
+        return box((shape.x, shape.y, shape.z), shape.centre)
+    make = capsule if isinstance(shape, Capsule) else cylinder
+    return make(shape.radius, shape.height)
+
+
+def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
+    """Read the shape of a body or link from PyBullet: what PyBullet collides, meshes as their convex hulls.
+
+    If PyBullet does not report the shape, or the file of a mesh cannot be read, the result is the bounding ball. If the
+    body has no shape, the radius is zero.
+    """
+    try:
+        found = client.getCollisionShapeData(body, link)
+    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
+        return ball(_radius_of_bounds(client, body, link))
+    if not found:
+        return ball(0.0)
+    parts: list[BodyShape] = []
+    for index, (_, _, kind, size, file, position, turn) in enumerate(found):
+        if kind == pb.GEOM_MESH:
+            margin = _margin(client, body, link, alone=len(found) == 1)
+            hulls = _hulls(client, body, link, index, (size, file, position, turn))
+            known = [hull(points, margin) for points in hulls]
+        else:
+            known = _simple(kind, size, position, turn)
+        if not known:
+            return ball(_radius_of_bounds(client, body, link))
+        parts += known
+    return compound(parts)
+
+
+def shape_of(client: Any, body: int, link: int, shape: Shape | BodyShape | None, radius: float | None) -> BodyShape:
+    """Return the given ``shape``, or else a ball of the given ``radius`` [m], or else the shape that PyBullet reports;
+    raises `InputError` if it has no size, and names the links that have a shape."""
+    if shape is None and radius is None:
+        require_shape(client, body, link)
+    if isinstance(shape, BodyShape):
+        made = shape
+    elif shape is not None:
+        made = body_shape(shape)
+    else:
+        made = read_shape(client, body, link) if radius is None else ball(radius)
+    if not (math.isfinite(made.radius) and made.radius > 0.0):
+        raise InputError(
+            "geometry", f"the radius of body {body}, link {link} is {made.radius} m; it must be above zero"
+        )
+    return made
+
+
+def links_with_shape(client: Any, body: int) -> list[int]:
+    """Return the links of a body that have a collision shape, -1 = its base; raises `InputError` if there are none."""
+    links = [link for link in range(-1, client.getNumJoints(body)) if _has_shape(client, body, link)]
+    if not links:
+        raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")
+    return links
+
+
+def require_shape(client: Any, body: int, link: int) -> None:
+    """Raise `InputError`, which names the links that have a collision shape, if a link has none."""
+    if not _has_shape(client, body, link):
+        known = ", ".join(f"{other} {_link_name(client, body, other)!r}" for other in links_with_shape(client, body))
+        raise InputError(
+            "geometry",
+            f"link {link} {_link_name(client, body, link)!r} of body {body} has no collision shape; links that have "
+            f"one: {known}. Without a link, the whole robot is attached",
+        )
+
+
+def _has_shape(client: Any, body: int, link: int) -> bool:
+    try:
+        return bool(client.getCollisionShapeData(body, link))
+    except pb.error:  # PyBullet does not report the shapes of bodies in maximal coordinates
+        return True
+
+
+def _link_name(client: Any, body: int, link: int) -> str:
+    name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
+    return name.decode(errors="replace")
+
+
+def _simple(kind: int, size: Any, position: Vector, turn: Quaternion) -> list[BodyShape]:
+    """One of a link's shapes as PyBullet reports it; none if its kind is unknown."""
+    if kind == pb.GEOM_SPHERE:
+        return [ball(size[0], position)]
+    if kind == pb.GEOM_BOX:
+        return [box(size, position, turn)]
+    if kind in (pb.GEOM_CYLINDER, pb.GEOM_CAPSULE):
+        make = capsule if kind == pb.GEOM_CAPSULE else cylinder
+        return [make(size[1], size[0], position, turn)]
+    return []
+
+
+def _hulls(
+    client: Any, body: int, link: int, index: int, mesh: tuple[Vector, bytes, Vector, Quaternion]
+) -> list[FloatArray]:
+    """Return the points (n, 3) [m] of the hulls that PyBullet makes of a mesh, in the frame of the centre of mass; none
+    if they are unknown.
+
+    PyBullet makes a hull of each object of an OBJ file, but returns the points of the last one only, so such files are
+    read here. All other meshes, and cylinders that are no primitives in PyBullet, are one hull.
+    """
+    scale, file, position, turn = mesh
+    path = file.decode(errors="replace")
+    objects = obj_parts(path) if path.lower().endswith(".obj") else [np.empty((0, 3))]
+    if len(objects) != 1:
+        axes = np.array([rotate(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+        return [points * scale @ axes + position for points in objects]
+    count, points = client.getMeshData(body, link, index)
+    return [np.array(points, np.float64)] if count else []
+
+
+def _margin(client: Any, body: int, link: int, *, alone: bool) -> float:
+    """Return the margin by which PyBullet grows a hull [m]."""
+    told = float(client.getDynamicsInfo(body, link)[11])
+    return told if link < 0 and alone else max(told, HULL_MARGIN)
+
+
+def _radius_of_bounds(client: Any, body: int, link: int) -> float:
+    """Bounding radius, about the centre of mass, of the axis-aligned bounds [m]."""
+    low, high = (np.array(corner) for corner in client.getAABB(body, link))
+    pose = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link)
+    centre = np.array(pose[0])
+    return float(np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre))))

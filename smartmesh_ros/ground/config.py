@@ -1,0 +1,49 @@
+"""Settings of the physics."""
+
+import math
+from dataclasses import dataclass
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicsConfig:
+    """How the world is stepped.
+
+    ``rate`` [Hz]: steps per simulated second. ``gravity`` [m/s^2]. ``friction``: Coulomb coefficient of every simulated
+    body against the ground, and of the links of robots whose URDF gives none. ``restitution``: ratio of rebound speed
+    to impact speed, for the same bodies and links. ``contact_erp``: share of a
+    penetration that the solver corrects in one step. ``guard``: put bodies found below the ground back onto it.
+    ``sleep``: bodies at rest on ground at rest fall asleep, without colliders, and wake before anything touches them.
+    ``solver_residual`` [m^2/s^2]: PyBullet's ``solverResidualThreshold``; the solver's 50 iterations end early once
+    none changes a contact's velocity by more than the square root of this value.
+    """
+
+    rate: float = 240.0
+    gravity: Vector = (0.0, 0.0, -9.81)
+    friction: float = 0.5
+    restitution: float = 0.0
+    contact_erp: float = 0.3
+    guard: bool = True
+    sleep: bool = True
+    solver_residual: float = 1e-9
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate) and self.rate > 0.0):
+            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be greater than zero")
+        if len(self.gravity) != 3 or not all(math.isfinite(value) for value in self.gravity):
+            raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
+        if not (math.isfinite(self.friction) and self.friction >= 0.0):
+            raise InputError("parameter", f"friction is {self.friction}; it must be zero or more")
+        if not 0.0 <= self.restitution <= 1.0:
+            raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
+        if not (math.isfinite(self.solver_residual) and self.solver_residual >= 0.0):
+            raise InputError("parameter", f"solver_residual is {self.solver_residual} m^2/s^2; it must be zero or more")
+        if not 0.0 < self.contact_erp <= 1.0:
+            raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
+
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return 1.0 / self.rate

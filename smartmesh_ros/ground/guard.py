@@ -1,0 +1,48 @@
+"""Puts bodies that are below the ground back onto it.
+
+A body may be spawned below the ground, teleported there, covered by a map, or pushed there by another body. The guard
+is the last resort. Its rescues are counted, and it can be switched off to test the colliders alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from smartmesh_ros.ground.ground import Ground
+
+# Largest horizontal speed that a rescued body keeps [m/s].
+FASTEST_RESCUED = 5.0
+
+
+class Guard:
+    """Rescues the bodies on one `Ground`."""
+
+    def __init__(self, ground: Ground) -> None:
+        self._ground = ground
+
+    def rescue(self, client: Any, time: float) -> int:
+        """Put bodies that are below the ground back onto it and return their number."""
+        ground, followers = self._ground, self._ground.followers
+        lifts: dict[int, tuple[float, float]] = {}
+        for slot, lift, rate in ground.below(followers.guarded, time):
+            body = followers[slot].body
+            if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
+                lifts[body] = (lift, rate)
+        for body, (lift, rate) in lifts.items():
+            put_back(client, body, lift, rate)
+            ground.placed(body)
+        return len(lifts)
+
+
+def put_back(client: Any, body: int, lift: float, rate: float) -> None:
+    """Lift a body (a robot as a whole) by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
+    position, orientation = client.getBasePositionAndOrientation(body)
+    linear, angular = client.getBaseVelocity(body)
+    along = np.array(linear[:2])
+    speed = float(np.hypot(*along))
+    along *= min(1.0, FASTEST_RESCUED / speed) if speed > 0.0 else 1.0
+    client.resetBasePositionAndOrientation(body, (position[0], position[1], position[2] + lift), orientation)
+    client.resetBaseVelocity(body, (along[0], along[1], rate), angular)

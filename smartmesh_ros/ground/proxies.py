@@ -1,0 +1,161 @@
+"""Ground proxies: PyBullet bodies that stand for the ground near one body each, in DIRECT clients.
+
+The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of
+the two from height maps and meshes, in each ``stepSimulation``. Nothing here runs in a step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
+from smartmesh_ros.terrain.terrain import Terrain
+
+# What the names of the plugin's functions end with.
+POSTFIX = "_smartmesh"
+
+
+# Pose and velocities of a body that is read both ways: (x, y, z) [m], quaternion (x, y, z, w), [m/s], [rad/s].
+PROBE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8), (0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
+
+
+def missing_for(client: Any) -> str:
+    """Return why a client cannot have ground proxies, empty if it can."""
+    if not hasattr(CORE, "Ground"):
+        return "the core is built without Bullet's headers"
+    method = client.getConnectionInfo().get("connectionMethod")
+    if method != pb.DIRECT:
+        return "the PyBullet client is not a DIRECT one"
+    plugin = client.loadPlugin(CORE.__file__, POSTFIX)
+    if plugin < 0:
+        return f"this PyBullet does not load the core {CORE.__file__}"
+    return "" if _reads_as_pybullet(client, plugin) else "the core was built for another PyBullet"
+
+
+def ground_in(client: Any, plugin: int) -> Any:
+    """Return the core's ground in a client; raises `InputError` if the client has one already."""
+    try:
+        return CORE.Ground(client.executePluginCommand(plugin, "number", []))
+    except RuntimeError as error:
+        raise InputError("client", str(error)) from None
+
+
+def _reads_as_pybullet(client: Any, plugin: int) -> bool:
+    """Return True if the core finds in Bullet's memory what PyBullet reports of a rigid body and a multibody."""
+    core, found = ground_in(client, plugin), np.zeros((2, 13))
+    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
+    for slot in range(2):
+        body = client.createMultiBody(
+            1.0, shape, basePosition=PROBE[0], baseOrientation=PROBE[1], useMaximalCoordinates=slot
+        )
+        client.resetBaseVelocity(body, PROBE[2], PROBE[3])
+        core.attach(slot, body, -1, -1)
+        core.read(np.full(1, slot), found)
+        core.detach(slot)
+        client.removeBody(body)
+    core.release()
+    return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
+
+
+class Proxies:
+    """The ground proxies of one client. Bodies are addressed by slot."""
+
+    def __init__(self, client: Any, followers: Followers, *, time: float, dt: float) -> None:
+        self._client = client
+        self._followers = followers
+        self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
+        self._core.time, self._core.duration = time, dt
+        self._uids: dict[int, int] = {}  # of the proxies, by slot
+        self._shape: int | None = None
+        self._visual: int | None = None
+        self._layout = -1
+        self._wakes = -1
+
+    def attach(self, follower: Follower) -> None:
+        """Give a follower a proxy if it is solid; other followers are only read."""
+        proxy = -1
+        if follower.solid:
+            proxy = self._uids[follower.slot] = self._new_body()
+        self._core.attach(follower.slot, follower.body, follower.link, proxy)
+
+    def detach(self, slot: int) -> None:
+        """Remove the proxy of a follower."""
+        uid = self._uids.pop(slot, None)
+        if self._core.is_there:
+            if uid is not None:
+                self._client.removeBody(uid)
+            self._core.detach(slot)
+
+    def use(self, terrain: Terrain) -> None:
+        """Collide the awake followers with the tiles of ``terrain`` from now on."""
+        if self._layout != terrain.layout_revision:
+            self._layout = terrain.layout_revision
+            self._core.set_tiles(terrain.readers)
+        if self._wakes != self._followers.wakes:
+            self._wakes = self._followers.wakes
+            self._switch(self._followers.flags("awake"))
+
+    def hold(self, stopped: BoolArray) -> None:
+        """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
+        self._core.hold(stopped)
+
+    def set_time(self, time: float, dt: float) -> None:
+        """Set the time [s] at the start of the next step of ``dt`` [s]."""
+        if not self._core.is_there:
+            raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
+        self._core.time, self._core.duration = time, dt
+
+    def carry_velocity(self, *, on: bool) -> None:
+        """Set whether contacts see the ground's velocity."""
+        self._core.carry_velocity = on
+
+    def read_states(self, dt: float) -> None:
+        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers, as `FollowerReader` does."""
+        followers = self._followers
+        awake = followers.awake
+        self._core.read(awake, followers.states)
+        followers.positions_w[awake] = followers.states[awake, :3]
+        followers.moved_w[awake] = followers.states[awake, 7:10] * dt
+
+    def states_of(self, slots: IntArray) -> FloatArray:
+        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
+        states = np.empty_like(self._followers.states)
+        self._core.read(slots, states)
+        return np.asarray(states[slots])
+
+    def read_positions(self) -> None:
+        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""
+        followers = self._followers
+        awake, states = followers.awake, np.empty_like(followers.states)
+        self._core.read(awake, states)
+        followers.moved_w[awake] = states[awake, :3] - followers.positions_w[awake]
+        followers.positions_w[awake] = states[awake, :3]
+
+    def close(self) -> None:
+        """Remove all proxies."""
+        for slot in list(self._uids):
+            self.detach(slot)
+        self._core.release()
+
+    def _switch(self, awake: BoolArray) -> None:
+        """Give the followers (S,) that are ``awake`` ground, and take it from the others."""
+        self._core.enable(np.ascontiguousarray(awake))
+        for slot, uid in self._uids.items():
+            self._followers[slot].collider = uid if awake[slot] else None
+
+    def _new_body(self) -> int:
+        """Create the PyBullet body of a proxy, whose shape the core replaces."""
+        client = self._client
+        if self._shape is None:
+            self._shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=1e-3)
+            self._visual = client.createVisualShape(pb.GEOM_BOX, halfExtents=[1e-3] * 3)
+        uid = int(client.createMultiBody(0.0, self._shape, self._visual, useMaximalCoordinates=1))
+        # PyBullet multiplies the coefficients of the two bodies, so 1 leaves the body's own coefficients in effect.
+        client.changeDynamics(uid, -1, lateralFriction=1.0, restitution=1.0)
+        return uid

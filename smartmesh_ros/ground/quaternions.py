@@ -1,0 +1,49 @@
+"""Rotations as unit quaternions (x, y, z, w), in double precision; PyBullet's own helpers work in single precision."""
+
+from __future__ import annotations
+
+import math
+
+from smartmesh_ros.ground.state import Quaternion, Vector
+
+# Angle between two quaternions below which the arc equals a straight line in double precision [rad].
+STRAIGHT = 1e-6
+
+
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The rotation ``b`` followed by ``a``."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(q: Quaternion) -> Quaternion:
+    """The inverse rotation."""
+    return -q[0], -q[1], -q[2], q[3]
+
+
+def rotate(q: Quaternion, v: Vector) -> Vector:
+    """Rotate a vector."""
+    x, y, z, _ = product(product(q, (*v, 0.0)), conjugate(q))
+    return x, y, z
+
+
+def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
+    """Interpolate by a ``share`` (0 to 1) along the shorter arc from ``a`` to ``b``."""
+    cosine = sum(x * y for x, y in zip(a, b, strict=True))
+    sign = -1.0 if cosine < 0.0 else 1.0
+    apart = math.hypot(*(x - sign * y for x, y in zip(a, b, strict=True)))
+    together = math.hypot(*(x + sign * y for x, y in zip(a, b, strict=True)))
+    angle = 2.0 * math.atan2(apart, together)
+    if angle < STRAIGHT:
+        first, second = 1.0 - share, share
+    else:
+        first, second = math.sin((1.0 - share) * angle) / math.sin(angle), math.sin(share * angle) / math.sin(angle)
+    x, y, z, w = (first * p + sign * second * q for p, q in zip(a, b, strict=True))
+    length = math.hypot(x, y, z, w)
+    return x / length, y / length, z / length, w / length

@@ -1,0 +1,18 @@
+"""Checks which patch settings a main mesh allows."""
+
+from __future__ import annotations
+
+from smartmesh_ros.ground.colliders.whole_mesh import require_whole
+from smartmesh_ros.patches.config import PatchConfig, is_whole
+from smartmesh_ros.report.methods import require_search
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+
+
+def require_usable(config: PatchConfig, mesh: MainMesh) -> None:
+    """Raise `InputError` if ``mesh`` does not allow the patch settings ``config``; the message names settings that it
+    allows."""
+    if isinstance(mesh, TriangleMesh):
+        require_search(config.search, mesh)
+    if is_whole(config.kind):
+        require_whole(config.kind, mesh)

@@ -1,1 +1,0 @@
-"""Colliders, bodies and the world: PyBullet on patches."""

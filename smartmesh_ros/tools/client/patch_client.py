@@ -1,0 +1,167 @@
+"""A client that keeps the newest patch of each body, for a simulator's loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from smartmesh_msgs.msg import ColliderPatchArray, TrackedBodyArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.tools.client.messages import PatchesMessage, read_patches
+from smartmesh_ros.tools.client.patch import Patch
+from smartmesh_ros.tools.client.tracked import TrackedLink, tracked_bodies
+
+# Reliable, because an incremental message must not be lost.
+QOS = QoSProfile(depth=10)
+
+
+class PatchClient:
+    """Keeps the newest patch of each body of a ``terrain_collider``, and publishes the poses of the simulator's links.
+
+    ``collider``: full name of the node terrain_collider. ``node``: the caller's node, spun by the caller's executor;
+    None = the client creates a node and context of its own and spins them in `spin_once`. ``ahead`` [s]: maximum time
+    by which patches are extrapolated, so that the ground stops if terrain_collider is gone. A context manager.
+
+    All methods except `spin_once` and `close` are thread-safe.
+    """
+
+    def __init__(self, collider: str = "/terrain_collider", *, node: Node | None = None, ahead: float = 0.25) -> None:
+        if not (math.isfinite(ahead) and ahead >= 0.0):
+            raise InputError("parameter", f"ahead is {ahead} s; it must be zero or more")
+        self.ahead = ahead
+        self.received = 0  # number of messages accepted
+        self.refused = 0  # number of malformed messages
+        self._context: Context | None = None
+        self._executor: SingleThreadedExecutor | None = None
+        if node is None:
+            self._context = Context()
+            rclpy.init(context=self._context)
+            node = Node("patch_client", context=self._context)
+            self._executor = SingleThreadedExecutor(context=self._context)
+            self._executor.add_node(node)
+        self.node = node
+        self._lock = Lock()
+        self._known: dict[str, Patch] = {}
+        self._stamp: float | None = None  # of the last message; None until a message with all patches arrived
+        self._frame_id = ""
+        self._publisher = node.create_publisher(TrackedBodyArray, f"{collider}/tracked_bodies", QOS)
+        self._subscription = node.create_subscription(
+            ColliderPatchArray, f"{collider}/collider_patches", self._on_bytes, QOS, raw=True
+        )
+
+    def __enter__(self) -> PatchClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the client, and its node if the client created it."""
+        if self._executor is None:
+            self.node.destroy_subscription(self._subscription)
+            self.node.destroy_publisher(self._publisher)
+            return
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def spin_once(self, timeout: float = 0.0) -> bool:
+        """Wait up to ``timeout`` [s] for a message and handle all that arrived. Return True if any arrived. Raises
+        `RuntimeError` if the caller passed a node."""
+        if self._executor is None:
+            raise RuntimeError("the client's node is the caller's: spin it with the caller's executor")
+        before = seen = self.received + self.refused
+        self._executor.spin_once(timeout_sec=timeout)
+        while (now := self.received + self.refused) > seen:
+            seen = now
+            self._executor.spin_once(timeout_sec=0.0)
+        return seen > before
+
+    def wait_for(self, names: Iterable[str], timeout: float = 30.0) -> dict[str, Patch]:
+        """Spin until each of ``names`` has a patch; return all patches. Raises `TimeoutError`."""
+        wanted, end = set(names), monotonic() + timeout
+        while not wanted <= self.patches().keys():
+            if monotonic() > end:
+                raise TimeoutError(f"no patch of {sorted(wanted - self.patches().keys())} after {timeout:g} s")
+            self.spin_once(0.02)
+        return self.patches()
+
+    def now(self) -> float:
+        """Return the time of the node's ROS clock [s]: simulated time if the node's ``use_sim_time`` is set."""
+        return float(self.node.get_clock().now().nanoseconds * 1e-9)
+
+    def patches(self, now: float | None = None) -> dict[str, Patch]:
+        """Return the patches by body name, extrapolated to ``now`` [s] (None = the clock's time)."""
+        with self._lock:
+            known, stamp = dict(self._known), self._stamp
+        if stamp is None:
+            return {}
+        age = (self.now() if now is None else now) - stamp
+        return {name: self._extrapolated(patch, stamp, age) for name, patch in known.items()}
+
+    def patch(self, name: str, now: float | None = None) -> Patch | None:
+        """Return the patch of a body, extrapolated to ``now`` [s] (None = the clock's time); None if it has none."""
+        with self._lock:
+            found, stamp = self._known.get(name), self._stamp
+        if found is None or stamp is None:
+            return None
+        return self._extrapolated(found, stamp, (self.now() if now is None else now) - stamp)
+
+    def age(self, now: float | None = None) -> float:
+        """Return the time since the stamp of the last message [s]; infinite before the first."""
+        with self._lock:
+            stamp = self._stamp
+        return math.inf if stamp is None else (self.now() if now is None else now) - stamp
+
+    @property
+    def frame_id(self) -> str:
+        """The terrain's frame, empty before the first message."""
+        return self._frame_id
+
+    @property
+    def connected(self) -> bool:
+        """True if the tracked bodies have a subscriber and the patches a publisher."""
+        patches = self._subscription.topic_name
+        return bool(self._publisher.get_subscription_count() and self.node.count_publishers(patches))
+
+    def track(self, links: Iterable[TrackedLink], stamp: float | None = None) -> None:
+        """Publish the states of links at ``stamp`` [s] (None = the clock's time). Each link gets a patch, and loses it
+        if it is left out for longer than the node's ``bodies.timeout``."""
+        clock = self.node.get_clock()
+        time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
+        self._publisher.publish(tracked_bodies(links, self._frame_id, time.to_msg()))
+
+    def _extrapolated(self, patch: Patch, stamp: float, age: float) -> Patch:
+        """Return a patch extrapolated by its age. ``stamp`` is the last message's, also for a patch that an incremental
+        message left out, because such a patch is unchanged."""
+        return patch.after(min(max(age, -self.ahead), self.ahead)).with_age(stamp, age)
+
+    def _on_bytes(self, data: bytes) -> None:
+        try:
+            message = read_patches(data)
+        except InputError:
+            self.refused += 1
+            return
+        with self._lock:
+            self._take(message)
+        self.received += 1
+
+    def _take(self, message: PatchesMessage) -> None:
+        if message.incremental and self._stamp is None:
+            return  # an increment without a base; a message with all patches follows within seconds
+        if not message.incremental:
+            self._known = {}
+        for name in message.removed:
+            self._known.pop(name, None)
+        self._known.update((patch.name, patch) for patch in message.patches)
+        self._stamp, self._frame_id = message.stamp, message.frame_id

@@ -1,0 +1,87 @@
+"""The node ``rover``: publishes an elevation model once, spawns a wheeled robot on it, and drives an eight.
+
+Started beside a terrain_collider and a soil, as ``soil.launch.py rover:=true`` does, it leaves ruts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from smartmesh_msgs.srv import SpawnBody
+from std_msgs.msg import Header
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.declaring import Spec, declare
+from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.parameters.parameter_node import ParameterNode
+from smartmesh_ros.node.running import spin
+from smartmesh_ros.scenes import eight
+from smartmesh_ros.tools.demo.terrain_source import heightmap_message
+
+NAME, ROBOT = "rover", "rover"
+SPECS = (
+    Spec("frame_id", "map", "Frame of the terrain.", read_only=True),
+    Spec("listeners", 2, "Number of nodes that must listen before the map is published: a collider and a soil.", 1, 100,
+         read_only=True),
+)  # fmt: skip
+# Period of the checks for listeners and for the spawn service [s].
+PERIOD = 0.2
+
+
+class Rover(ParameterNode):
+    """Publishes the ground when all nodes listen, spawns the robot on it, and steers the robot at each body state."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(NAME, SPECS, **node_options)
+        values = declare(self, SPECS)
+        self._frame_id, self._wanted = values["frame_id"], values["listeners"]
+        try:
+            self._ground = eight.ground()
+        except ModuleNotFoundError:
+            raise InputError("terrain", "the elevation model needs Matplotlib: pip install matplotlib") from None
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", latched)
+        self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
+        self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
+        self.create_subscription(TrackedBodyArray, "terrain_collider/body_states", self._steer, 10)
+        self._has_published = self._is_spawning = False
+        self._way = 0.0
+        self._starting = self.create_timer(PERIOD, self._start)
+
+    def _start(self) -> None:
+        if not self._has_published:
+            if self._maps.get_subscription_count() >= self._wanted:
+                header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame_id)
+                self._maps.publish(heightmap_message(header, self._ground.geometry, self._ground.heights))
+                self._has_published = True
+        elif not self._is_spawning and self._spawner.service_is_ready():
+            self._is_spawning = True
+            request = SpawnBody.Request(id=ROBOT, urdf=str(eight.robot_file()), on_ground=True, align=True)
+            request.pose.position.x, request.pose.position.y = eight.PLACE
+            self._spawner.call_async(request).add_done_callback(self._spawned)
+
+    def _spawned(self, future: Any) -> None:
+        """Stop waiting if the robot was spawned; else, such as before the collider has its map, try again."""
+        self._is_spawning = False
+        if future.result().success:
+            self._starting.cancel()
+        else:
+            self.get_logger().info(f"waits to spawn {ROBOT}: {future.result().message}", throttle_duration_sec=2.0)
+
+    def _steer(self, message: TrackedBodyArray) -> None:
+        for body in message.bodies:
+            if body.id == ROBOT:
+                place, turn = body.pose.position, body.pose.orientation
+                self._way, speeds = eight.steered((place.x, place.y), (turn.x, turn.y, turn.z, turn.w), self._way)
+                names = [f"{ROBOT}/{joint}" for joint in speeds]
+                self._commands.publish(JointState(name=names, velocity=list(speeds.values())))
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the node until SIGINT or SIGTERM."""
+    answer(NAME, __doc__, SPECS, None if args is None else list(args))
+    spin(Rover, args)

@@ -1,0 +1,175 @@
+"""Signed distance from points to the triangulated surface of a height map, the basis of all accuracy figures.
+
+The distance is independent of patches, so the same measure applies to all colliders and simulators.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
+from smartmesh_ros.tools.evaluation import triangles
+
+# Number of vertices processed at a time. Raising it costs memory.
+CHUNK = 2_000_000
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The main mesh at one instant: ``heights`` (rows, columns) [m], NaN = no ground, on ``geometry`` without yaw."""
+
+    geometry: GridGeometry
+    heights: FloatArray
+
+    @cached_property
+    def steepest(self) -> float:
+        """Upper bound of the slope of all triangles [-]."""
+        across = [np.abs(np.diff(self.heights, axis=axis)) for axis in (0, 1)]
+        largest = [float(np.nanmax(steps)) if np.isfinite(steps).any() else 0.0 for steps in across]
+        return math.hypot(*largest) / self.geometry.resolution
+
+    def below(self, points: FloatArray) -> FloatArray:
+        """Return the heights (N,) [m] of the ground under points (N, 3) [m]; NaN where there is no ground."""
+        geometry = self.geometry
+        grid = geometry.to_grid(points[:, :2])
+        found = triangles.locate(grid, geometry.rows, geometry.columns)
+        corners = self.heights[found.rows, found.columns]
+        heights = (np.where(found.weights > 0.0, corners, 0.0) * found.weights).sum(axis=1) + geometry.origin[2]
+        outside = ((grid < -1e-9) | (grid > (geometry.rows - 1 + 1e-9, geometry.columns - 1 + 1e-9))).any(axis=1)
+        heights[outside] = np.nan
+        return np.asarray(heights)
+
+
+class Nearest(NamedTuple):
+    """Distances and normals of N points.
+
+    ``distance``: to the surface (N,) [m], positive above it, at most the given reach. ``normal``: unit vector from the
+    nearest point of the surface outwards (N, 3), NaN beyond the reach.
+    """
+
+    distance: FloatArray
+    normal: FloatArray
+
+
+def nearest(surface: Surface, points: FloatArray, reach: float) -> Nearest:
+    """Return the exact distances to the nearest triangle for points (N, 3) [m] within ``reach`` [m] of it.
+
+    The sign is that of the vertical gap; without ground below, a point counts as above. Non-finite positions give NaN.
+    """
+    half = math.ceil(reach / surface.geometry.resolution + 1.5)
+    step = max(1, CHUNK // (2 * half + 1) ** 2)
+    distance = np.full(len(points), np.nan)
+    normal = np.full((len(points), 3), np.nan)
+    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+    for start in range(0, len(finite), step):
+        chosen = finite[start : start + step]
+        distance[chosen], normal[chosen] = _nearest(surface, points[chosen], reach, half)
+    return Nearest(distance, normal)
+
+
+def _nearest(surface: Surface, points: FloatArray, reach: float, half: int) -> Nearest:
+    gap = points[:, 2] - surface.below(points)
+    sign = np.where(gap < 0.0, -1.0, 1.0)
+    owner, corners = _candidates(surface, points, np.abs(gap), reach, half)
+    distance = np.full(len(points), reach)
+    normal = np.full((len(points), 3), np.nan)
+    if len(owner):
+        offsets = points[owner] - closest_points(points[owner], corners)
+        squared = np.einsum("ij,ij->i", offsets, offsets)
+        order = np.lexsort((squared, owner))
+        first = order[np.r_[True, np.diff(owner[order]) > 0]]
+        found = np.sqrt(squared[first])
+        within = found < reach
+        first, found = first[within], found[within]
+        bodies = owner[first]
+        distance[bodies] = found
+        face = np.cross(corners[first, 1] - corners[first, 0], corners[first, 2] - corners[first, 0])
+        face /= np.linalg.norm(face, axis=1, keepdims=True)
+        outward = offsets[first] * sign[bodies, None]
+        touching = found < 1e-9
+        normal[bodies] = np.where(touching[:, None], face, outward / np.maximum(found, 1e-12)[:, None])
+    return Nearest(sign * distance, normal)
+
+
+def _candidates(
+    surface: Surface, points: FloatArray, gap: FloatArray, reach: float, half: int
+) -> tuple[IntArray, FloatArray]:
+    """Return the triangles that may contain the nearest point: indices of the points (P,), and corners (P, 3, 3).
+
+    The nearest vertex and the vertical gap are upper bounds of the distance. Every point of a triangle is at most the
+    longest edge over the square root of three from one of its corners. Triangles whose corners are all farther away
+    than the sum of both are skipped.
+    """
+    geometry = surface.geometry
+    middle = np.rint(geometry.to_grid(points[:, :2])).astype(np.int64)
+    offsets = np.arange(-half, half + 1)
+    rows, columns = middle[:, :1] + offsets, middle[:, 1:] + offsets
+    inside = ((rows >= 0) & (rows < geometry.rows))[:, :, None] & ((columns >= 0) & (columns < geometry.columns))[
+        :, None
+    ]
+    r, c = np.clip(rows, 0, geometry.rows - 1)[:, :, None], np.clip(columns, 0, geometry.columns - 1)[:, None]
+    z = np.where(inside, surface.heights[r, c], np.nan) + geometry.origin[2]
+    dx = geometry.origin[0] + columns * geometry.resolution - points[:, :1]
+    dy = geometry.origin[1] + rows * geometry.resolution - points[:, 1:2]
+    vertex = np.sqrt(dx[:, None] ** 2 + dy[:, :, None] ** 2 + (z - points[:, 2, None, None]) ** 2)
+    vertex[np.isnan(vertex)] = np.inf
+    bound = np.fmin(np.fmin(vertex.min(axis=(1, 2)), gap), reach)
+    # The four corners of each cell. A missing corner removes one or both of the cell's triangles.
+    corners = np.stack([z[:, :-1, :-1], z[:, :-1, 1:], z[:, 1:, 1:], z[:, 1:, :-1]])
+    with np.errstate(invalid="ignore"):
+        drop = np.fmax.reduce(corners) - np.fmin.reduce(corners)
+    longest = np.sqrt(2.0 * geometry.resolution**2 + drop**2)
+    near = np.minimum(
+        np.minimum(vertex[:, :-1, :-1], vertex[:, :-1, 1:]), np.minimum(vertex[:, 1:, 1:], vertex[:, 1:, :-1])
+    )
+    body, row, column = np.nonzero(near <= bound[:, None, None] + longest / math.sqrt(3.0) + 1e-9)
+    a, b, d, e = (
+        _vertex(geometry, z, body, row + i, column + j, middle, half) for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    owner = np.concatenate([body, body])
+    found = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, e], axis=1)])
+    whole = np.isfinite(found[:, :, 2]).all(axis=1)
+    return owner[whole], found[whole]
+
+
+def _vertex(
+    geometry: GridGeometry, z: FloatArray, body: IntArray, row: IntArray, column: IntArray, middle: IntArray, half: int
+) -> FloatArray:
+    """Return the positions (P, 3) [m] of vertices given by row and column in the windows around the points."""
+    x = geometry.origin[0] + (middle[body, 1] + column - half) * geometry.resolution
+    y = geometry.origin[1] + (middle[body, 0] + row - half) * geometry.resolution
+    return np.stack([x, y, z[body, row, column]], axis=1)
+
+
+def closest_points(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the closest point (P, 3) of each triangle (P, 3, 3) to each point (P, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    ab, ac, ap = b - a, c - a, points - a
+    aa, bb, cc = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
+    u, v = _dot(ap, ab), _dot(ap, ac)
+    scale = np.maximum(aa * cc - bb * bb, 1e-300)
+    s, t = (cc * u - bb * v) / scale, (aa * v - bb * u) / scale
+    best = a + ab * s[:, None] + ac * t[:, None]
+    outside = np.flatnonzero((s < 0.0) | (t < 0.0) | (s + t > 1.0))
+    if outside.size:
+        p = points[outside]
+        least = np.full(outside.size, np.inf)
+        for start, end in ((a, b), (b, c), (c, a)):
+            first = start[outside]
+            edge = end[outside] - first
+            along = np.clip(_dot(p - first, edge) / np.maximum(_dot(edge, edge), 1e-300), 0.0, 1.0)
+            candidate = first + edge * along[:, None]
+            squared = _dot(p - candidate, p - candidate)
+            closer = squared < least
+            best[outside[closer]] = candidate[closer]
+            least[closer] = squared[closer]
+    return np.asarray(best)
+
+
+def _dot(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ij,ij->i", first, second))

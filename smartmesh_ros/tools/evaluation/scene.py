@@ -1,0 +1,172 @@
+"""Scenes of the accuracy study: small YAML files that define the ground, its motion and the bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.scenes.moving import Scene as MovingGround
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.distance import Surface
+from smartmesh_ros.tools.evaluation.grounds import make_ground
+
+FOLDER = Path(__file__).parent / "scenes"
+SHAPES: dict[str, type[Shape]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder, "capsule": Capsule}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bodies:
+    """Bodies of one shape at random positions.
+
+    ``count``: number of bodies. ``shape``, ``size`` [m]: of each. ``spread`` [m]: maximum distance from the middle of
+    the map along x and y. ``drop`` [m]: initial height above the ground. ``velocity`` [m/s]: initial velocity.
+    ``rolling``: spheres start rolling without slip.
+    """
+
+    count: int = 48
+    shape: str = "sphere"
+    size: tuple[float, ...] = (0.2,)
+    spread: tuple[float, float] = (7.0, 7.0)
+    drop: float = 0.05
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rolling: bool = False
+    friction: float = 0.5
+    seed: int = 5
+
+    def make_shape(self) -> Shape:
+        """Return the shape of each body."""
+        if self.shape not in SHAPES:
+            raise InputError("scene", f"there is no shape {self.shape!r}; choose {', '.join(SHAPES)}")
+        return SHAPES[self.shape](*self.size)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A scene of the study.
+
+    ``grid``: number of samples along each side and their distance [m]; sample (0, 0) lies at the origin. ``map_rate``
+    [Hz]: rate of maps for the engines; 0 = one map. ``settle`` [s]: initial time that is not measured. ``samples``
+    [Hz]: rate of measurements. ``slide`` [m/s]: velocity of the whole map along x and y, in addition to the motion of
+    its ground. ``reference``: reference run, with an eighth of the step: a *whole* filtered collider for rigid ground,
+    also sliding, or our *finest* setting with a map at every step. ``quick``: part of the quick run.
+    """
+
+    name: str
+    title: str
+    ground: dict[str, Any]
+    grid: tuple[int, float]
+    bodies: Bodies = field(default_factory=Bodies)
+    map_rate: float = 240.0
+    duration: float = 3.0
+    settle: float = 0.5
+    samples: float = 60.0
+    slide: tuple[float, float] = (0.0, 0.0)
+    reference: Literal["none", "whole", "finest"] = "finest"
+    quick: bool = False
+
+    @cached_property
+    def geometry(self) -> GridGeometry:
+        """Positions of the samples."""
+        size, resolution = self.grid
+        return GridGeometry(rows=size, columns=size, resolution=resolution)
+
+    @property
+    def side(self) -> float:
+        """Side length of the map [m]."""
+        return (self.grid[0] - 1) * self.grid[1]
+
+    @property
+    def moves(self) -> bool:
+        """True if the ground moves."""
+        return self.map_rate > 0.0
+
+    def make_ground(self) -> MovingGround:
+        """Return new ground, because some ground keeps its deformation."""
+        return make_ground(self.geometry, **self.ground)
+
+    @property
+    def slides(self) -> bool:
+        """True if the map moves along x and y."""
+        return self.slide != (0.0, 0.0)
+
+    def surface(self, heights: Any, time: float = 0.0) -> Surface:
+        """Return the main mesh of a map of heights at its position at ``time`` [s]."""
+        x, y = self.slide[0] * time, self.slide[1] * time
+        return Surface(replace(self.geometry, origin=(x, y, 0.0)), np.asarray(heights))
+
+    def starts(self) -> list[BodyState]:
+        """Return the initial states of the bodies, which are at least a bounding diameter apart."""
+        bodies = self.bodies
+        apart = 2.0 * bodies.make_shape().bounding_radius
+        rng = np.random.default_rng(bodies.seed)
+        places: list[FloatArray] = []
+        for _ in range(100_000):
+            if len(places) == bodies.count:
+                break
+            place = 0.5 * self.side + rng.uniform(-1.0, 1.0, 2) * bodies.spread
+            if all(np.hypot(*(place - other)) >= apart for other in places):
+                places.append(place)
+        if len(places) < bodies.count:
+            raise InputError("scene", f"{bodies.count} bodies do not fit into {bodies.spread} m; raise spread")
+        xy = np.array(places)
+        surface = self.surface(self.make_ground().heights(0.0))
+        low = lowest(surface, bodies.make_shape(), xy) + bodies.drop
+        spin = 1.0 / bodies.size[0] if bodies.rolling else 0.0
+        angular = (-bodies.velocity[1] * spin, bodies.velocity[0] * spin, 0.0)
+        return [
+            BodyState((float(x), float(y), float(z)), linear=bodies.velocity, angular=angular)
+            for (x, y), z in zip(xy, low, strict=True)
+        ]
+
+
+def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
+    """Return the lowest heights (N,) [m] of the centres of upright bodies at (N, 2) [m] without penetration."""
+    reach = shape.bounding_radius
+    offsets = np.linspace(-reach, reach, 9)
+    dx, dy = (axis.ravel() for axis in np.meshgrid(offsets, offsets))
+    if isinstance(shape, Sphere):
+        keep = dx**2 + dy**2 <= reach**2
+        dx, dy = dx[keep], dy[keep]
+        drop = np.sqrt(np.maximum(reach**2 - dx**2 - dy**2, 0.0))
+    else:
+        half = {Box: "z", Cylinder: "height", Capsule: "height"}[type(shape)]
+        drop = np.full(len(dx), 0.5 * getattr(shape, half) + (shape.radius if isinstance(shape, Capsule) else 0.0))
+    points = np.zeros((len(xy), len(dx), 3))
+    points[..., 0], points[..., 1] = xy[:, :1] + dx, xy[:, 1:] + dy
+    ground = surface.below(points.reshape(-1, 3)).reshape(len(xy), -1)
+    return np.asarray(np.nanmax(ground + drop, axis=1))
+
+
+def read_scene(path: Path) -> Scene:
+    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields."""
+    loaded = yaml.safe_load(path.read_text())
+    if not isinstance(loaded, dict) or not {"title", "ground", "grid"} <= set(loaded):
+        raise InputError("scene", f"{path.name} lacks title, ground or grid; see {FOLDER}/flat.yaml")
+    _require_known(path, loaded, Scene)
+    _require_known(path, loaded.get("bodies", {}), Bodies)
+    bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
+    return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
+
+
+def _require_known(path: Path, mapping: dict[str, Any], target: type[Scene] | type[Bodies]) -> None:
+    known = {entry.name for entry in fields(target)} - {"name"}
+    unknown = set(mapping) - known
+    if unknown:
+        raise InputError("scene", f"{path.name} has unknown fields {sorted(unknown)}; known are {sorted(known)}")
+
+
+def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in mapping.items()}
+
+
+def read_scenes(folder: Path = FOLDER) -> list[Scene]:
+    """Return all scenes of a folder, sorted by name."""
+    return [read_scene(path) for path in sorted(folder.glob("*.yaml"))]

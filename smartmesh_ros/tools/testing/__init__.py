@@ -1,0 +1,47 @@
+"""Topic-driven integration tests: a node in a process and DDS domain of its own, and a probe beside it.
+
+docs/testing.md is the guide. With pytest, import the fixtures and request them::
+
+    from smartmesh_ros.tools.testing import Probe, domain, probe  # noqa: F401
+
+    def test_patches_lie_on_my_map(probe: Probe) -> None:
+        with probe.running("terrain_collider", {"publish.patches": 60.0}):
+            probe.publish_map(np.zeros((50, 50)), resolution=0.1)
+            probe.publish_poses([(2.5, 2.5, 0.3)])
+            probe.wait_for(lambda: probe.patches().keys() == {0})
+
+All functions wait for conditions, with generous timeouts; none sleeps for a fixed time.
+"""
+
+from smartmesh_ros.startup.domains import isolated
+from smartmesh_ros.tools.testing.fixtures import domain, probe
+from smartmesh_ros.tools.testing.messages import (
+    assert_on_map,
+    floats,
+    heightmap_message,
+    mesh_message,
+    point_message,
+    points_of,
+    pose_message,
+)
+from smartmesh_ros.tools.testing.probe import COLLIDER, Probe
+from smartmesh_ros.tools.testing.process import TIMEOUT, Process, assert_cannot_start, executable
+
+__all__ = [
+    "COLLIDER",
+    "TIMEOUT",
+    "Probe",
+    "Process",
+    "assert_cannot_start",
+    "assert_on_map",
+    "domain",
+    "executable",
+    "floats",
+    "heightmap_message",
+    "isolated",
+    "mesh_message",
+    "point_message",
+    "points_of",
+    "pose_message",
+    "probe",
+]

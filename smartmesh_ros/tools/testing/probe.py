@@ -1,0 +1,286 @@
+"""A probe: the node of a test, which publishes inputs, calls services and records the messages it receives."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray
+from nav_msgs.msg import Odometry
+from numpy.typing import ArrayLike, NDArray
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import (
+    ColliderPatchArray,
+    ContactArray,
+    ContactWrenchArray,
+    Heightmap,
+    HeightmapUpdate,
+    TerrainMesh,
+    TerrainMeshUpdate,
+    Timing,
+    TrackedBody,
+    TrackedBodyArray,
+)
+from visualization_msgs.msg import Marker, MarkerArray
+
+from smartmesh_ros.tools.testing.messages import heightmap_message, points_of, pose_message
+from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
+from smartmesh_ros.tools.testing.report import explain_timeout
+
+COLLIDER = "/terrain_collider"
+DIAGNOSTICS = "/diagnostics"
+# Topics below the collider's name. A probe subscribes to `_OUTPUTS` at once, and to `_MORE_OUTPUTS` in `latest`.
+_OUTPUTS = {
+    "patches": MarkerArray,
+    "collider_patches": ColliderPatchArray,
+    "body_states": TrackedBodyArray,
+    "contacts": ContactArray,
+    "timing": Timing,
+}
+_MORE_OUTPUTS = {"joint_states": JointState, "odometry": Odometry, "contact_wrenches": ContactWrenchArray}
+_INPUTS = {
+    "heightmap": Heightmap,
+    "heightmap_update": HeightmapUpdate,
+    "terrain_mesh": TerrainMesh,
+    "terrain_mesh_update": TerrainMeshUpdate,
+    "tracked_bodies": TrackedBodyArray,
+    "body_poses": PoseArray,
+}
+# Queue of responses that wait while the probe handles other messages; the default depth of ROS is 10.
+_SERVICE_QOS = QoSProfile(depth=1000)
+# Prefix of the diagnostics' keys for the number of publishers of a topic.
+_PUBLISHERS = "publishers of "
+
+
+class Probe:
+    """Publishes inputs of ``<namespace>/terrain_collider``, calls its services and records its outputs.
+
+    ``received``: messages by full topic name. A context manager.
+    """
+
+    def __init__(self, namespace: str = "") -> None:
+        self.namespace = "/" + namespace.strip("/") if namespace.strip("/") else ""
+        self.collider = self.namespace + COLLIDER
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node("probe", context=self.context)
+        self.received: dict[str, list[Any]] = defaultdict(list)
+        self._executor = EventsExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._services: dict[str, Any] = {}
+        self._processes: list[Process] = []
+        self.publishers = {
+            topic: self.node.create_publisher(kind, self.topic(topic), 10) for topic, kind in _INPUTS.items()
+        }
+        self._kinds: dict[str, Any] = {}
+        for topic, kind in _OUTPUTS.items():
+            self.listen(topic, kind)
+        self.listen(DIAGNOSTICS, DiagnosticArray)
+
+    def __enter__(self) -> Probe:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the probe."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def topic(self, name: str) -> str:
+        """Return the full name of a topic or service below the collider's name; a name with a leading ``/`` is kept."""
+        return name if name.startswith("/") else f"{self.collider}/{name}"
+
+    def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
+        """Subscribe to a topic; return the list to which its messages are appended."""
+        name = self.topic(topic)
+        if name not in self._kinds:
+            self._kinds[name] = kind
+            self.node.create_subscription(kind, name, self.received[name].append, qos)
+        return self.received[name]
+
+    @contextmanager
+    def running(
+        self,
+        name: str = "terrain_collider",
+        parameters: dict[str, Any] | None = None,
+        arguments: Sequence[str] = (),
+        *,
+        package: str = "smartmesh_ros",
+        environment: dict[str, str] | None = None,
+        timeout: float = START_TIMEOUT,
+    ) -> Iterator[Process]:
+        """Run an executable of a package in the probe's namespace for the length of the block; yield its `Process`.
+
+        The block begins once the collider is connected to the probe, within ``timeout`` [s], which is long because a
+        first start may compile; the wait fails at once if the process ends. With another executable the block begins at
+        once.
+        """
+        if self.namespace:
+            arguments = [*arguments, "--ros-args", "-r", f"__ns:={self.namespace}", "--"]
+        with Process(name, parameters, arguments, package=package, environment=environment) as process:
+            self._processes.append(process)
+            try:
+                if (package, name) == ("smartmesh_ros", "terrain_collider"):
+                    self.wait_for(self.connected, timeout=timeout, watch=process)
+                yield process
+            finally:
+                self._processes.remove(process)
+                for messages in self.received.values():
+                    messages.clear()
+
+    def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Any:
+        """Return a publisher of messages ``kind`` on ``topic`` (below the collider's name, or a full name) once it has
+        a subscriber, and is matched with the collider if the collider subscribes to the topic."""
+        publisher = self.node.create_publisher(kind, self.topic(topic), qos)
+        self.wait_for(lambda: publisher.get_subscription_count() and self._is_matched([publisher]))
+        return publisher
+
+    def connected(self) -> bool:
+        """Return True if the collider is matched with every publisher and subscription of the probe."""
+        count = self.node.count_publishers
+        publishers = list(self.publishers.values())
+        return (
+            all(publisher.get_subscription_count() for publisher in publishers)
+            and all(count(self.topic(topic)) for topic in (*_OUTPUTS, DIAGNOSTICS))
+            and bool(self._counts())
+            and self._is_matched(publishers)
+        )
+
+    def _is_matched(self, publishers: Sequence[Any]) -> bool:
+        """Return True if the collider's diagnostics count publishers on the topics of ``publishers`` that it subscribes
+        to.
+
+        A publisher that has matched a subscription is not enough: until the subscription has matched the publisher too,
+        best-effort messages (the bodies' poses) are lost.
+        """
+        counts = self._counts()
+        return all(counts.get(_PUBLISHERS + publisher.topic_name, 1) for publisher in publishers)
+
+    def _counts(self) -> dict[str, int]:
+        """Return the numbers of publishers by topic in the collider's newest diagnostics; empty before the first."""
+        for message in reversed(self.received[DIAGNOSTICS]):
+            if counts := _publishers_by_topic(message, self.collider):
+                return counts
+        return {}
+
+    def spin(self, seconds: float = 0.02) -> None:
+        """Handle one message or response, waiting up to ``seconds`` for it."""
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def wait_for(self, condition: Callable[[], Any], *, timeout: float = TIMEOUT, watch: Process | None = None) -> Any:
+        """Spin until the condition holds; return its value. Raises `AssertionError` with a report after ``timeout``
+        [s], or if the process ``watch`` ends."""
+        end = monotonic() + timeout
+        while not (value := condition()):
+            if watch is not None and watch.process.poll() is not None:
+                raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
+            if monotonic() > end:
+                raise AssertionError(explain_timeout(timeout, self.node, self.received, self._processes))
+            self.spin()
+        return value
+
+    def latest(self, topic: str) -> Any:
+        """Wait for the next message of an output (below the collider's name, or a full name); return it."""
+        if topic in _MORE_OUTPUTS:
+            self.listen(topic, _MORE_OUTPUTS[topic])
+        messages = self.received[self.topic(topic)]
+        seen = len(messages)
+        self.wait_for(lambda: len(messages) > seen)
+        return messages[-1]
+
+    def client(self, service: str, kind: Any) -> Any:
+        """Return a client of a service (below the collider's name, or a full name) once the service is available."""
+        name = self.topic(service)
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name, qos_profile=_SERVICE_QOS)
+            # The executor must know the client before a response can come: rmw_fastrtps does not report one that comes
+            # while the executor asks for reports. Tasks wait behind the news of the client.
+            self.wait_for(self._executor.create_task(lambda: None).done)
+        self.wait_for(self._services[name].service_is_ready)
+        return self._services[name]
+
+    def call(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Call a service (below the collider's name, or a full name); return its response."""
+        future = self.client(service, kind).call_async(kind.Request(**fields))
+        self.wait_for(future.done)
+        return future.result()
+
+    def publish_map(self, heights: ArrayLike, **options: Any) -> Heightmap:
+        """Publish a map of heights (rows, columns) [m] and return its message; options as of `heightmap_message`."""
+        message = heightmap_message(heights, stamp=options.pop("stamp", self.now()), **options)
+        self.publishers["heightmap"].publish(message)
+        return message
+
+    def publish_poses(self, positions: Sequence[Sequence[float]], frame_id: str = "map") -> None:
+        """Publish positions [m] of the bodies ``body_0``, ``body_1``, ..."""
+        message = PoseArray()
+        message.header.stamp, message.header.frame_id = self.now(), frame_id
+        message.poses = [pose_message(position) for position in positions]
+        self.publishers["body_poses"].publish(message)
+
+    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "map") -> None:
+        """Publish tracked bodies by name and position [m]."""
+        message = TrackedBodyArray()
+        message.header.stamp, message.header.frame_id = self.now(), frame_id
+        message.bodies = [
+            TrackedBody(id=name, pose=pose_message(position), radius=radius) for name, position in bodies.items()
+        ]
+        self.publishers["tracked_bodies"].publish(message)
+
+    def now(self) -> Any:
+        """Return the time of the probe's clock, as a stamp."""
+        return self.node.get_clock().now().to_msg()
+
+    def patches(self) -> dict[int, NDArray[np.float64]]:
+        """Return the vertices (n, 3) [m] of the newest markers by marker id."""
+        markers = self.latest("patches").markers
+        return {marker.id: points_of(marker) for marker in markers if marker.action == Marker.ADD}
+
+    def diagnostics(self, task: str) -> dict[str, str]:
+        """Return the values of a task in the collider's next diagnostics by key, and the task's ``message``."""
+        return self.diagnostics_by_task()[task]
+
+    def diagnostics_by_task(self) -> dict[str, dict[str, str]]:
+        """Return the values of all tasks, and their ``message``, from the collider's next diagnostics."""
+        while not _publishers_by_topic(message := self.latest(DIAGNOSTICS), self.collider):
+            pass  # diagnostics of another node
+        return _by_task(message, self.collider)
+
+    def newest_diagnostics(self) -> dict[str, dict[str, str]]:
+        """Return the same from the collider's newest diagnostics so far; empty before the first."""
+        messages = reversed(self.received[DIAGNOSTICS])
+        found = next((message for message in messages if _publishers_by_topic(message, self.collider)), None)
+        return {} if found is None else _by_task(found, self.collider)
+
+
+def _by_task(message: DiagnosticArray, collider: str) -> dict[str, dict[str, str]]:
+    """Return the values of all tasks by key, and their ``message``."""
+    return {
+        status.name.removeprefix(f"{collider.strip('/')}: "): {pair.key: pair.value for pair in status.values}
+        | {"message": status.message}
+        for status in message.status
+    }
+
+
+def _publishers_by_topic(message: DiagnosticArray, collider: str) -> dict[str, int]:
+    """Return the numbers of publishers by topic in a message of ``collider``; empty for another node's message."""
+    for status in message.status:
+        if status.name.endswith(": connections"):
+            counts = {pair.key: int(pair.value) for pair in status.values if pair.key.startswith(_PUBLISHERS)}
+            # A peer's diagnostics count publishers of the collider's states too, but of no other topic below its name.
+            if any(key.startswith(f"{_PUBLISHERS}{collider}/") and not key.endswith("/body_states") for key in counts):
+                return counts
+    return {}

@@ -1,0 +1,47 @@
+"""Report for a test whose wait timed out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from smartmesh_ros.tools.testing.process import Process
+
+# Number of lines of a node's log in the report.
+LOG_LINES = 15
+
+
+def explain_timeout(timeout: float, node: Node, received: Mapping[str, list[Any]], processes: Iterable[Process]) -> str:
+    """Return hints to why a condition did not hold: messages received and refused, connections, and the nodes' logs."""
+    counts = {topic: len(messages) for topic, messages in received.items()}
+    lines = [f"waited {timeout:.0f} s in vain; received {counts}", f"refused: {_refusals(received) or 'nothing'}"]
+    lines.append("connected, as publishers -> subscriptions:")
+    lines += [f"  {topic}: {_names(node, topic)}" for topic in sorted(_topics(node, received))]
+    for process in processes:
+        state = "runs" if process.process.poll() is None else f"ended with {process.process.returncode}"
+        lines.append(f"{process.name} {state}; its last lines:")
+        lines += [f"  {line}" for line in process.output.splitlines()[-LOG_LINES:]]
+    return "\n".join(lines)
+
+
+def _refusals(received: Mapping[str, list[Any]]) -> str:
+    """Return the counts of refused messages in the newest diagnostics."""
+    for message in reversed(received.get("/diagnostics", [])):
+        for status in message.status:
+            if status.name.endswith(": inputs"):
+                return ", ".join(f"{pair.key.removeprefix('refused, ')} {pair.value}" for pair in status.values)
+    return ""
+
+
+def _topics(node: Node, received: Mapping[str, list[Any]]) -> set[str]:
+    """Return the topics that the test subscribes to or publishes; one without other endpoints is the likely cause."""
+    own = {publisher.topic_name for publisher in node.publishers}
+    return own.union(received) - {"/rosout", "/parameter_events"}
+
+
+def _names(node: Node, topic: str) -> str:
+    publishers = {info.node_name for info in node.get_publishers_info_by_topic(topic)}
+    subscriptions = {info.node_name for info in node.get_subscriptions_info_by_topic(topic)}
+    return f"{', '.join(sorted(publishers)) or 'nobody'} -> {', '.join(sorted(subscriptions)) or 'nobody'}"

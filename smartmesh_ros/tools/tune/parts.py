@@ -1,0 +1,89 @@
+"""The measured parts of a world: simulated bodies and links with primitive shapes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import product, rotate
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.world import World
+
+
+class Part(NamedTuple):
+    """A shape of a body or link, with position ``offset`` [m] and orientation ``turn`` in the link's inertial frame.
+    ``free``: True for a body without joints, which only the ground supports."""
+
+    body: str
+    uid: int
+    link: int
+    shape: Shape
+    offset: Vector = (0.0, 0.0, 0.0)
+    turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    free: bool = True
+
+    @property
+    def key(self) -> tuple[str, int, Vector]:
+        """Key that identifies the part in every run."""
+        return self.body, self.link, self.offset
+
+
+class Pose(NamedTuple):
+    """Position [m] and orientation of a part."""
+
+    position: Vector
+    orientation: Quaternion
+
+
+def parts_of(world: World) -> list[Part]:
+    """Return all parts of simulated bodies that are spheres, boxes, cylinders or capsules."""
+    found: list[Part] = []
+    for body in world.bodies.values():
+        if body.tracked:
+            continue
+        if body.shape is not None:
+            found.append(Part(body.name, body.uid, -1, body.shape))
+        else:
+            found += _links(world.client, body)
+    return found
+
+
+def pose_of(client: Any, part: Part) -> Pose:
+    """Return the present pose of a part."""
+    if part.link < 0:
+        position, orientation = client.getBasePositionAndOrientation(part.uid)
+    else:
+        position, orientation = client.getLinkState(part.uid, part.link, computeForwardKinematics=1)[:2]
+    x, y, z = np.add(position, rotate(orientation, part.offset)).tolist()
+    return Pose((x, y, z), product(orientation, part.turn))
+
+
+def _links(client: Any, body: Body) -> list[Part]:
+    found = []
+    for link in body.links:
+        for _, _, kind, size, _, offset, turn in client.getCollisionShapeData(body.uid, link):
+            try:
+                shape = _shape(kind, size)
+            except InputError:  # outside the range of sizes that is measured
+                continue
+            if shape is not None:
+                found.append(Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False))
+    return found
+
+
+def _shape(kind: int, size: Any) -> Shape | None:
+    """Return the shape of PyBullet's collision data; None for a mesh, whose surface is not measured."""
+    if kind == pb.GEOM_SPHERE:
+        return Sphere(size[0])
+    if kind == pb.GEOM_BOX:
+        return Box(*size)
+    if kind == pb.GEOM_CYLINDER:
+        return Cylinder(size[1], size[0])
+    if kind == pb.GEOM_CAPSULE:
+        return Capsule(size[1], size[0])
+    return None

@@ -1,0 +1,92 @@
+"""The parameters that a search starts from: a file, a preset and single values, checked by the node's own code."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
+from smartmesh_ros.node.parameters.settings import Settings
+from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
+from smartmesh_ros.tools.evaluation.presets import folder
+
+NODE = "/terrain_collider"
+DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
+# Parameters of every ROS node, which do not affect measurements.
+OF_EVERY_NODE = frozenset({"use_sim_time"})
+
+
+def settings_of(values: Mapping[str, Any]) -> Settings:
+    """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
+    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+
+
+def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters of a preset, a file and entries ``name=value``; later ones override earlier ones. Raise
+    `InputError` for unknown names and invalid values."""
+    values: dict[str, Any] = {}
+    if preset:
+        values.update(read_parameters(preset_file(preset)))
+    if file is not None:
+        values.update(read_parameters(file))
+    for entry in single:
+        name, equals, text = entry.partition("=")
+        if not equals:
+            raise InputError("parameter", f"--set {entry!r} must be name=value, as in --set physics.rate=120.0")
+        values[name] = yaml.safe_load(text)
+    for name in values:
+        if name not in NAMES | OF_EVERY_NODE:
+            near = difflib.get_close_matches(name, NAMES, n=1)
+            raise InputError(
+                "parameter", f"parameter {name!r} is unknown{f'; did you mean {near[0]!r}?' if near else ''}"
+            )
+    settings_of(values)
+    return values
+
+
+def preset_file(name: str) -> Path:
+    """Return the parameter file of a preset; raise `InputError` with the known presets if it does not exist."""
+    found = folder()
+    path = (found or Path()) / f"{name}.yaml"
+    if found is None or not path.is_file():
+        known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
+        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
+    return path
+
+
+def read_parameters(path: Path) -> dict[str, Any]:
+    """Return a parameter file's values for the node; raise `InputError` if the file is invalid or for another node."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError("file", f"{path} is no parameter file: {error}") from None
+    wrong = mismatch(path, NODE)
+    if wrong:
+        raise InputError("file", wrong)
+    found: dict[str, Any] = {}
+    for section in _sections(content):
+        found.update(_flat(section))
+    if not found:
+        raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
+    return found
+
+
+def _sections(content: Any) -> Iterator[Mapping[str, Any]]:
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == PARAMETERS and isinstance(value, dict):
+            yield value
+        else:
+            yield from _sections(value)
+
+
+def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in section.items():
+        name = f"{prefix}{key}"
+        found.update(_flat(value, f"{name}.") if isinstance(value, dict) else {name: value})
+    return found

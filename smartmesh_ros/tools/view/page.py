@@ -1,0 +1,59 @@
+"""The page: scene, controls and parameters of one node."""
+
+from __future__ import annotations
+
+from asyncio import run_coroutine_threadsafe
+from typing import Any
+
+from smartmesh_ros.tools.view.cameras import Cameras
+from smartmesh_ros.tools.view.knob_panel import KnobPanel
+from smartmesh_ros.tools.view.panel import Panel
+from smartmesh_ros.tools.view.remote import OUTPUTS, ROBOT_OUTPUTS, Remote
+from smartmesh_ros.tools.view.scene import Scene
+from smartmesh_ros.tools.view.server import start_server, stop_server
+
+
+class Page:
+    """Serves the page at ``url``, on ``host`` and ``port`` or the next free port."""
+
+    def __init__(self, remote: Remote, host: str, port: int) -> None:
+        self._remote = remote
+        self._server: Any = start_server(host, port, remote.name)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self.scene = Scene(self._server)
+        tabs = self._server.gui.add_tab_group()
+        self.cameras = Cameras(self._server)
+        self._panel = Panel(self._server, remote, self.scene, self.cameras, tabs.add_tab("Node"))
+        self._knobs = KnobPanel(self._server, remote, tabs.add_tab("Parameters"))
+        self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
+
+    def close(self) -> None:
+        """Stops serving."""
+        stop_server(self._server)
+
+    def refresh(self) -> None:
+        """Refresh the page. If no browser is connected, unsubscribe from the node's outputs instead."""
+        # By the thread that sends to browsers: viser may fail if another one queues messages meanwhile.
+        run_coroutine_threadsafe(self._refresh(), self._server.get_event_loop()).result()
+
+    async def _refresh(self) -> None:
+        remote = self._remote
+        if not self._server.get_clients():
+            remote.watch(set())
+            remote.sight.poses.clear()  # a page that opens later waits for new poses
+            return
+        remote.watch(self._wanted())
+        remote.apply_waiting()
+        self.scene.show(remote.ground, remote.sight)
+        self._panel.update()
+        self._knobs.update()
+        self.cameras.update(remote.ground, remote.sight)
+
+    def _wanted(self) -> set[str]:
+        """Return the outputs that the page shows."""
+        topics = set(OUTPUTS)
+        if not self.scene.show_contacts:
+            topics.discard("contacts")
+        if not any(known.urdf for known in self._remote.sight.appearances.values()):
+            topics -= ROBOT_OUTPUTS
+        return topics

@@ -1,0 +1,1 @@
+"""A complete simulation: bodies, robots, joints, snapshots, bodies of other nodes."""

@@ -1,0 +1,220 @@
+"""Bodies and robots of the simulated world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.body_shapes import shape_of
+from smartmesh_ros.ground.bullet_sleep import is_fixed
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.limits import MASSES, SIZES, require_between
+from smartmesh_ros.ground.shapes import Box, Cylinder, Form, Shape, Sphere, form_of
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.world.base_frames import InertialFrame
+from smartmesh_ros.world.joints import JointCommand, command_joint
+from smartmesh_ros.world.link_contacts import given_contacts
+from smartmesh_ros.world.link_masses import set_masses
+from smartmesh_ros.world.robots.loading import couple_joints, load_robot
+from smartmesh_ros.world.robots.prepared import PreparedRobot
+
+# Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
+# on an edge would be 0.4 mm deep in the ground.
+ROUNDED = 1e-4
+
+
+# Use the URDF's inertias, which PyBullet otherwise computes from the collision shapes, and cylinders as they are, which
+# PyBullet otherwise replaces by hulls of 64 vertices. A cylinder rolls as truly on a field, at half the cost.
+URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER | pb.URDF_IGNORE_VISUAL_SHAPES
+
+
+class Surface(NamedTuple):
+    """Friction and restitution of a body."""
+
+    friction: float
+    restitution: float
+
+
+@dataclass(eq=False)
+class Body:
+    """A body of the world: simulated (moves by physics), tracked (its pose is dictated), or remote (another node, its
+    ``owner``, simulates it)."""
+
+    name: str
+    uid: int
+    radius: float
+    tracked: bool
+    initial: BodyState
+    links: dict[int, str]
+    joints: dict[str, int]
+    mass: float = 0.0
+    shape: Shape | None = None  # of a simulated body that is no robot
+    urdf: str | None = None  # file or text of a robot
+    friction: float = 0.0
+    restitution: float = 0.0
+    commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
+    inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
+    owner: str = ""
+    notes: tuple[str, ...] = ()  # what its description was taken as, for the user
+    fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
+    hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
+    shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
+    starts: dict[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
+
+    @property
+    def simulated(self) -> bool:
+        """True if this world simulates the body."""
+        return not self.tracked and not self.owner
+
+    @cached_property
+    def form(self) -> Form:
+        """Shape that other nodes use for the body; of a robot its box."""
+        return form_of(self.shape or self.hull or Sphere(self.radius))
+
+    @property
+    def is_robot(self) -> bool:
+        """True if the body is a URDF robot."""
+        return bool(self.links)
+
+
+class BodyFactory:
+    """Creates bodies in one PyBullet world. Shapes of equal size are created once, because PyBullet leaks removed
+    shapes."""
+
+    def __init__(self, client: Any, config: PhysicsConfig) -> None:
+        self._client = client
+        self.config = config
+        self._shapes: dict[Shape, int] = {}
+
+    def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
+        """Create a body that moves by physics, with the configured friction and restitution or the given ones.
+
+        It is a rigid body (PyBullet's maximal coordinates), because this is several times faster than a multibody
+        without joints.
+        """
+        require_between(f"mass of {name!r}", mass, MASSES, "kg")
+        client, config = self._client, self.config
+        uid = client.createMultiBody(
+            mass, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation,
+            useMaximalCoordinates=1,
+        )  # fmt: skip
+        surface = surface or Surface(config.friction, config.restitution)
+        client.changeDynamics(
+            uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
+            angularDamping=0.0,
+        )  # fmt: skip
+        if isinstance(shape, Box | Cylinder):
+            client.changeDynamics(uid, -1, collisionMargin=ROUNDED)
+        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *surface)
+        self.place(body, state)
+        return body
+
+    def tracked(self, name: str, radius: float, state: BodyState) -> Body:
+        """Create a sphere whose pose is dictated; simulated bodies collide with it."""
+        # A multibody, because only a fixed multibody moves at its velocity and carries it into contacts.
+        uid = self._client.createMultiBody(
+            0.0, self._shape(Sphere(radius)), basePosition=state.position, baseOrientation=state.orientation
+        )
+        body = Body(name, uid, radius, True, state, {}, {})
+        self.place(body, state)
+        return body
+
+    def robot(self, name: str, robot: PreparedRobot, state: BodyState, surface: Surface | None = None) -> Body:
+        """Load a robot, whose joints turn freely. Links without ``<contact>`` have the configured friction and
+        restitution or the given ones. Raises `InputError`, and adds nothing, if the robot is refused."""
+        uid = load_robot(self._client, robot, URDF_FLAGS)
+        try:
+            body = self._robot(name, uid, robot)
+        except InputError:
+            self._client.removeBody(uid)
+            raise
+        body.initial = state
+        surface = surface or Surface(self.config.friction, self.config.restitution)
+        body.friction, body.restitution = surface
+        self._set_contacts(body, given_contacts(robot.text))
+        body.fixed = is_fixed(self._client, uid)
+        self.place(body, BodyState())
+        body.hull = self._hull(body)
+        self.place(body, state)
+        return body
+
+    def _robot(self, name: str, uid: int, robot: PreparedRobot) -> Body:
+        """Return the body of a robot that PyBullet has loaded. Raises `InputError`."""
+        client = self._client
+        client.changeDynamics(uid, -1, linearDamping=0.0, angularDamping=0.0)  # PyBullet's default is drag
+        links, joints = {}, {}
+        for index in range(-1, client.getNumJoints(uid)):
+            link = self._link_name(uid, index)
+            found = len(client.getCollisionShapeData(uid, index))
+            if found != robot.collisions.get(link, 0):
+                raise InputError(
+                    "urdf", f"PyBullet has {found} of the {robot.collisions.get(link, 0)} collision shapes of link "
+                    f"{link!r}"
+                )  # fmt: skip
+            if found:
+                links[index] = link
+                # PyBullet ignores this for links other than the base whose shapes have an origin of their own.
+                client.changeDynamics(uid, index, collisionMargin=ROUNDED)
+            if index >= 0:
+                info = client.getJointInfo(uid, index)
+                if info[2] in (pb.JOINT_REVOLUTE, pb.JOINT_PRISMATIC):
+                    joints[info[1].decode()] = index
+                    command_joint(client, uid, index, JointCommand())
+        if not links:
+            raise InputError("urdf", "the URDF has no collision shape, so nothing could touch the ground")
+        shapes = {link: robot.shapes.get(link) or shape_of(client, uid, link, None, None) for link in links}
+        couple_joints(client, uid, joints, robot.mimics)
+        body = Body(
+            name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
+            shapes=shapes, starts={mimic.joint: mimic.offset for mimic in robot.mimics},
+        )  # fmt: skip
+        masses = set_masses(client, uid, robot.text).note
+        body.notes = (*robot.notes, masses) if masses else robot.notes
+        body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
+        body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
+        return body
+
+    def _set_contacts(self, body: Body, given: dict[str, frozenset[str]]) -> None:
+        """Give the links of a robot its friction and restitution, unless its URDF gives theirs (``given``)."""
+        for index, link in body.links.items():
+            known = given.get(link, frozenset())
+            if "lateral_friction" not in known:
+                self._client.changeDynamics(body.uid, index, lateralFriction=body.friction)
+            if "restitution" not in known:
+                self._client.changeDynamics(body.uid, index, restitution=body.restitution)
+
+    def move(self, body: Body, state: BodyState) -> None:
+        """Set the state of a body; a robot's joints stay as they are. A fixed base takes no velocity, because PyBullet
+        would move it on with this velocity for ever."""
+        self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
+        if not body.fixed:
+            self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
+
+    def place(self, body: Body, state: BodyState) -> None:
+        """Set the state of a body, and a robot's joints to zero; joints that mimic others to their offsets."""
+        self.move(body, state)
+        for name, joint in body.joints.items():
+            self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
+
+    def _hull(self, body: Body) -> Box:
+        """Return the box around the links of a robot at the origin."""
+        bounds = np.array([self._client.getAABB(body.uid, link) for link in body.links])
+        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+        edges = np.clip(high - low, *SIZES).tolist()
+        x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
+        return Box(*edges, centre=(x, y, z))
+
+    def _shape(self, shape: Shape) -> int:
+        if shape not in self._shapes:
+            self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
+        return self._shapes[shape]
+
+    def _link_name(self, uid: int, index: int) -> str:
+        client = self._client
+        return str((client.getBodyInfo(uid)[0] if index < 0 else client.getJointInfo(uid, index)[12]).decode())

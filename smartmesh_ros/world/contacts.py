@@ -1,0 +1,78 @@
+"""Contacts between bodies and the ground."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.patches.supports import Support
+
+
+@dataclass(frozen=True)
+class GroundContact:
+    """A contact of a body, or a robot's link, with the ground.
+
+    ``position``: on the ground's surface [m]. ``normal``: unit, from the ground into the body. ``depth`` [m]: positive
+    if they overlap. ``normal_force`` [N]: NaN for tracked bodies.
+    """
+
+    body: str
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    depth: float
+    normal_force: float
+
+
+def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
+    """Return the contacts with the ground in the last step; for tracked bodies, contacts with the ground as of the last
+    update."""
+    followers = ground.followers
+    colliders: dict[int | None, str] = {
+        follower.collider: follower.name for follower in followers if follower.collider is not None
+    }
+    contacts = contacts_from(client.getContactPoints(), colliders)
+    for slot, (collider, points) in ground.contacts_asleep.items():
+        contacts += contacts_from(points, {collider: followers[slot].name})
+    tracked = followers.tracked.tolist()
+    if tracked:
+        ground.choose_tracked()
+        found = (_contact_of_sphere(followers[slot].name, ground, slot) for slot in tracked)
+        contacts += [contact for contact in found if contact is not None]
+    return contacts
+
+
+def contacts_from(points: Iterable[Any], colliders: dict[int | None, str]) -> list[GroundContact]:
+    """Return the contacts with the ``colliders``, which map PyBullet bodies to the names of their followers, among
+    PyBullet's contact ``points``. Points that neither touch nor hold, of what comes near in the step, do not count."""
+    contacts = []
+    for point in points:
+        if point[8] > 0.0 and point[9] == 0.0:
+            continue
+        first, second = colliders.get(point[1]), colliders.get(point[2])
+        if second is not None:  # PyBullet's normal points from the second body to the first
+            contacts.append(GroundContact(second, point[6], point[7], -point[8], point[9]))
+        elif first is not None:
+            x, y, z = point[7]
+            contacts.append(GroundContact(first, point[5], (-x, -y, -z), -point[8], point[9]))
+    return contacts
+
+
+def _contact_of_sphere(name: str, ground: Ground, slot: int) -> GroundContact | None:
+    """Return the deepest contact of a tracked sphere, None if there is none. If the centre is below the surface, the
+    contact is that of a sphere pushed through the ground."""
+    support, radius = ground.supports[slot], ground.followers[slot].radius
+    if support.state == Support.NONE:
+        return None
+    foot = np.array([support.foot_x, support.foot_y, support.foot_z])
+    facet = np.array([support.facet_x, support.facet_y, support.facet_z])
+    away = ground.followers.states[slot, :3] - foot
+    distance = float(np.linalg.norm(away))
+    below = bool(away @ facet < 0.0)
+    depth = radius + distance if below else radius - distance
+    if depth <= 0.0:
+        return None
+    normal = away / distance if distance > 1e-9 else facet
+    position, direction = foot.tolist(), (-normal if below else normal).tolist()
+    return GroundContact(name, tuple(position), tuple(direction), depth, float("nan"))

@@ -1,0 +1,312 @@
+"""Guests: remote bodies, simulated by another node, that are near bodies of this world.
+
+A guest is a dynamic body with a patch of its own, and follows its owner: each received state is extrapolated to the
+current time and set. States arrive late, however. While a guest touches another body, and until its owner's states can
+include the result, this world's physics is kept. Both worlds compute the same impact from the same approach, so both
+results are right, and states from before the impact would undo it. In a lasting contact the guest converges to its
+owner's state by a share in every step, so that both worlds agree where things are pushed and piled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import pybullet as pb
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.state_table import StateTable, require_valid
+
+# Indices into a contact point of PyBullet: the other body, and the normal force.
+_OTHER, _FORCE = 2, 9
+# Largest number of received states that are not used yet; a quarter of a second at 240 Hz.
+MOST_PENDING = 64
+# Largest difference of equal times, due to rounding [s].
+INSTANT = 1e-9
+# Largest difference of a sleeping guest's coordinates from its owner's that is left [m, quaternion].
+SAME_PLACE = 1e-6
+NOBODY = np.zeros(0, bool)
+
+
+@dataclass(eq=False)
+class Guest:
+    """A remote body in this world. ``touched``: first and last time that it touched another body since its owner's
+    states were last used unchanged [s], None = no contact since."""
+
+    row: int  # index in its owner's states
+    uid: int
+    touched: tuple[float, float] | None = None
+
+
+class _Received(NamedTuple):
+    """States of all bodies of an owner, and the time at which they hold [s]."""
+
+    states: StateTable
+    time: float
+
+
+@dataclass(eq=False)
+class _Owner:
+    """Another world, which simulates remote bodies.
+
+    ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
+    ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``listed``,
+    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds. ``barred``:
+    bodies of ``now`` with a shared name, which cannot be guests. ``phase``: lag of its steps behind this world's
+    [steps], None before the first states.
+    """
+
+    pending: deque[_Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
+    now: _Received | None = None
+    new: bool = False
+    delay: float = 0.0
+    guests: dict[str, Guest] = field(default_factory=dict)
+    listed: list[str] = field(default_factory=list)
+    names: frozenset[str] = frozenset()
+    shared: frozenset[str] = frozenset()
+    barred: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
+    phase: float | None = None
+
+    def to_own_steps(self, steps: float, config: GuestConfig) -> int:
+        """Return the whole number of this world's steps for a time of ``steps`` steps that the owner sent."""
+        if self.phase is None:
+            self.phase = steps - round(steps)
+        whole = round(steps - self.phase)
+        self.phase += config.drift * (steps - whole - self.phase)
+        if abs(self.phase) > config.slip:
+            self.phase -= math.copysign(1.0, self.phase)
+        return whole
+
+
+class HostWorld(Protocol):
+    """What guests need of the world they are in: see `World`."""
+
+    time: float
+    client: Any
+    bodies: dict[str, Body]
+
+    @property
+    def dt(self) -> float: ...
+
+    @property
+    def followers(self) -> Followers: ...
+
+    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int: ...
+
+    def remove_guest(self, name: str) -> None: ...
+
+    def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None: ...
+
+
+class Guests:
+    """The guests (remote bodies) of one world, which calls `advance` before each step and `note_contacts` after it."""
+
+    def __init__(self, world: HostWorld, config: GuestConfig) -> None:
+        self.config = config
+        self._world = world
+        self._calls = BulletCalls(world.client)
+        self._owners: dict[str, _Owner] = {}
+
+    @property
+    def counts(self) -> dict[str, tuple[int, int, float]]:
+        """By owner: number of its bodies, number of guests among them, and delay of its states [s]."""
+        return {name: (len(known.names), len(known.guests), known.delay) for name, known in self._owners.items()}
+
+    def owner_of(self, name: str) -> str:
+        """Return the other world that simulates a body, empty if no known one does."""
+        return next((owner for owner, known in self._owners.items() if name in known.names), "")
+
+    def take(self, owner: str, states: StateTable, time: float) -> list[InputError]:
+        """Receive the states of all bodies of an owner at ``time`` [s].
+
+        Raises `InputError` if a state is impossible. Returns an error for each body whose name another world uses as
+        well; these bodies are ignored.
+        """
+        require_valid(states)
+        known = self._owners.setdefault(owner, _Owner())
+        dt = self._world.dt
+        time = self._world.time + known.to_own_steps((time - self._world.time) / dt, self.config) * dt
+        delay = max(self._world.time - time, 0.0)
+        known.delay = max(delay, known.delay + self.config.forget * (delay - known.delay))
+        same = states.names == known.listed
+        known.pending.append(_Received(states, time))
+        if same and not known.shared:
+            return []
+        known.listed, known.names = states.names, frozenset(states.names)
+        return self._share(owner, known)
+
+    def forget(self, owner: str) -> None:
+        """Remove the guests of an owner and its states."""
+        known = self._owners.pop(owner, None)
+        for name in known.guests if known is not None else ():
+            self._world.remove_guest(name)
+
+    def clear(self) -> None:
+        """Forget all owners."""
+        for owner in list(self._owners):
+            self.forget(owner)
+
+    def dropped(self, name: str) -> None:
+        """Note that the world removed a guest by itself."""
+        for known in self._owners.values():
+            known.guests.pop(name, None)
+
+    def advance(self) -> None:
+        """Add, remove and move guests before a step."""
+        latest = self._world.time - self.config.steps_apart * self._world.dt
+        for owner, known in self._owners.items():
+            newest = None
+            while known.pending and known.pending[0].time <= latest + INSTANT:
+                newest = known.pending.popleft()
+            if newest is not None:
+                self._use(known, newest)
+            if known.now is not None:
+                self._add_and_remove(owner, known, known.now)
+                self._follow(known, known.now)
+
+    def note_contacts(self) -> None:
+        """Note which guests touched another body in the last step."""
+        guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
+        if not guests:
+            return
+        world, followers = self._world, self._world.followers
+        remote, solid = followers.flags("remote"), followers.flags("solid")
+        near = CORE.may_touch(
+            followers.positions_w, followers.moved_w, followers.radii, remote, solid, self.config.touching
+        )
+        client = world.client._client
+        for slot in np.flatnonzero(near).tolist():
+            uid = followers[slot].body
+            points = pb.getContactPoints(uid, physicsClientId=client)
+            if any(point[_FORCE] > 0.0 and self._moves(point[_OTHER]) for point in points):
+                first, _ = guests[uid].touched or (world.time, 0.0)
+                guests[uid].touched = first, world.time
+
+    def _moves(self, body: int) -> bool:
+        """Return True if a PyBullet body is attached and moves by physics."""
+        followers = self._world.followers
+        return any(followers[slot].solid for slot in followers.of(body))
+
+    def _share(self, owner: str, known: _Owner) -> list[InputError]:
+        """Find the bodies whose names are also used by other worlds or by this one; returns an error for each new
+        one."""
+        rivals: dict[str, list[str]] = {}
+        for other, of in self._owners.items():
+            common = known.names & of.names if other != owner else frozenset()
+            for name in common:
+                rivals.setdefault(name, []).append(other)
+            of.shared |= common
+        for name, body in self._world.bodies.items():
+            if name in known.names and not body.owner:
+                rivals.setdefault(name, []).append("this node")
+        before, known.shared = known.shared, frozenset(rivals)
+        return [
+            InputError(
+                "two_owners",
+                f"{name!r} is simulated by {' and by '.join([owner, *rivals[name]])}; remove it from all but one",
+            )
+            for name in sorted(known.shared - before)
+        ]
+
+    def _use(self, known: _Owner, newest: _Received) -> None:
+        """Use newer states; guests that are missing from them, or whose shape or mass changed, are removed."""
+        states, before = newest.states, known.now
+        known.now, known.new = newest, True
+        if before is None or not states.same_bodies(before.states):
+            rows = {name: row for row, name in enumerate(states.names)}
+            for name, guest in list(known.guests.items()):
+                row = rows.get(name)
+                assert before is not None
+                if row is None or not states.same_body(row, before.states, guest.row):
+                    del known.guests[name]
+                    self._world.remove_guest(name)
+                else:
+                    guest.row = row
+        known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
+
+    def _add_and_remove(self, owner: str, known: _Owner, now: _Received) -> None:
+        """Add guests for bodies that come near, and remove guests that are far away."""
+        world, states, followers = self._world, now.states, self._world.followers
+        margins = np.full(len(states.names), self.config.margin)
+        margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
+        attached = followers.positions_w, followers.moved_w / world.dt, followers.radii, followers.flags("own")
+        near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
+        if known.barred.size:
+            near &= ~known.barred
+        if int(near.sum()) == len(known.guests) and all(near[guest.row] for guest in known.guests.values()):
+            return
+        going = [name for name, guest in known.guests.items() if not near[guest.row]]
+        # A body that has just changed its owner may still be here as a guest of the previous owner, or as an own body.
+        coming = [
+            (row, name)
+            for row in np.flatnonzero(near).tolist()
+            if (name := states.names[row]) not in known.guests and name not in world.bodies
+        ]
+        if not going and not coming:
+            return
+        for name in going:
+            del known.guests[name]
+            world.remove_guest(name)
+        for row, name in coming:
+            uid = world.add_guest(name, owner, states.shape(row), float(states.masses[row]))
+            known.guests[name] = Guest(row, uid)
+        known.new = True
+
+    def _follow(self, known: _Owner, now: _Received) -> None:
+        """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise
+        do nothing."""
+        dt = self._world.dt
+        hold = known.delay + self.config.steps_apart * dt
+        setting, drawing = [], []
+        for guest in known.guests.values():
+            if guest.touched is None:
+                if known.new and not self._rests(guest, now):
+                    setting.append(guest)
+                continue
+            first, last = guest.touched
+            if now.time >= last + hold:
+                guest.touched = None
+                setting.append(guest)
+            elif now.time >= first + hold:
+                drawing.append(guest)
+        known.new = False
+        if setting:
+            self._put(setting, self._extrapolated(now, setting))
+        if drawing:
+            share = 1.0 - math.exp(-dt / max(self.config.settle, known.delay))
+            states = self._calls.states([guest.uid for guest in drawing])
+            self._put(drawing, CORE.blended(states, self._extrapolated(now, drawing), share))
+
+    def _rests(self, guest: Guest, now: _Received) -> bool:
+        """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
+        followers = self._world.followers
+        slot, row = followers.of(guest.uid)[0], now.states.numbers[guest.row]
+        if followers.table["awake"][slot] or row[7:13].any():
+            return False
+        return bool(np.abs(row[:7] - followers.states[slot, :7]).max() <= SAME_PLACE)
+
+    def _age(self, received: _Received) -> float:
+        return min(self._world.time - received.time, self.config.max_extrapolation)
+
+    def _extrapolated(self, now: _Received, guests: list[Guest]) -> FloatArray:
+        """Return the owners' states of guests, extrapolated to the current time (n, 13)."""
+        moved: FloatArray = CORE.extrapolated(now.states.numbers[[guest.row for guest in guests]], self._age(now))
+        return moved
+
+    def _put(self, guests: list[Guest], numbers: FloatArray) -> None:
+        """Set guests to states (n, 13)."""
+        client = self._world.client._client
+        for guest, row in zip(guests, numbers.tolist(), strict=True):
+            pb.resetBasePositionAndOrientation(guest.uid, row[:3], row[3:7], client)
+            pb.resetBaseVelocity(guest.uid, row[7:10], row[10:], client)
+        self._world.note_guest_states([guest.uid for guest in guests], numbers)

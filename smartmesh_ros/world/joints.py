@@ -1,0 +1,112 @@
+"""Commands and readings of robots' joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pybullet as pb
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST_SPIN, STRONGEST
+
+# Effort limit of a joint whose URDF gives none [Nm or N].
+DEFAULT_EFFORT = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCommand:
+    """How one joint is driven until the next command; units are rad, rad/s and Nm, or m, m/s and N.
+
+    - ``position`` given: position control, with ``velocity`` (default 0) as the target's velocity.
+    - ``velocity`` alone: velocity control.
+    - ``effort`` with either: effort limit of the controller; without it, the limit of the URDF or `DEFAULT_EFFORT`.
+    - ``effort`` alone: this effort in every step, whatever the joint does.
+    - nothing: the joint turns freely.
+    """
+
+    position: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, most in (("position", FARTHEST_BODY), ("velocity", FASTEST_SPIN), ("effort", STRONGEST)):
+            value = getattr(self, name)
+            if value is not None and not abs(value) <= most:  # also True for NaN
+                raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite, to {most:g}")
+        if self.has_target and self.effort is not None and self.effort < 0.0:
+            raise InputError("joint_command", f"effort {self.effort} bounds a target's; it must be zero or more")
+
+    @property
+    def has_target(self) -> bool:
+        """Return True if the command has a position or velocity to reach."""
+        return self.position is not None or self.velocity is not None
+
+    @property
+    def is_effort(self) -> bool:
+        """Return True if the command is an effort to apply in every step."""
+        return self.effort is not None and not self.has_target
+
+
+@dataclass(frozen=True)
+class JointReading:
+    """Position [rad or m], velocity [rad/s or m/s], and the effort [Nm or N] that drove the joint in the last step."""
+
+    name: str
+    position: float
+    velocity: float
+    effort: float
+
+
+def command_joint(client: Any, uid: int, joint: int, command: JointCommand) -> None:
+    """Pass a command to PyBullet. An effort must be applied again before each step, as `Motors` does."""
+    if command.has_target:
+        limit = client.getJointInfo(uid, joint)[10]
+        limit = limit if limit > 0.0 else DEFAULT_EFFORT  # PyBullet reports zero if the URDF gives no limit
+        force = limit if command.effort is None else command.effort
+        velocity = command.velocity or 0.0
+        if command.position is None:
+            client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, targetVelocity=velocity, force=force)
+        else:
+            client.setJointMotorControl2(
+                uid, joint, pb.POSITION_CONTROL, targetPosition=command.position, targetVelocity=velocity, force=force
+            )
+    else:  # switch off the motor that PyBullet enables in every joint
+        client.setJointMotorControl2(uid, joint, pb.VELOCITY_CONTROL, force=0.0)
+
+
+class Motors:
+    """Passes joint commands to PyBullet, and repeats efforts before each step."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._efforts: dict[tuple[int, int], float] = {}  # by PyBullet body and joint
+
+    def command(self, uid: int, joint: int, command: JointCommand) -> None:
+        """Drive a joint by ``command`` from now on."""
+        command_joint(self._client, uid, joint, command)
+        self._efforts.pop((uid, joint), None)
+        if command.is_effort and command.effort is not None:
+            self._efforts[uid, joint] = command.effort
+
+    def forget(self, uid: int) -> None:
+        """Discard the commands of a body that is removed."""
+        self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != uid}
+
+    def apply_efforts(self) -> None:
+        """Apply the efforts [Nm or N] to the next step; PyBullet clears them after it."""
+        for (uid, joint), effort in self._efforts.items():
+            self._client.setJointMotorControl2(uid, joint, pb.TORQUE_CONTROL, force=effort)
+
+
+def read_joints(client: Any, uid: int, joints: dict[str, int], commands: dict[str, JointCommand]) -> list[JointReading]:
+    """Return the current readings of a robot's joints, given by name and PyBullet index."""
+    readings: list[JointReading] = []
+    if not joints:  # PyBullet returns None for an empty list
+        return readings
+    for (name, _), state in zip(joints.items(), client.getJointStates(uid, list(joints.values())), strict=True):
+        command = commands.get(name) or JointCommand()
+        # PyBullet reports the effort of its motors only; the value of a disabled motor is stale.
+        effort = state[3] if command.has_target else command.effort or 0.0
+        readings.append(JointReading(name, state[0], state[1], effort))
+    return readings

@@ -1,0 +1,91 @@
+"""What URDF says and PyBullet's loader ignores: roots without mass, and joints that mimic others."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.world.robots.description import Description
+from smartmesh_ros.world.robots.quantities import mass_of, number_of
+
+# Root link that stands for the world: what is fixed to it does not move. A convention of Gazebo that PyBullet follows.
+WORLD = "world"
+# Share of a link's mass and inertia that a root without mass is given. A larger share moves the robot's centre of mass
+# by more (by this share of their distance), a smaller one makes the equations of motion ill-conditioned.
+ROOT_SHARE = 1e-3
+# Least radius of gyration of such a root [m]; PyBullet cannot turn a root without inertia.
+LEAST_GYRATION = 0.01
+
+
+class Mimic(NamedTuple):
+    """A joint whose position is ``multiplier`` times that of the joint ``leader``, plus ``offset`` [rad, m]."""
+
+    joint: str
+    leader: str
+    multiplier: float
+    offset: float
+
+
+def mimics_of(robot: Description) -> tuple[Mimic, ...]:
+    """Return the joints that mimic others. Raises `InputError` if one mimics a joint that cannot move or is not
+    there."""
+    movable = {joint.name for joint in robot.joints if joint.kind in ("revolute", "continuous", "prismatic")}
+    found = {}
+    for joint in robot.joints:
+        for element in joint.element.findall("mimic")[:1]:
+            leader = element.get("joint", "")
+            if joint.name not in movable or leader not in movable or leader == joint.name:
+                raise InputError(
+                    "urdf", f"joint {joint.name!r} mimics {leader!r}; both must be distinct revolute, continuous or "
+                    "prismatic joints of the robot"
+                )  # fmt: skip
+            factors = number_of(element, "multiplier", 1.0), number_of(element, "offset", 0.0)
+            found[joint.name] = Mimic(joint.name, leader, *factors)
+    for mimic in found.values():
+        seen, leader = {mimic.joint}, mimic.leader
+        while leader in found and leader not in seen:
+            seen.add(leader)
+            leader = found[leader].leader
+        if leader in seen:
+            raise InputError("urdf", f"joint {leader!r} mimics itself by way of other joints")
+    return tuple(found.values())
+
+
+def with_massive_root(robot: Description) -> str:
+    """Make one rigid body of a root without mass and a link that fixed joints hold to it; return a note about it, empty
+    if the root stays as it is.
+
+    PyBullet keeps a root without mass in place for ever. In URDF such a root (base_footprint) is only a frame of the
+    rigid body that its fixed joints make of it. Names and frames of the links stay.
+    """
+    root = robot.links[robot.root]
+    if mass_of(root):
+        return ""
+    if robot.root == WORLD:
+        return "root link 'world': the robot is fixed to the ground's frame and does not move"
+    for link in robot.fixed_to_root():
+        if mass := mass_of(robot.links[link]):
+            _share_mass(root, robot.links[link])
+            return f"root link {robot.root!r} has no mass and is merged with link {link!r} ({mass:g} kg), fixed to it"
+    if mass_of(root) is None:
+        return ""
+    return (
+        f"root link {robot.root!r} has a mass of 0 and no link with mass is fixed to it: the robot's root does not move"
+    )
+
+
+def _share_mass(root: ElementTree.Element, link: ElementTree.Element) -> None:
+    """Give the root a small share of the mass and inertia of a link that is fixed to it. The root's centre of mass is
+    the origin of its frame, and its inertia that of a ball, so that PyBullet's pose of it is the pose of its frame."""
+    for inertial in root.findall("inertial"):
+        root.remove(inertial)
+    mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+    assert mass is not None and inertia is not None
+    whole = number_of(mass, "value", 0.0)
+    moment = sum(number_of(inertia, key, 0.0) for key in ("ixx", "iyy", "izz")) / 3.0
+    mass.set("value", repr((1.0 - ROOT_SHARE) * whole))
+    made = ElementTree.SubElement(root, "inertial")
+    ElementTree.SubElement(made, "mass", value=repr(ROOT_SHARE * whole))
+    ball = repr(ROOT_SHARE * max(moment, LEAST_GYRATION**2 * whole))
+    ElementTree.SubElement(made, "inertia", ixx=ball, iyy=ball, izz=ball, ixy="0", ixz="0", iyz="0")

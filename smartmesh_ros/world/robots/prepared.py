@@ -1,0 +1,120 @@
+"""Robots prepared for PyBullet: descriptions rewritten so that PyBullet loads them quickly and as URDF means them.
+
+The rewritten text has no visuals. Its meshes are OBJ files of the points of their convex hulls, which this package
+writes. So PyBullet in the simulation's process reads only files of this package. The work, and a first load, is done in
+a child process (`Workshop`): whatever crashes there refuses the robot.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.world.robots.description import Description, read_description
+from smartmesh_ros.world.robots.files import named_file
+from smartmesh_ros.world.robots.meaning import Mimic, mimics_of, with_massive_root
+from smartmesh_ros.world.robots.quantities import check_quantities, scale_of
+from smartmesh_ros.world.robots.workshop import WORKSHOP, Made
+
+# Children of links and joints that PyBullet reads; <contact> is its own.
+_OF_LINKS = ("inertial", "collision", "contact")
+_OF_JOINTS = ("parent", "child", "origin", "axis", "limit", "dynamics")
+# Number of prepared robots to remember. A robot of a hundred meshes takes about a megabyte.
+MOST_REMEMBERED = 100
+
+
+class Mesh(NamedTuple):
+    """A mesh of a robot: its file, the digest of its content, and its scale. ``name``: of the OBJ file made of it."""
+
+    path: Path
+    scale: tuple[float, float, float]
+    digest: str
+
+    @property
+    def name(self) -> str:
+        """File name that differs for each content and scale."""
+        return hashlib.sha256(f"{self.digest}{self.scale}".encode()).hexdigest()[:32] + ".obj"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedRobot:
+    """A robot for `BodyFactory`. ``given``: the URDF text or path as given. ``text``: what PyBullet loads, with
+    ``meshes`` (one for each use) beside it, and once they are made ``files`` by name. ``collisions``: number of
+    collision elements by link. ``mimics``: joints that follow others. ``notes``: what is taken otherwise than PyBullet
+    would. ``shapes``: by index of the link in PyBullet, -1 = root."""
+
+    given: str
+    text: str
+    meshes: tuple[Mesh, ...]
+    collisions: Mapping[str, int]
+    mimics: tuple[Mimic, ...]
+    notes: tuple[str, ...]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    shapes: Mapping[int, BodyShape] = field(default_factory=dict)
+
+
+# What the child made of robots, by their texts.
+_remembered: OrderedDict[str, Made] = OrderedDict()
+_lock = Lock()
+
+
+def prepare_robot(urdf: str) -> PreparedRobot:
+    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file. Raises `InputError` if the robot
+    cannot be simulated.
+
+    The first preparation of a robot takes a while (a child process starts, and reads the meshes); a robot of the same
+    content is remembered. Threads may call this function.
+    """
+    robot = _rewritten(urdf, read_description(urdf))
+    with _lock:
+        made = _remembered[robot.text] = _remembered.get(robot.text) or WORKSHOP.make(robot)
+        _remembered.move_to_end(robot.text)
+        while len(_remembered) > MOST_REMEMBERED:
+            _remembered.popitem(last=False)
+    files, shapes = made
+    return replace(robot, files=files, shapes=shapes)
+
+
+def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
+    """Return a robot whose text PyBullet can load once its meshes are made."""
+    check_quantities(robot)
+    mimics, note = mimics_of(robot), with_massive_root(robot)
+    notes = [note] if note else []
+    notes += [
+        f"joint {m.joint!r} follows {m.leader!r} ({m.multiplier:g} times, {m.offset:+g}) by a gear" for m in mimics
+    ]
+    made = ElementTree.Element("robot", name=robot.robot.get("name") or "robot")
+    meshes = []
+    for tag, kept in (("link", _OF_LINKS), ("joint", _OF_JOINTS)):
+        for element in robot.robot.findall(tag):
+            new = ElementTree.SubElement(made, tag, element.attrib)
+            new.extend(copy.deepcopy(child) for child in element if child.tag in kept)
+    for collision in made.iter("collision"):
+        collision.attrib.pop("concave", None)  # meshes collide as convex hulls
+        for element in collision.iter("mesh"):
+            mesh = _mesh(element, robot.folder)
+            meshes.append(mesh)
+            element.attrib = {"filename": mesh.name}
+    return PreparedRobot(
+        given=urdf, text=ElementTree.tostring(made, encoding="unicode"), meshes=tuple(meshes),
+        collisions={name: len(robot.collisions(name)) for name in robot.links}, mimics=mimics, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _mesh(element: ElementTree.Element, folder: Path | None) -> Mesh:
+    path = named_file(element.get("filename", ""), folder)
+    return Mesh(path, scale_of(element), _digest(path))
+
+
+def _digest(path: Path) -> str:
+    """Return a digest of a file's content and of its kind, which its suffix tells."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() + path.suffix.lower()

@@ -1,0 +1,106 @@
+"""The child process of `Workshop`: reads meshes, makes hulls of them, and loads robots, as the simulation will."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import sys
+import tempfile
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import pybullet as pb
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.patches.shapes import fewer_vertices
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.bodies import BodyFactory
+from smartmesh_ros.world.robots.meshes import mesh_parts
+from smartmesh_ros.world.robots.prepared import Mesh, PreparedRobot
+from smartmesh_ros.world.robots.workshop import IDLE, Refusal, send
+
+# Most vertices of all hulls of a robot, beyond which each hull keeps those that hold the others but for a millimetre.
+# PyBullet loads some 700 vertices in a millisecond.
+MOST_VERTICES = 8000
+# Steps of the trial. A robot that crashes PyBullet does so in its first.
+STEPS = 2
+
+
+def main() -> None:
+    """Make the robots that arrive on standard input, until it ends or is idle."""
+    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # PyBullet prints there
+    while select.select([sys.stdin], [], [], IDLE)[0]:
+        robot = _read(sys.stdin.buffer)
+        if robot is None:
+            return
+        try:
+            answer: Any = make(robot)
+        except InputError as error:
+            answer = Refusal(error.reason, str(error))
+        send(out, answer)
+
+
+def make(robot: PreparedRobot) -> Any:
+    """Return the mesh files of a robot and the shapes of its links. Raises `InputError`."""
+    parts = {mesh: _hulls(mesh) for mesh in robot.meshes}
+    allowed = MOST_VERTICES // max(sum(len(parts[mesh]) for mesh in robot.meshes), 1)
+    files = {mesh.name: _obj([_within(hull, allowed) for hull in hulls]) for mesh, hulls in parts.items()}
+    client: Any = BulletClient(pb.DIRECT)
+    try:
+        factory = BodyFactory(client, PhysicsConfig())
+        body = factory.robot("robot", PreparedRobot(**{**vars(robot), "files": files}), BodyState())
+        for _ in range(STEPS):
+            client.stepSimulation()
+        return files, body.shapes
+    finally:
+        client.disconnect()
+
+
+def _hulls(mesh: Mesh) -> list[FloatArray]:
+    """Return the vertices (n, 3) [m] of the convex hulls that PyBullet makes of a mesh's parts."""
+    client: Any = BulletClient(pb.DIRECT)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            hulls = []
+            for number, points in enumerate(mesh_parts(mesh.path, mesh.scale)):
+                file = Path(folder) / f"{number}.obj"
+                file.write_bytes(_obj([points]))
+                shape = client.createCollisionShape(pb.GEOM_MESH, fileName=str(file))
+                body = client.createMultiBody(1.0, shape)
+                count, vertices = client.getMeshData(body, -1)
+                hulls.append(np.array(vertices, np.float64) if count else points)
+            return hulls
+    except pb.error as error:
+        raise InputError("urdf", f"collision mesh {str(mesh.path)!r} has no convex hull: {error}") from None
+    finally:
+        client.disconnect()
+
+
+def _within(vertices: FloatArray, allowed: int) -> FloatArray:
+    """Return the vertices of a hull, fewer if they are more than ``allowed``."""
+    return vertices if len(vertices) <= allowed else fewer_vertices(vertices, allowed)
+
+
+def _obj(parts: list[FloatArray]) -> bytes:
+    """Return an OBJ file with an object for each part. Its facets have no meaning, but use every point."""
+    lines, first = [], 1
+    for number, points in enumerate(parts):
+        lines.append(f"o part{number}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist()]
+        last = first + len(points) - 1
+        lines += [f"f {k} {min(k + 1, last)} {min(k + 2, last)}" for k in range(first, last + 1, 3)]
+        first = last + 1
+    return "\n".join([*lines, ""]).encode()
+
+
+def _read(pipe: IO[bytes]) -> PreparedRobot | None:
+    """Return the robot that arrives, None at the end of the input."""
+    length = pipe.read(8)
+    robot: PreparedRobot | None = pickle.loads(pipe.read(int.from_bytes(length, "little"))) if length else None
+    return robot

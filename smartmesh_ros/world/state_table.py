@@ -1,0 +1,79 @@
+"""States of many bodies as arrays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST, FASTEST_SPIN, MASSES, SIZES
+from smartmesh_ros.ground.shapes import DIMENSIONS, Form, Shape, SolidKind, shape_of
+from smartmesh_ros.ground.state import QUATERNION_SLACK
+from smartmesh_ros.terrain.grid import FloatArray
+
+
+class StateTable(NamedTuple):
+    """n bodies: ``names``; ``numbers`` (n, 13) with columns position [m], orientation (x, y, z, w), velocity [m/s] and
+    angular velocity [rad/s]; bounding ``radii`` (n,) [m]; ``kinds`` (n,) of `SolidKind` with ``dimensions`` (n, 3) [m];
+    ``centres`` (n, 3), the middles of boxes relative to the centre of mass [m]; ``masses`` (n,) [kg]."""
+
+    names: list[str]
+    numbers: FloatArray
+    radii: FloatArray
+    kinds: NDArray[np.uint8]
+    dimensions: FloatArray
+    centres: FloatArray
+    masses: FloatArray
+
+    def shape(self, row: int) -> Shape:
+        """The shape of a body."""
+        dimensions, centre = self.dimensions[row].tolist(), self.centres[row].tolist()
+        return shape_of(Form(SolidKind(int(self.kinds[row])), dimensions, centre))
+
+    def same_body(self, row: int, other: StateTable, other_row: int) -> bool:
+        """Return True if two bodies have the same shape and mass."""
+        return bool(
+            self.kinds[row] == other.kinds[other_row]
+            and self.masses[row] == other.masses[other_row]
+            and (self.dimensions[row] == other.dimensions[other_row]).all()
+            and (self.centres[row] == other.centres[other_row]).all()
+        )
+
+    def same_bodies(self, other: StateTable) -> bool:
+        """Return True if both tables hold the same bodies, whatever their states."""
+        return (
+            self.names == other.names
+            and np.array_equal(self.kinds, other.kinds)
+            and np.array_equal(self.dimensions, other.dimensions)
+            and np.array_equal(self.centres, other.centres)
+            and np.array_equal(self.masses, other.masses)
+        )
+
+
+# Reasons and words of the refusals, in the order of the checks.
+INVALID = (
+    ("non_finite", "a state that is not finite"),
+    ("quaternion", "an orientation whose length is not 1"),
+    ("geometry", f"a position farther than {FARTHEST_BODY:g} m"),
+    ("geometry", f"a velocity above {FASTEST:g} m/s"),
+    ("geometry", f"an angular velocity above {FASTEST_SPIN:g} rad/s"),
+    ("shape", "a shape of no known kind"),
+    ("geometry", f"a shape not within {SIZES[0]:g} to {SIZES[1]:g} m"),
+    ("geometry", f"a shape farther than {SIZES[1]:g} m from its centre of mass"),
+    ("geometry", f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
+    ("geometry", f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
+)
+# Limits in the order of `BodyLimits` in core/body_faults.h, after the dimensions of each kind.
+LIMITS = (DIMENSIONS, FARTHEST_BODY, FASTEST, FASTEST_SPIN, QUATERNION_SLACK, *SIZES, *MASSES)
+
+
+def require_valid(states: StateTable) -> None:
+    """Raise `InputError`, naming the first body, if a state, shape or mass is impossible."""
+    _, *arrays = states
+    if (found := CORE.first_fault(*arrays, LIMITS)) is not None:
+        row, fault = found
+        reason, wrong = INVALID[fault]
+        raise InputError(reason, f"body {states.names[row]!r} has {wrong}")

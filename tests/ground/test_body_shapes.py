@@ -1,0 +1,135 @@
+"""Shapes read from PyBullet hold what PyBullet collides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pybullet_data
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import Box, Capsule, Cylinder, Sphere
+from smartmesh_ros.ground.body_shapes import HULL_MARGIN, body_shape, read_shape
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
+from tests.bodies import lowest_of
+
+SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    made = BulletClient(pb.DIRECT)
+    yield made
+    made.disconnect()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
+    body = client.createMultiBody(1.0, client.createCollisionShape(**shape.bullet()))
+    given_, read = body_shape(shape), read_shape(client, body)
+    for name in ("kind", "half", "rounding", "offset", "radius"):
+        np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
+    assert read.radius == pytest.approx(shape.bounding_radius)
+    assert (read.kind == ShapeKind.BALL) == isinstance(shape, Sphere)
+
+
+def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:
+    """Height of the lowest point of a body or link above a box whose top is at zero [m]."""
+    return min(float(point[8]) for point in client.getClosestPoints(body, floor, 50.0, link, -1))
+
+
+def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> float:
+    """Height of the lowest point of a body or link [m]."""
+    found = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link, 0, 1)
+    return lowest_of(shape, np.array(found[0]), np.array(found[1]))
+
+
+def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
+    rng = np.random.default_rng(0)
+    floor = client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[50.0] * 3))
+    client.resetBasePositionAndOrientation(floor, (0.0, 0.0, -50.0), (0.0, 0.0, 0.0, 1.0))
+    for _ in range(10):
+        places, turns = rng.normal(scale=0.3, size=(3, 3)), rng.normal(size=(3, 4))
+        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        form = client.createCollisionShapeArray(
+            shapeTypes=[pb.GEOM_BOX, pb.GEOM_SPHERE, pb.GEOM_CYLINDER],
+            halfExtents=[[0.1, 0.2, 0.3], [0.0] * 3, [0.0] * 3],
+            radii=[0.0, 0.15, 0.1],
+            lengths=[0.0, 0.0, 0.4],
+            collisionFramePositions=places.tolist(),
+            collisionFrameOrientations=turns.tolist(),
+        )
+        body = client.createMultiBody(1.0, form)
+        shape = read_shape(client, body)
+        for turn in rng.normal(size=(5, 4)):
+            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+            lowest = lowest_by_bullet(client, body, -1, floor)
+            assert lowest - 0.02 <= lowest_by_shape(client, body, -1, shape) <= lowest + 1e-4  # its margin rounds edges
+        client.removeBody(body)
+
+
+@pytest.mark.parametrize("flags", [0, pb.URDF_USE_IMPLICIT_CYLINDER])
+@pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2"])
+def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: int) -> None:
+    """Wheels, hulls in frames of their own, and meshes of many parts."""
+    rng = np.random.default_rng(1)
+    floor = client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[50.0] * 3))
+    client.resetBasePositionAndOrientation(floor, (0.0, 0.0, -50.0), (0.0, 0.0, 0.0, 1.0))
+    robot = client.loadURDF(f"{pybullet_data.getDataPath()}/{urdf}.urdf", flags=flags)
+    links = [link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)]
+    shapes = {link: read_shape(client, robot, link) for link in links}
+    for turn in rng.normal(size=(6, 4)):
+        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+        for link, shape in shapes.items():
+            lowest = lowest_by_bullet(client, robot, link, floor)
+            assert lowest_by_shape(client, robot, link, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
+
+
+CORNERS = [[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]
+
+
+def test_a_mesh_of_vertices_is_their_hull(client: Any) -> None:
+    body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_MESH, vertices=CORNERS))
+    shape = read_shape(client, body)
+    assert shape.kind == ShapeKind.HULL
+    np.testing.assert_allclose(shape.record["half"], (0.1, 0.2, 0.3), atol=1e-6)
+
+
+def obj_file(folder: Path) -> Path:
+    """An OBJ file of two tetrahedra, a metre apart."""
+    lines = []
+    for number, x in enumerate((0.0, 1.0)):
+        lines.append(f"o part_{number}")
+        lines += [f"v {x + a} {b} {c}" for a, b, c in ((0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2))]
+        first = 4 * number
+        lines += [f"f {first + i} {first + j} {first + k}" for i, j, k in ((1, 2, 3), (1, 2, 4), (1, 3, 4), (2, 3, 4))]
+    path = folder / "two.obj"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_mesh_of_several_objects_is_their_compound_or_if_it_cannot_be_read_a_ball(
+    client: Any, tmp_path: Path
+) -> None:
+    file = obj_file(tmp_path)
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(
+        '<robot name="r"><link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+        f'iyz="0"/></inertial><collision><geometry><mesh filename="{file.name}" scale="1 2 -1"/></geometry>'
+        "</collision></link></robot>"
+    )
+    body = client.loadURDF(str(robot))
+    shape = read_shape(client, body)
+    assert [part.kind for part in shape.parts] == [ShapeKind.HULL] * 2
+    np.testing.assert_allclose(shape.record["half"], (0.6, 0.2, 0.1), atol=2.0 * HULL_MARGIN)
+    np.testing.assert_allclose(shape.record["offset"], (0.6, 0.2, -0.1), atol=2.0 * HULL_MARGIN)
+    file.unlink()
+    assert read_shape(client, body).kind == ShapeKind.BALL
+
+
+def test_a_body_without_a_shape_has_no_size(client: Any) -> None:
+    assert read_shape(client, client.createMultiBody(1.0)).radius == 0.0

@@ -1,0 +1,209 @@
+"""`Ground.step` in a PyBullet world of the user's own: as safe as `World`, by the same code."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.world.bodies import BodyFactory
+from smartmesh_ros.world.solver import set_up
+from smartmesh_ros.world.world import World
+
+DT = 1.0 / 240.0
+URDF = """
+<robot name="barbell">
+  <link name="near">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="far">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <joint name="rod" type="fixed"><parent link="near"/><child link="far"/><origin xyz="0.5 0 0"/></joint>
+</robot>
+""".replace(
+    "INERTIA",
+    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
+)
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    bullet = BulletClient(pb.DIRECT)
+    bullet.setGravity(0.0, 0.0, -9.81)
+    yield bullet
+    bullet.disconnect()
+
+
+def flat(height: float = 0.0) -> HeightMap:
+    return HeightMap(np.full((41, 41), height), resolution=0.1, origin=(-2.0, -2.0))
+
+
+def ball(client: Any, z: float, radius: float = 0.02, mass: float = 1.0) -> int:
+    shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=radius)
+    return int(client.createMultiBody(mass, shape, basePosition=(0.013, 0.021, z)))
+
+
+def height(client: Any, body: int) -> float:
+    return float(client.getBasePositionAndOrientation(body)[0][2])
+
+
+@pytest.mark.parametrize("z", [-0.001, -0.015, -0.05, -3.0])
+def test_a_body_below_the_ground_is_put_onto_it(client: Any, z: float) -> None:
+    body = ball(client, z)
+    ground = Ground(client, flat())
+    ground.attach(body)
+    for step in range(240):
+        ground.step(step * DT, DT)
+    assert height(client, body) == pytest.approx(0.02, abs=1e-3)
+    assert ground.rescues == 1
+
+
+@pytest.mark.parametrize("speed", [5.0, 20.0, 45.0])
+@pytest.mark.parametrize("phase", [0.0, 0.4, 0.8])
+def test_a_fast_body_is_clamped_before_impact(client: Any, speed: float, phase: float) -> None:
+    """Wherever in a step it meets the ground; 45 m/s are nine radii a step."""
+    body = ball(client, 1.0 + phase * speed * DT)
+    client.resetBaseVelocity(body, (0.0, 0.0, -speed))
+    ground = Ground(client, flat())
+    ground.attach(body)
+    lowest = math.inf
+    for step in range(240):
+        ground.step(step * DT, DT)
+        lowest = min(lowest, height(client, body))
+    assert lowest > 0.0195
+    assert height(client, body) == pytest.approx(0.02, abs=1e-3)
+    assert ground.rescues == 0
+
+
+@pytest.mark.parametrize("rough", [False, True], ids=["flat", "rough"])
+@pytest.mark.parametrize("depth", [0.001, 0.005, 0.015])
+@pytest.mark.parametrize("own_step", [False, True], ids=["update", "World without guard"])
+def test_a_body_whose_middle_is_below_the_ground_is_pushed_up_and_not_down(
+    client: Any, rough: bool, depth: float, own_step: bool
+) -> None:
+    """Both sides of a PyBullet field collide; such a body stands on a plane, which is thick."""
+    heights = np.random.default_rng(3).normal(0.0, 0.005 if rough else 0.0, (41, 41))
+    terrain = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
+    surface = float(terrain.at([(0.013, 0.021)], 0.0).heights[0])
+    if own_step:
+        with World(terrain) as world:
+            world.configure(replace(world.config, physics=PhysicsConfig(guard=False)))
+            world.spawn("ball", Sphere(0.02), 1.0, BodyState((0.013, 0.021, surface - depth)))
+            world.step(240)
+            position = world.state("ball").position
+    else:
+        body = ball(client, surface - depth)
+        ground = Ground(client, terrain)
+        ground.attach(body)
+        for step in range(240):
+            ground.update(step * DT, DT)
+            client.stepSimulation()
+        position = client.getBasePositionAndOrientation(body)[0]
+    below = float(terrain.at([position[:2]], 0.0).heights[0])
+    assert position[2] - below > 0.019
+
+
+def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
+    fixed, patched = ball(client, -0.01, mass=0.0), ball(client, -1.0)
+    ground = Ground(client, flat())
+    ground.attach(fixed)
+    ground.attach(patched, solid=False)
+    ground.step(0.0, DT)
+    assert height(client, fixed) == -0.01
+    assert height(client, patched) < -1.0
+    assert ground.rescues == 0
+
+
+def test_a_robot_is_lifted_as_a_whole(client: Any, tmp_path: Any) -> None:
+    (tmp_path / "barbell.urdf").write_text(URDF)
+    robot = client.loadURDF(str(tmp_path / "barbell.urdf"), (0.0, 0.0, -0.5))
+    ground = Ground(client, flat())
+    for link in (-1, 0):
+        ground.attach(robot, link)
+    for step in range(240):
+        ground.step(step * DT, DT)
+    assert height(client, robot) == pytest.approx(0.1, abs=1e-3)
+    assert client.getLinkState(robot, 0)[0][2] == pytest.approx(0.1, abs=1e-3)
+    assert ground.rescues == 1
+
+
+def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
+    lost, fine = ball(client, 0.5), ball(client, 0.3)
+    client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
+    ground = Ground(client, flat())
+    for body in (lost, fine):
+        ground.attach(body)
+    for step in range(240):
+        ground.step(step * DT, DT)
+    assert height(client, fine) == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None:
+    ground = Ground(client, flat())
+    with pytest.raises(InputError, match=r"dt is 0\.01 s, but PyBullet steps 0\.0041\d* s; call setTimeStep\(0\.01\)"):
+        ground.step(0.0, 0.01)
+    client.setTimeStep(0.01)
+    ground.step(0.0, 0.01)
+
+
+SHAPES: tuple[Shape, ...] = (Sphere(0.15), Box(0.3, 0.2, 0.2), Cylinder(0.1, 0.3), Sphere(0.03))
+STATES = st.tuples(
+    st.sampled_from(SHAPES),
+    st.floats(-0.2, 2.0),
+    st.tuples(*[st.floats(-4.0, 4.0)] * 2, st.floats(-30.0, 2.0)),
+)
+
+
+@given(bodies=st.lists(STATES, min_size=1, max_size=4), rise=st.floats(-1.0, 1.0), every=st.sampled_from([1, 4, 12]))
+@settings(max_examples=12, deadline=None)
+def test_trajectories_are_those_of_world(bodies: Any, rise: float, every: int) -> None:
+    """The same bodies on the same moving ground: equal to the bit."""
+    x = np.tile(np.linspace(-4.0, 4.0, 81), (81, 1))
+
+    def heights(time: float) -> np.ndarray:
+        return 0.1 * np.sin(2.0 * x) + rise * time
+
+    def maps() -> HeightMap:
+        return HeightMap(heights(0.0), resolution=0.1, origin=(-4.0, -4.0))
+
+    physics, patch = PhysicsConfig(), PatchConfig()
+    states = [
+        (shape, BodyState((-1.5 + index, 0.1 * index, z), linear=linear))
+        for index, (shape, z, linear) in enumerate(bodies)
+    ]
+    bullet = BulletClient(pb.DIRECT)
+    set_up(bullet, physics)
+    factory, mine, ground = BodyFactory(bullet, physics), maps(), None
+    ground = Ground(bullet, Terrain.of(mine), patch)
+    own = [factory.simulated(f"body {index}", shape, 1.0, state) for index, (shape, state) in enumerate(states)]
+    for body, (shape, _) in zip(own, states, strict=True):
+        ground.attach(body.uid, shape=shape)
+    theirs, time = maps(), 0.0
+    with World(theirs) as world:
+        for index, (shape, state) in enumerate(states):
+            world.spawn(f"body {index}", shape, 1.0, state)
+        for step in range(120):
+            if step % every == 0:
+                for heightmap in (mine, theirs):
+                    heightmap.replace(heights(time), time=time)
+            assert time == world.time
+            world.step()
+            ground.step(time, physics.dt)
+            time += physics.dt
+            for body in own:
+                expected = world.state(body.name)
+                assert bullet.getBasePositionAndOrientation(body.uid) == (expected.position, expected.orientation)
+                assert bullet.getBaseVelocity(body.uid) == (expected.linear, expected.angular)
+        assert ground.rescues == world.rescues
+    bullet.disconnect()

@@ -1,0 +1,351 @@
+"""Bodies meet the ground at its surface, however fast, and the guard catches what got below it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, HeightMap, PatchConfig, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros.ground.shapes import Capsule, Cylinder, Shape
+from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.bodies import rotation
+
+DT = 1.0 / 240.0
+TILT = (0.3, 0.2, 0.1, math.sqrt(1.0 - 0.14))
+
+
+def rough(seed: int = 0, scale: float = 0.02) -> HeightMap:
+    rng = np.random.default_rng(seed)
+    return HeightMap(rng.normal(scale=scale, size=(81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+
+
+def support(shape: Shape, orientation: tuple[float, float, float, float], normal: np.ndarray) -> float:
+    """How far a shape in an orientation (x, y, z, w) reaches from its middle against a unit normal [m]."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    across = rotation(np.array(orientation)).T @ normal  # along the shape's own axes
+    if isinstance(shape, Box):
+        return float(0.5 * np.abs(across) @ (shape.x, shape.y, shape.z))
+    if isinstance(shape, Cylinder):
+        return float(shape.radius * math.hypot(across[0], across[1]) + 0.5 * shape.height * abs(across[2]))
+    return float(shape.radius + 0.5 * shape.height * abs(across[2]))
+
+
+def deepest(heightmap: HeightMap, physics: PhysicsConfig, speed: float, radius: float) -> tuple[float, int]:
+    """How deep 20 balls get that come down at ``speed``, and how many end below the ground."""
+    rng = np.random.default_rng(1)
+    with World(heightmap, WorldConfig(physics=physics)) as world:
+        for index in range(20):
+            x, y = rng.uniform(-8.0, 8.0, 2)
+            height = float(heightmap.at([[x, y]], 0.0).heights[0]) + radius + rng.uniform(0.02, 0.4)
+            world.spawn(f"ball_{index}", Sphere(radius), 1.0, BodyState((x, y, height), linear=(0.0, 0.0, -speed)))
+        depth = 0.0
+        for _ in range(120):
+            world.step()
+            places = np.array([world.state(name).position for name in world.bodies])
+            surface = heightmap.at(places[:, :2], world.time).heights
+            depth = max(depth, float((surface + radius - places[:, 2]).max()))
+        return depth, int((places[:, 2] < surface).sum())
+
+
+@pytest.mark.parametrize("speed", [2.0, 8.0, 40.0])
+def test_falling_bodies_stop_at_the_surface(speed: float) -> None:
+    flat = HeightMap(np.zeros((81, 81)), resolution=0.25, origin=(-10.0, -10.0))
+    assert deepest(flat, PhysicsConfig(guard=False), speed, 0.2)[0] < 1e-3
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 40.0])
+def test_no_small_fast_body_is_lost(speed: float) -> None:
+    assert deepest(rough(), PhysicsConfig(guard=False), speed, 0.02)[1] == 0
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
+def test_a_ball_bounces_as_high_as_its_restitution_says(restitution: float) -> None:
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    config = WorldConfig(physics=PhysicsConfig(restitution=restitution))
+    with World(flat, config) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 1.2)))
+        speeds, heights = [], []
+        for _ in range(300):
+            world.step()
+            speeds.append(world.state("ball").linear[2])
+            heights.append(world.state("ball").position[2])
+        rebound = max(speeds[100:200])
+        assert rebound == pytest.approx(restitution * math.sqrt(2.0 * 9.81 * 1.0), abs=0.12)
+        apex = max(heights[130:])
+        assert apex - 0.2 == pytest.approx(restitution**2, rel=0.05, abs=0.01)
+
+
+@pytest.mark.parametrize("shape", [Sphere(0.3), Box(0.4, 0.6, 0.2), Cylinder(0.2, 0.6), Capsule(0.2, 0.5)])
+def test_the_support_is_that_of_the_shape(shape: Shape) -> None:
+    """A body touches a slope when it is as far from it as its support: PyBullet finds the contact there."""
+    import pybullet as pb
+    from pybullet_utils.bullet_client import BulletClient
+
+    client = BulletClient(pb.DIRECT)
+    normal = np.array([0.2, -0.3, 0.9])
+    normal /= np.linalg.norm(normal)
+    axis = np.cross((0.0, 0.0, 1.0), normal)
+    angle = math.acos(normal[2])
+    turn = (*(axis / np.linalg.norm(axis) * math.sin(angle / 2)), math.cos(angle / 2))
+    slab = client.createMultiBody(
+        0.0, client.createCollisionShape(pb.GEOM_BOX, halfExtents=[9, 9, 1]), basePosition=-normal, baseOrientation=turn
+    )
+    reach = support(shape, TILT, normal)
+    body = client.createMultiBody(
+        1.0, client.createCollisionShape(**shape.bullet()), basePosition=reach * normal, baseOrientation=TILT
+    )
+    points = client.getClosestPoints(body, slab, 1.0)
+    client.disconnect()
+    assert min(point[8] for point in points) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_the_guard_puts_back_what_is_below_the_ground_and_counts_it() -> None:
+    with World(rough(), WorldConfig()) as world:
+        world.spawn("buried", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, -0.8), linear=(30.0, 0.0, 0.0)))
+        world.spawn("fine", Sphere(0.2), 1.0, BodyState((3.0, 0.0, 0.5)))
+        world.step()
+        assert world.rescues == 1
+        assert math.hypot(*world.state("buried").linear) <= 5.1
+        world.step(240)
+        assert world.rescues == 1
+        assert world.below_ground() == []
+
+
+@pytest.mark.parametrize("depth", [0.05, 0.15])
+def test_what_starts_in_the_ground_leaves_it_slowly(depth: float) -> None:
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    with World(flat) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - depth)))
+        speeds = []
+        for _ in range(240):
+            world.step()
+            speeds.append(world.state("ball").linear[2])
+        assert 0.1 < max(speeds) <= 1.01
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+BARBELL = """
+<robot name="barbell">
+  <link name="near">INERTIA<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="far">INERTIA<collision><geometry><sphere radius="0.2"/></geometry></collision></link>
+  <joint name="rod" type="fixed"><parent link="near"/><child link="far"/><origin xyz="1 0 0"/></joint>
+</robot>
+""".replace(
+    "INERTIA",
+    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
+)
+
+
+@pytest.mark.parametrize("heights", [(0.0, 0.8), (0.8, 0.0)])
+def test_the_guard_puts_back_a_robot_with_all_its_links(heights: tuple[float, float]) -> None:
+    """Two links in ground of two heights: both are out of it at once, and the robot counts as one."""
+    columns = np.repeat(heights, (25, 26))
+    with World(HeightMap(np.tile(columns, (51, 1)), resolution=0.1, origin=(-2.5, -2.5))) as world:
+        world.spawn_robot("barbell", BARBELL, BodyState((-0.5, 0.0, -0.05)))
+        world.refresh()
+        assert world.rescues == 1
+        assert world.below_ground() == []
+        lift = world.state("barbell").position[2] + 0.05
+        assert lift == pytest.approx(0.85 + (0.1 if heights[0] else 0.2), abs=0.02)
+
+
+def test_the_guard_leaves_tracked_bodies_where_they_are_said_to_be() -> None:
+    with World(HeightMap(np.zeros((51, 51)), resolution=0.1, origin=(-2.5, -2.5))) as world:
+        world.track("arm", 0.2, BodyState((0.0, 0.0, -0.5)))
+        world.step(5)
+        assert world.rescues == 0
+        assert world.state("arm").position == pytest.approx((0.0, 0.0, -0.5))
+
+
+def test_without_the_guard_it_stays_there() -> None:
+    config = WorldConfig(physics=PhysicsConfig(guard=False), patch=PatchConfig(kind="heightfield"))
+    with World(rough(), config) as world:
+        world.spawn("buried", Sphere(0.05), 1.0, BodyState((0.0, 0.0, -0.8)))
+        world.step(60)
+        assert world.rescues == 0
+        assert world.below_ground() == ["buried"]
+
+
+@pytest.mark.parametrize(
+    ("general", "kind"), [(False, "auto"), (False, "trimesh"), (True, "auto")], ids=["auto", "trimesh", "general mesh"]
+)
+def test_bodies_ride_on_ground_that_accelerates(general: bool, kind: PatchKind) -> None:
+    """Maps at 20 Hz lag; the ground's acceleration, seen where the body stands, makes up for most of it."""
+    rise, rate = 0.3, 4.0
+    flat = HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))
+    x, y = np.meshgrid(0.25 * np.arange(41) - 5.0, 0.25 * np.arange(41) - 5.0)
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    mesh = TriangleMesh(vertices, grid_triangles(41, 41))
+    with World(mesh if general else flat, WorldConfig(patch=PatchConfig(kind=kind))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2 - rise)))
+        gaps = []
+        for step in range(720):
+            if step % 12 == 0:
+                height = -rise * math.cos(rate * world.time)
+                if general:
+                    mesh.move(vertices + (0.0, 0.0, height), time=world.time)
+                else:
+                    flat.replace(np.full((41, 41), height), time=world.time)
+            world.step()
+            if step > 120:
+                gaps.append(world.state("ball").position[2] - 0.2 + rise * math.cos(rate * world.time))
+        # Little more than half the lag of a constant velocity, which is a T^2.
+        assert np.percentile(np.abs(gaps), 95) < 0.6 * rise * rate**2 * 0.05**2
+
+
+def test_bodies_land_although_the_clock_is_set_back_while_they_fall() -> None:
+    def ground(time: float) -> np.ndarray:
+        return np.full((41, 41), 0.4 * time)
+
+    heightmap = HeightMap(ground(0.0), resolution=0.25, origin=(-5.0, -5.0))
+    with World(heightmap) as world:
+        rise = 0.0
+        for step in range(240):
+            if step == 60:
+                rise = world.time
+                world.reset_time()
+            if step % 8 == 0:
+                heightmap.replace(ground(world.time + rise), time=world.time)
+            if step == 48:
+                world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 1.1)))
+            world.step()
+        assert world.rescues == 0
+        clearance = world.state("ball").position[2] - 0.2 - float(world.terrain.at([[0.0, 0.0]], world.time).heights[0])
+        assert abs(clearance) < 0.005
+
+
+@pytest.mark.parametrize("depth", [0.5, 9.0])
+def test_the_guard_finds_bodies_far_below_the_ground(depth: float) -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.25, origin=(-5.0, -5.0))) as world:
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.01, 0.02, 0.2)))
+        world.step(10)
+        world.move("ball", BodyState((0.01, 0.02, -depth)))
+        world.step(10)
+        assert world.rescues == 1
+        assert world.state("ball").position[2] == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("rate", [60.0, 120.0, 240.0])
+def test_what_rides_on_waves_moves_as_fast_as_they_do(rate: float) -> None:
+    """In a step of 1/60 s what lies on the ground would fall 3 mm: slowed each time, it would gain speed for ever."""
+    x, _ = np.meshgrid(np.arange(64) * 0.1, np.arange(64) * 0.1)
+
+    def waves(time: float) -> np.ndarray:
+        return 0.05 * np.sin(x - 4.0 * time)
+
+    heightmap = HeightMap(waves(0.0), resolution=0.1)
+    with World(heightmap, WorldConfig(physics=PhysicsConfig(rate=rate))) as world:
+        for index in range(36):
+            position = (0.4 + 0.9 * (index % 6), 0.4 + 0.9 * (index // 6), 0.22)
+            world.spawn(f"ball {index}", Sphere(0.15), 1.0, BodyState(position))
+        fastest = 0.0
+        for step in range(round(3.0 * rate)):
+            if step % (rate / 60.0) == 0.0:
+                heightmap.replace(waves(world.time), time=world.time)
+            world.step()
+            if world.time > 1.0:
+                fastest = max(fastest, *(abs(world.state(name).linear[2]) for name in world.bodies))
+        assert world.rescues == 0
+        assert fastest < 0.05 * 4.0 + 9.81 / rate + 0.15
+
+
+def test_the_guard_leaves_who_crosses_a_ridge_and_finds_at_once_who_is_below_it() -> None:
+    ridge = HeightMap(
+        -2.0 * np.abs(np.arange(-10.0, 11.0))[:, None] * np.ones(21), resolution=2.0, origin=(-20.0, -20.0)
+    )
+    with World(ridge) as world:
+        world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, -0.5, 0.6)))
+        uid = world.bodies["ball"].uid
+        for y in np.linspace(-0.5, 0.8, 200):  # over the ridge, and below the plane that was up to then under it
+            world.client.resetBasePositionAndOrientation(uid, (0.0, y, 0.55 - abs(y)), (0, 0, 0, 1))
+            world.refresh()
+        assert world.rescues == 0
+        world.client.resetBasePositionAndOrientation(uid, (0.0, 0.8, -0.9), (0, 0, 0, 1))
+        world.refresh()
+        assert world.rescues == 1
+
+
+def test_the_guard_finds_who_went_a_little_way_into_a_cliff() -> None:
+    y = 0.5 * np.arange(-20, 21)
+    cliff = HeightMap(20.0 * np.maximum(y, 0.0)[:, None] * np.ones(41), resolution=0.5, origin=(-10.0, -10.0))
+    with World(cliff) as world:
+        world.spawn("ball", Sphere(0.5), 1.0, BodyState((0.0, -0.01, 0.2)))
+        world.refresh()
+        assert world.rescues == 0
+        uid = world.bodies["ball"].uid
+        world.client.resetBasePositionAndOrientation(uid, (0.0, 0.03, 0.2), (0, 0, 0, 1))
+        world.time += 0.06
+        world.refresh()
+        assert world.rescues == 1
+
+
+SIDE = 41
+
+
+def clearances_where_ground_starts(speed: float, physics: PhysicsConfig, heights: np.ndarray) -> list[float]:
+    """How high a box of 0.3 m that has come to rest is above where it would ride [m], in each step of a second in
+    which the ground rises at ``speed`` from one step to the next."""
+    still = np.zeros((SIDE, SIDE))
+    heightmap = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0), velocities=still)
+    with World(heightmap, WorldConfig(physics=physics)) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, float(heights.max()) + 0.15)))
+        world.step(240)
+        rest, found = world.state("box").position[2], []
+        for step in range(240):
+            if step % 4 == 0:
+                rise = speed * step * DT
+                heightmap.replace(heights + rise, time=1.0 + step * DT, velocities=still + speed)
+            world.step()
+            found.append(world.state("box").position[2] - rest - speed * (step + 1) * DT)
+        return found
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 5.0])
+def test_a_body_at_rest_rides_on_ground_that_starts_to_rise_at_once(speed: float) -> None:
+    found = clearances_where_ground_starts(speed, PhysicsConfig(), np.zeros((SIDE, SIDE)))
+    assert max(found) <= 1e-3
+    assert min(found) >= -1e-4
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0])
+def test_a_body_at_rest_on_rough_ground_that_starts_to_rise_is_not_thrown(speed: float) -> None:
+    """There its collider is off the ground by up to the tolerance, so its distance from the ground tells little."""
+    rng = np.random.default_rng(3)
+    found = clearances_where_ground_starts(speed, PhysicsConfig(), rng.normal(scale=0.02, size=(SIDE, SIDE)))
+    assert max(found) <= 1e-3
+    assert min(found) >= -0.01
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 20.0])
+def test_a_body_at_rest_that_is_sent_into_flat_ground_stays_on_it(speed: float) -> None:
+    with World(HeightMap(np.zeros((SIDE, SIDE)), resolution=0.1, origin=(-2.0, -2.0))) as world:
+        world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 0.15)))
+        world.step(240)
+        place = world.state("box")
+        world.move("box", BodyState(place.position, place.orientation, linear=(0.0, 0.0, -speed)))
+        heights = []
+        for _ in range(240):
+            world.step()
+            heights.append(world.state("box").position[2] - 0.15)
+        assert max(heights) <= 1e-3
+        assert min(heights) >= -1e-3
+
+
+def test_a_body_in_contact_is_clamped_where_it_runs_into_a_wall() -> None:
+    """A ball that rolls at 20 m/s meets a wall: the floor that it touches is no reason to let it in."""
+    heights = np.zeros((SIDE, SIDE))
+    heights[:, 30:] = 1.0
+    depths = []
+    with World(HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))) as world:
+        world.spawn("ball", Sphere(0.15), 1.0, BodyState((-0.5, 0.01, 0.15)))
+        world.step(60)
+        x, y, z = world.state("ball").position
+        world.move("ball", BodyState((x, y, z), linear=(20.0, 0.0, 0.0), angular=(0.0, 20.0 / 0.15, 0.0)))
+        slope = np.array([-1.0, 0.1]) / math.hypot(1.0, 0.1)  # of the wall, which rises by 1 m in a cell
+        for _ in range(40):
+            world.step()
+            x, _, z = world.state("ball").position
+            depths.append(0.15 - float(slope @ (x - 0.9, z)))
+    assert max(depths) <= 2e-3

@@ -1,0 +1,148 @@
+"""Bodies that PyBullet has put to sleep go with the ground; others are left alone."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pybullet as pb
+import pytest
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+DT = 1.0 / 240.0
+SIDE, SPACING = 41, 0.1
+ROWS, COLUMNS = np.mgrid[:SIDE, :SIDE]
+BUMPS = 0.002 * np.sin(3.0 * ROWS) * np.cos(2.0 * COLUMNS)
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    bullet = BulletClient(pb.DIRECT)
+    bullet.setGravity(0.0, 0.0, -9.81)
+    yield bullet
+    bullet.disconnect()
+
+
+@pytest.fixture
+def woken(monkeypatch: pytest.MonkeyPatch, client: Any) -> list[int]:
+    """Bodies that were told to wake up."""
+    bodies: list[int] = []
+    change = client.changeDynamics
+
+    def counted(body: int, *args: Any, **kwargs: Any) -> Any:
+        if kwargs.get("activationState") == pb.ACTIVATION_STATE_WAKE_UP:
+            bodies.append(body)
+        return change(body, *args, **kwargs)
+
+    monkeypatch.setattr(client, "changeDynamics", counted, raising=False)
+    return bodies
+
+
+def box(client: Any, maximal: bool, sleeps: bool = True) -> int:
+    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.15] * 3)
+    body = client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.16), useMaximalCoordinates=maximal)
+    if sleeps:
+        client.changeDynamics(body, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    return int(body)
+
+
+def height(client: Any, body: int) -> float:
+    return float(client.getBasePositionAndOrientation(body)[0][2])
+
+
+def run(client: Any, ground: Ground, first: int, steps: int) -> int:
+    for step in range(first, first + steps):
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+    return first + steps
+
+
+def asleep(client: Any, ground: Ground, body: int) -> int:
+    step = 0
+    while step == 0 or any(map(any, client.getBaseVelocity(body))):
+        step = run(client, ground, step, 60)
+        assert step < 6000, "it does not fall asleep"
+    return step
+
+
+@pytest.mark.parametrize("maximal", [False, True], ids=["multibody", "rigid body"])
+@pytest.mark.parametrize("drop", [1.0, 0.05, 0.002])
+def test_a_sleeping_body_falls_with_its_ground(client: Any, maximal: bool, drop: float) -> None:
+    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    body = box(client, maximal)
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    step = asleep(client, ground, body)
+    before = height(client, body)
+    heightmap.replace(BUMPS - drop, time=step * DT + 100.0)  # long after: no velocity
+    step = run(client, ground, step, 24000 // 100)
+    assert height(client, body) == pytest.approx(before - drop, abs=2e-3 if drop > 0.01 else 5e-4)
+
+
+def test_a_sleeping_body_on_a_general_mesh_falls_with_it(client: Any) -> None:
+    vertices = np.stack([SPACING * COLUMNS - 2.0, SPACING * ROWS - 2.0, 0.0 * ROWS], axis=-1).reshape(-1, 3)
+    mesh = TriangleMesh(vertices, grid_triangles(SIDE, SIDE))
+    body = box(client, True)
+    ground = Ground(client, mesh)
+    ground.attach(body)
+    step = asleep(client, ground, body)
+    before = height(client, body)
+    mesh.move(vertices - (0.0, 0.0, 0.5), time=step * DT + 100.0)
+    run(client, ground, step, 240)
+    assert height(client, body) == pytest.approx(before - 0.5, abs=2e-3)
+
+
+def test_a_body_that_falls_asleep_just_as_the_ground_goes_is_woken(client: Any) -> None:
+    """Whichever step the map comes in."""
+    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    body = box(client, True)
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    step = 0
+    while any(map(any, client.getBaseVelocity(body))) or step == 0:
+        ground.update(step * DT, DT, steps=4)  # it falls asleep between two updates
+        for _ in range(4):
+            client.stepSimulation()
+        step += 4
+        assert step < 6000
+    before = height(client, body)
+    heightmap.replace(BUMPS - 1.0, time=step * DT + 100.0)
+    run(client, ground, step, 240)
+    assert height(client, body) == pytest.approx(before - 1.0, abs=2e-3)
+
+
+def test_on_ground_that_stands_still_nobody_is_woken(client: Any, woken: list[int]) -> None:
+    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    body = box(client, True)
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    step = asleep(client, ground, body)
+    woken.clear()
+    for _ in range(20):
+        heightmap.replace(BUMPS, time=step * DT)
+        step = run(client, ground, step, 12)
+    assert woken == []
+    heightmap.replace(BUMPS + np.where(ROWS > 35, 1.0, 0.0), time=step * DT + 100.0)
+    step = run(client, ground, step, 12)
+    assert woken == [], "the ground changed elsewhere"
+
+
+def test_awake_bodies_are_not_told_to_wake(client: Any, woken: list[int]) -> None:
+    """It would allow a rigid body to fall asleep that never may."""
+    heightmap = HeightMap(BUMPS, resolution=SPACING, origin=(-2.0, -2.0))
+    body = box(client, True, sleeps=False)
+    ground = Ground(client, heightmap)
+    ground.attach(body)
+    ground.update(0.0, DT)
+    ground.update(0.0, DT)  # no step between
+    ground.stand_still(1.0)
+    ground.update(1.0, DT)
+    for step in range(240, 720):
+        if step % 4 == 0:
+            heightmap.replace(BUMPS + 0.01 * np.sin(step / 40.0), time=step * DT)
+        ground.update(step * DT, DT)
+        client.stepSimulation()
+    assert woken == []

@@ -1,0 +1,93 @@
+"""Collecting: every method collects the same vertices, in the patterns of the report's figures."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmesh_ros.report.collect import TopologyCache, queue_bfs, topology_around, union_bfs
+from smartmesh_ros.report.template import patch_template
+from smartmesh_ros.terrain.graph import GridGraph, TriangleGraph
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+
+def flat_mesh(rows: int, columns: int) -> TriangleMesh:
+    r, c = np.divmod(np.arange(rows * columns), columns)
+    return TriangleMesh(np.stack([c, r, 0 * r], axis=1), grid_triangles(rows, columns))
+
+
+@pytest.mark.parametrize("rings", [1, 2, 3, 4])
+@pytest.mark.parametrize("start", [0, 12, 13 * 6 + 6, 13 * 12, 13 * 13 - 1, 13 * 5])
+def test_both_searches_and_the_cache_collect_the_same(rings: int, start: int) -> None:
+    mesh = flat_mesh(13, 13)
+    queued, united = queue_bfs(mesh.graph, start, rings), union_bfs(mesh.graph, start, rings)
+    cache = TopologyCache(mesh)
+    assert queued == united == cache.around(start, rings).vertices.tolist()
+    assert cache.around(start, rings) is cache.around(start, rings)
+    np.testing.assert_array_equal(
+        topology_around(mesh, start, rings, queue_bfs).triangles, cache.around(start, rings).triangles
+    )
+    grid = GridGraph(13, 13)
+    assert queue_bfs(grid, start, rings) == union_bfs(grid, start, rings)
+
+
+@pytest.mark.parametrize(
+    ("start", "vertices", "triangles"),
+    [
+        (0, [0, 1, 3, 4], 2),
+        (6, [3, 6, 7], 1),
+        (4, [0, 1, 3, 4, 5, 7, 8], 6),
+        (8, [4, 5, 7, 8], 2),
+        (1, [0, 1, 2, 4, 5], 3),
+    ],
+)
+def test_patches_of_the_triangle_graph_have_the_shapes_of_figure_5(
+    start: int, vertices: list[int], triangles: int
+) -> None:
+    patch = topology_around(flat_mesh(3, 3), start, 1)
+    assert patch.vertices.tolist() == vertices
+    assert len(patch.triangles) == triangles
+
+
+@pytest.mark.parametrize("rings", [1, 2, 3, 4])
+def test_counts_of_the_grid_graph_inside_at_edges_and_in_corners(rings: int) -> None:
+    graph = GridGraph(20, 20)
+    side = 2 * rings + 1
+    assert len(union_bfs(graph, 10 * 20 + 10, rings)) == side * side  # Figure 7
+    assert len(union_bfs(graph, 10 * 20, rings)) == side * (rings + 1)
+    assert len(union_bfs(graph, 0, rings)) == (rings + 1) ** 2
+
+
+@pytest.mark.parametrize("rings", [1, 2, 3, 4])
+def test_counts_of_the_triangle_graph(rings: int) -> None:
+    graph = TriangleGraph(grid_triangles(20, 20), 400)
+    # A hexagon of rings: 1 + 6 (1 + 2 + ... + rings) vertices.
+    assert len(queue_bfs(graph, 10 * 20 + 10, rings)) == 1 + 3 * rings * (rings + 1)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 4), st.integers(1, 3), st.integers(12, 27), st.integers(12, 22))
+def test_the_template_is_what_a_search_collects(rings: int, stride: int, row: int, column: int) -> None:
+    rows, columns = 40, 35
+    collected = queue_bfs(GridGraph(rows, columns, stride), row * columns + column, rings)
+    template = patch_template(rings)
+    expected = row * columns + column + template.indices(columns)[0] * stride
+    np.testing.assert_array_equal(collected, expected)
+
+
+def test_triangles_of_a_patch_are_those_all_of_whose_corners_are_collected() -> None:
+    mesh = flat_mesh(9, 9)
+    patch = topology_around(mesh, 40, 2)
+    inside = np.isin(mesh.triangles, patch.vertices).all(axis=1)
+    mine = {tuple(sorted(t)) for t in patch.vertices[patch.triangles].tolist()}
+    assert mine == {tuple(sorted(t)) for t in mesh.triangles[inside].tolist()}
+    a, b, c = (mesh.vertices[patch.vertices[patch.triangles[:, corner]]] for corner in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all(), "and face the same way"
+
+
+def test_the_cache_is_bounded() -> None:
+    cache = TopologyCache(flat_mesh(30, 30), most_vertices=500)
+    for vertex in range(900):
+        cache.around(vertex, 2)
+    assert 1 <= len(cache) <= 500 // 6
+    assert sum(len(patch.vertices) for patch in cache._patches.values()) <= 500

@@ -1,0 +1,233 @@
+"""Patches of fixed extent, as the report makes them: around the nearest vertex, as large as asked for."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros.patches.batch import PatchBatch
+from smartmesh_ros.patches.config import PatchConfig
+from smartmesh_ros.patches.shapes import BODY_COLUMNS, ball
+from smartmesh_ros.patches.supports import Support
+from smartmesh_ros.report.extent import extent_for
+from smartmesh_ros.report.template import patch_template
+from smartmesh_ros.terrain.grid import BoolArray, FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import Terrain
+from tests.bodies import shapes_of
+from tests.examples import examples
+from tests.ground.selecting import Selecting
+
+DT = 1.0 / 240.0
+SOLID = PatchConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
+
+
+def selector_for(
+    heightmap: HeightMap, radii: list[float], config: PatchConfig = SOLID, solid: BoolArray | None = None
+) -> Selecting:
+    shapes = shapes_of(ball(radius) for radius in radii)
+    return Selecting(Terrain(heightmap), config, shapes, solid)
+
+
+def update(selector: Selecting, positions: FloatArray, speed: float = 0.0, time: float = 0.0) -> list[PatchBatch]:
+    """Patches of bodies at positions (N, 3) that move along x."""
+    bodies = np.zeros((len(positions), BODY_COLUMNS))
+    bodies[:, :3], bodies[:, 6], bodies[:, 7] = positions, 1.0, speed
+    selector.update(bodies, time, DT)
+    return selector.batches()
+
+
+@examples(50)
+@given(
+    st.integers(0, 10**6),
+    st.floats(-3.1, 3.1),
+    st.sampled_from([(3, 3), (5, 9), (40, 30), (200, 150)]),
+    st.sampled_from([SOLID, PatchConfig(rings=2), PatchConfig(kind="heightfield"), PatchConfig()]),
+)
+def test_every_vertex_is_a_sample_of_the_map(
+    seed: int, yaw: float, shape: tuple[int, int], config: PatchConfig
+) -> None:
+    """Of fixed patches, and of chosen ones."""
+    rng = np.random.default_rng(seed)
+    heights = rng.normal(scale=0.1, size=shape).astype(np.float32)
+    heightmap = HeightMap(heights, resolution=0.2, origin=(5.0, -3.0, 1.5), yaw=yaw)
+    radii = rng.uniform(0.02, 2.0, 20).tolist()
+    inside = heightmap.geometry.to_world(rng.uniform(0, shape[0] - 1, 20), rng.uniform(0, shape[1] - 1, 20))
+    positions = np.column_stack([inside, np.full(20, 1.5)])
+    seen = 0
+    for batch in update(selector_for(heightmap, radii, config), positions):
+        vertices = batch.vertices_w.reshape(-1, 3)
+        cells = heightmap.geometry.to_grid(vertices[:, :2])
+        np.testing.assert_allclose(cells, np.rint(cells), atol=1e-6)
+        row, column = np.rint(cells).astype(int).T
+        on = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
+        np.testing.assert_allclose(vertices[on, 2], heights[row[on], column[on]].astype(float) + 1.5, atol=1e-9)
+        assert np.isnan(vertices[~on, 2]).all()
+        seen += len(batch.bodies)
+    assert seen == 20 or config.kind == "auto", "only there may be nothing to touch"
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.2, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("travel", [0.0, 0.1, 0.2])
+def test_patches_reach_beyond_the_body_on_every_side(radius: float, travel: float) -> None:
+    heightmap = HeightMap(np.zeros((300, 300)), resolution=0.1)
+    rng = np.random.default_rng(3)
+    positions = np.column_stack([rng.uniform(10, 20, (50, 2)), np.zeros(50)])
+    for batch in update(selector_for(heightmap, [radius] * 50), positions, travel / DT):
+        body, need = positions[batch.bodies], radius + travel - 1e-6
+        for axis in (0, 1):
+            assert np.all(batch.vertices_w[..., axis].max(axis=1) - body[:, axis] >= need)
+            assert np.all(body[:, axis] - batch.vertices_w[..., axis].min(axis=1) >= need)
+
+
+@given(
+    st.floats(-2, 2), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), st.floats(-3.1, 3.1), st.sampled_from([0.1, 0.3, 0.7])
+)
+@pytest.mark.parametrize("config", [SOLID, PatchConfig(kind="heightfield"), PatchConfig(rings=2), PatchConfig()])
+def test_the_twist_of_a_patch_is_that_of_rigidly_moving_ground(
+    config: PatchConfig, rise: float, roll: float, pitch: float, yaw: float, radius: float
+) -> None:
+    heightmap = HeightMap(np.zeros((60, 60)), resolution=0.2, yaw=yaw)
+    place = heightmap.geometry.to_world(*np.indices((60, 60)))
+    velocities = rise + roll * place[..., 1] - pitch * place[..., 0]
+    heightmap.replace(np.zeros((60, 60)), time=0.1, velocities=velocities)
+    position = heightmap.geometry.to_world(29.7, 30.2)
+    [batch] = update(selector_for(heightmap, [radius], config), np.array([[*position, 0.5 * radius]]), time=0.1)
+    centre = batch.centres_w[0]
+    assert batch.linear_w[0, 2] == pytest.approx(rise + roll * centre[1] - pitch * centre[0], abs=1e-3)
+    np.testing.assert_allclose(batch.angular_w[0], [roll, pitch, 0.0], atol=1e-3)
+
+
+@pytest.mark.parametrize("config", [SOLID, PatchConfig(kind="heightfield"), PatchConfig(rings=3), PatchConfig()])
+def test_a_patch_moves_as_the_ground_under_the_body_does(config: PatchConfig) -> None:
+    """Where the velocity of the ground is curved, its mean over the patch is another one."""
+    rng = np.random.default_rng(4)
+    rows, columns = np.indices((60, 60))
+    speed = np.sin(0.5 * rows + 1.0) * np.cos(0.4 * columns)
+    heightmap = HeightMap(np.zeros((60, 60)), resolution=0.1, yaw=0.7)
+    heightmap.replace(0.01 * speed, time=0.01)
+    places = heightmap.geometry.to_world(*rng.uniform(10.0, 49.0, (2, 40)))
+    positions = np.column_stack([places, heightmap.at(places, 0.01).heights + 0.05])
+    selector, checked = selector_for(heightmap, [0.05] * 40, config), 0
+    for batch in update(selector, positions, time=0.01):
+        for row, body in enumerate(batch.bodies.tolist()):
+            foot = selector.supports[body]
+            arm = np.array([foot.foot_x - batch.centres_w[row, 0], foot.foot_y - batch.centres_w[row, 1], 0.0])
+            rate = batch.linear_w[row, 2] + np.cross(batch.angular_w[row], arm)[2]
+            expected = heightmap.at([[foot.foot_x, foot.foot_y]], 0.01).velocities[0]
+            assert rate == pytest.approx(float(expected), abs=1e-3)
+            checked += 1
+    assert checked == 40
+
+
+def test_patches_do_not_flicker_between_sizes() -> None:
+    selector, sizes = selector_for(HeightMap(np.zeros((100, 100)), resolution=0.1), [0.25]), []
+    here = np.array([[5.0, 5.0, 0.2]])
+    for step in range(60):
+        [batch] = update(selector, here, 0.001 / DT if step % 2 else 0.0)  # about the border between two sizes
+        sizes.append(batch.vertices_w.shape[1])
+    assert len(set(sizes[1:])) == 1
+    [fast] = update(selector, here, 0.2 / DT)
+    [slow] = update(selector, here)
+    assert np.ptp(slow.vertices_w[0, :, 0]) < np.ptp(fast.vertices_w[0, :, 0])
+
+
+@given(st.lists(st.floats(0.01, 20.0), min_size=1, max_size=20), st.floats(0.02, 1.0), st.integers(3, 300))
+def test_an_extent_covers_what_is_asked_for_as_far_as_the_map_has_room(
+    reach: list[float], resolution: float, side: int
+) -> None:
+    extent = extent_for(np.array(reach), resolution, side)
+    covered = extent.rings * extent.stride
+    room = (side - 1) // 2
+    need = np.minimum(np.array(reach) / resolution + 0.5, room)
+    # Where the map has no room for a whole ring more there is none.
+    assert ((covered >= need - 1e-6) | (covered + extent.stride > room)).all()
+    assert (covered <= room).all()
+    assert (extent.rings >= 1).all()
+
+
+def test_bodies_off_the_terrain_have_no_patch() -> None:
+    heightmap = HeightMap(np.zeros((11, 11)), resolution=1.0)
+    positions = np.array([[5.0, 5.0, 0.0], [-0.3, 5.0, 0.0], [-0.6, 5.0, 0.0], [np.nan, 5.0, 0.0], [5.0, 12.0, 0.0]])
+    [batch] = update(selector_for(heightmap, [0.5] * 5), positions)
+    assert batch.bodies.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("rings", [1, 2, 3, 4])
+@pytest.mark.parametrize("collect", ["cached", "queue_bfs", "union_bfs"])
+@pytest.mark.parametrize("search", ["grid_traversal", "brute_force", "best_first", "ray_cast"])
+def test_fixed_rings_are_the_reports_collider_size_by_every_method(rings: int, collect: Any, search: Any) -> None:
+    rng = np.random.default_rng(0)
+    heightmap = HeightMap(rng.normal(scale=0.05, size=(50, 50)), resolution=0.1)
+    positions = np.column_stack([rng.uniform(1.0, 3.9, (6, 2)), np.full(6, 1.0)])
+    configs = PatchConfig(rings=rings), PatchConfig(rings=rings, collect=collect, search=search)
+    expected, found = (selector_for(heightmap, [0.01, 2.0] * 3, config) for config in configs)
+    for _ in range(3):  # rays are cast at the patches before
+        [one], [other] = update(expected, positions), update(found, positions)
+        assert one.vertices_w.shape[1] == (2 * rings + 1) ** 2
+        assert one.stride.tolist() == [1] * 6
+        np.testing.assert_array_equal(other.vertices_w, one.vertices_w)
+        nearest = np.rint(positions[:, :2] / 0.1) * 0.1
+        np.testing.assert_allclose(one.centres_w[:, :2], nearest, atol=1e-9)
+        positions[:, :2] += rng.uniform(-0.05, 0.05, (6, 2))
+
+
+@pytest.mark.parametrize("rings", [1, 2, 3, 4])
+def test_triangles_cover_the_patch_once_and_face_up(rings: int) -> None:
+    template = patch_template(rings)
+    points = np.stack([template.columns, template.rows], axis=1).astype(float)
+    a, b, c = (points[template.triangles[:, corner]] for corner in range(3))
+    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    np.testing.assert_allclose(area, 0.5)
+    assert area.sum() == (2 * rings) ** 2
+    # Every cell's diagonal joins (r, c) and (r + 1, c + 1), as in the report's Figure 3.
+    edges = {
+        tuple(sorted((i, j)))
+        for corners in template.triangles.tolist()
+        for i, j in zip(corners, corners[1:] + corners[:1], strict=True)
+    }
+    size = template.size
+    assert all((i, i + size + 1) in edges for i in range(size * (size - 1) - 1) if i % size != size - 1)
+
+
+def by_body(batches: list[PatchBatch]) -> dict[int, FloatArray]:
+    return {
+        body: points for batch in batches for body, points in zip(batch.bodies.tolist(), batch.vertices_w, strict=True)
+    }
+
+
+def test_patches_of_bodies_that_are_not_solid_are_worked_out_when_asked_for() -> None:
+    """They are those of fixed extent, as of the last update; where the ground is gone there are none."""
+    rng = np.random.default_rng(4)
+    heightmap = HeightMap(rng.normal(size=(60, 60)), resolution=0.1)
+    solid = np.arange(12) % 3 > 0
+    fixed = selector_for(heightmap, [0.3] * 12, SOLID)
+    chosen = selector_for(heightmap, [0.3] * 12, PatchConfig(), solid)
+    others = set(np.flatnonzero(~solid).tolist())
+    positions = rng.uniform(1.0, 4.0, (12, 3))
+    bodies = np.zeros((12, BODY_COLUMNS))
+    bodies[:, 6] = 1.0
+    for step in range(3):
+        bodies[:, :3] = positions + 0.05 * step
+        chosen.update(bodies, step * DT, DT)
+        assert not chosen.supports["state"][list(others)].any()
+        fixed.update(bodies, step * DT, DT)
+    expected, found = by_body(fixed.batches()), by_body(chosen.batches())
+    for body in others:
+        np.testing.assert_array_equal(found[body], expected[body])
+    chosen.update(bodies, 3 * DT, DT)
+    chosen.terrain.remove("")
+    assert not others & set(by_body(chosen.batches()))
+
+
+@pytest.mark.parametrize(("x", "known"), [(5.02, True), (0.22, False)])
+def test_fixed_patches_say_how_far_they_are_from_the_ground_where_they_know(x: float, *, known: bool) -> None:
+    """Of stride one they are the ground itself; of a coarser one nobody has looked."""
+    heightmap = HeightMap(np.random.default_rng(0).normal(size=(101, 101)), resolution=0.1)
+    selector = selector_for(heightmap, [0.3 if known else 3.0])
+    [batch] = update(selector, np.array([[x, 5.0, 0.0]]))
+    assert (batch.deviation[0] == 0.0) == known
+    assert (batch.stride[0] == 1) == known
+    assert selector.supports["state"][0] == Support.FIELD

@@ -1,0 +1,221 @@
+"""Every search finds what brute force finds, or is refused."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, PatchConfig, Sphere, World, WorldConfig
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.patches.config import SearchMethod
+from smartmesh_ros.report.best_first import best_first_cells, best_first_vertex, best_first_vertices
+from smartmesh_ros.report.brute_force import BruteForce, brute_force_cells
+from smartmesh_ros.report.methods import require_search
+from smartmesh_ros.report.nearest import Cells, nearest_vertices, uniform_grid_vertices
+from smartmesh_ros.report.ray_cast import ray_cast
+from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.mesh_shape import count_parts
+from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+
+
+def horizontal_brute_force(mesh: TriangleMesh, positions: np.ndarray) -> np.ndarray:
+    """Nearest vertex seen from above, written out; the lowest index of equal ones."""
+    distance = ((mesh.vertices[None, :, :2] - positions[:, None, :2]) ** 2).sum(axis=2)
+    return distance.argmin(axis=1)
+
+
+def stretched(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
+    """A grid of uneven rows and columns, with rough heights."""
+    x, y = np.cumsum(rng.uniform(0.1, 2.0, columns)), np.cumsum(rng.uniform(0.1, 2.0, rows))
+    r, c = np.divmod(np.arange(rows * columns), columns)
+    return np.stack([x[c], y[r], rng.normal(size=rows * columns)], axis=1)
+
+
+def around(rng: np.random.Generator, vertices: np.ndarray, count: int = 60) -> np.ndarray:
+    """Positions inside, on the rim and outside, and some straight over vertices and between them."""
+    low, high = vertices.min(axis=0) - 2.0, vertices.max(axis=0) + 2.0
+    free = rng.uniform(low, high, (count, 3))
+    over = vertices[rng.integers(len(vertices), size=count)]
+    between = 0.5 * (vertices[:-1] + vertices[1:])[rng.integers(len(vertices) - 1, size=count)]
+    return np.concatenate([free, over, between])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(3, 14), st.integers(3, 14))
+def test_best_first_equals_brute_force_on_stretched_grids(seed: int, rows: int, columns: int) -> None:
+    rng = np.random.default_rng(seed)
+    mesh = TriangleMesh(stretched(rng, rows, columns), grid_triangles(rows, columns))
+    require_search("best_first", mesh)
+    positions = around(rng, mesh.vertices)
+    expected = horizontal_brute_force(mesh, positions)
+    starts = rng.integers(mesh.size, size=len(positions))
+    np.testing.assert_array_equal(best_first_vertices(mesh, mesh.graph.padded(), positions, starts), expected)
+    singly = [best_first_vertex(mesh, p, int(s)) for p, s in zip(positions, starts, strict=True)]
+    np.testing.assert_array_equal(singly, expected)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(4, 60))
+def test_best_first_equals_brute_force_on_delaunay_meshes(seed: int, count: int) -> None:
+    """Any triangle pattern: random points in a square, triangulated by Matplotlib's Delaunay."""
+    from matplotlib.tri import Triangulation
+
+    rng = np.random.default_rng(seed)
+    xy = np.concatenate([[[0, 0], [0, 10], [10, 0], [10, 10]], rng.uniform(0.5, 9.5, (count, 2))])
+    triangles = np.array(Triangulation(xy[:, 0], xy[:, 1]).triangles)
+    mesh = TriangleMesh(np.column_stack([xy, rng.normal(size=len(xy))]), triangles)
+    require_search("best_first", mesh)
+    positions = around(rng, mesh.vertices)
+    starts = rng.integers(mesh.size, size=len(positions))
+    found = best_first_vertices(mesh, mesh.graph.padded(), positions, starts)
+    np.testing.assert_array_equal(found, horizontal_brute_force(mesh, positions))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(3, 30), st.integers(3, 30), st.floats(-3.0, 3.0))
+def test_every_search_agrees_on_height_maps(seed: int, rows: int, columns: int, yaw: float) -> None:
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=0.25, origin=(1.0, 2.0, 0.0), yaw=yaw)
+    rng = np.random.default_rng(seed)
+    grid = rng.uniform((-3, -3), (rows + 3, columns + 3), (50, 2))
+    grid[:10] = np.rint(grid[:10]) + 0.5  # as far from four vertices alike: the first of them is the nearest
+    expected = brute_force_cells(geometry, grid)
+    traversal = nearest_vertices(geometry, grid)
+    starts = Cells(rng.integers(1, rows - 1, 50), rng.integers(1, columns - 1, 50))
+    walked = best_first_cells(geometry, grid, starts)
+    for found in (traversal, walked):
+        np.testing.assert_array_equal(found.rows, expected.rows)
+        np.testing.assert_array_equal(found.columns, expected.columns)
+
+
+def test_brute_force_is_three_dimensional_on_general_meshes() -> None:
+    upright = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 10], [1, 0, 10]], [[0, 1, 2], [1, 3, 2]])
+    search = BruteForce(upright.size)
+    assert search.nearest(upright.coordinates, np.array([0.1, 0.0, 9.0])) == 2
+    assert search.nearest(upright.coordinates, np.array([0.1, 0.0, 1.0])) == 0
+    assert search.nearest(upright.coordinates, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_grid_traversal_of_a_mesh_equals_brute_force(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    r, c = np.divmod(np.arange(7 * 9), 9)
+    angle = rng.uniform(-3, 3)
+    xy = np.stack([0.3 * c, 0.7 * r]).T @ [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    mesh = TriangleMesh(np.column_stack([xy, rng.normal(size=63)]), grid_triangles(7, 9))
+    require_search("grid_traversal", mesh)
+    positions = around(rng, mesh.vertices)[:60]
+    assert mesh.shape.grid is not None
+    found = uniform_grid_vertices(mesh.shape.grid, positions)
+    np.testing.assert_array_equal(found, horizontal_brute_force(mesh, positions))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_ray_finds_the_nearest_vertex_of_its_own_patch_or_says_that_it_missed(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    vertices = stretched(rng, 5, 5)
+    triangles = grid_triangles(5, 5)
+    positions = around(rng, vertices)
+    positions[:, 2] = vertices[:, 2].max() + 1.0
+    hits = ray_cast(positions, np.broadcast_to(vertices, (len(positions), 25, 3)), triangles)
+    low, high = vertices[0, :2], vertices[-1, :2]
+    over = ((positions[:, :2] >= low) & (positions[:, :2] <= high)).all(axis=1)
+    np.testing.assert_array_equal(hits >= 0, over)
+    for position, hit in zip(positions[over], hits[over], strict=True):
+        # The nearest corner of the triangle that was hit, as the report's implementation returns it.
+        distances = np.linalg.norm(vertices[:, :2] - position[:2], axis=1)
+        mine = [t for t in triangles.tolist() if hit in t and min(distances[t]) == distances[hit]]
+        assert mine
+    below = positions.copy()
+    below[:, 2] = vertices[:, 2].min() - 1.0
+    assert (ray_cast(below, np.broadcast_to(vertices, (len(below), 25, 3)), triangles) == -1).all()
+
+
+def folded_mesh() -> TriangleMesh:
+    """A grid of which some columns are folded back over others."""
+    r, c = np.divmod(np.arange(10 * 30), 30)
+    x = np.where(c < 20, c, 38 - c).astype(float) + 0.01 * c
+    return TriangleMesh(np.stack([x, r.astype(float), np.zeros(300)], axis=1), grid_triangles(10, 30))
+
+
+def sheared_mesh() -> TriangleMesh:
+    """A grid whose rows and columns ascend, as the report asks, but slantwise."""
+    r, c = np.divmod(np.arange(12 * 12), 12)
+    return TriangleMesh(np.stack([c + 4.0 * r, r + 0.0, np.zeros(144)], axis=1), grid_triangles(12, 12))
+
+
+@pytest.mark.parametrize("mesh", [folded_mesh(), sheared_mesh()], ids=["folded", "sheared"])
+def test_where_best_first_is_wrong_it_is_refused(mesh: TriangleMesh) -> None:
+    rng = np.random.default_rng(0)
+    positions = around(rng, mesh.vertices)
+    starts = rng.integers(mesh.size, size=len(positions))
+    found = best_first_vertices(mesh, mesh.graph.padded(), positions, starts)
+    assert (found != horizontal_brute_force(mesh, positions)).any(), "it gets stuck"
+    with pytest.raises(InputError, match="best_first") as error:
+        require_search("best_first", mesh)
+    assert error.value.reason == "search_method"
+    assert "use brute_force, ray_cast" in str(error.value)
+    with pytest.raises(InputError, match="grid_traversal"):
+        require_search("grid_traversal", mesh)
+    require_search("brute_force", mesh)
+    require_search("ray_cast", mesh)
+
+
+def parts_by_walking(triangles: np.ndarray) -> int:
+    """Parts of a mesh, by walking from triangle to triangle over common vertices."""
+    left, parts = [set(triangle) for triangle in triangles.tolist()], 0
+    while left:
+        parts += 1
+        part = left.pop()
+        while touching := [triangle for triangle in left if triangle & part]:
+            part = part.union(*touching)
+            left = [triangle for triangle in left if triangle not in touching]
+    return parts
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 30)] * 3).filter(lambda t: len(set(t)) == 3), min_size=1, max_size=25))
+def test_parts_of_a_mesh_are_counted(triangles: list[tuple[int, int, int]]) -> None:
+    table = np.array(triangles)
+    assert count_parts(table, 31) == parts_by_walking(table)
+
+
+def test_parts_of_a_long_strip_are_counted() -> None:
+    first = np.random.default_rng(0).permutation(4002)
+    strip = np.stack([first[:-2], first[1:-1], first[2:]], axis=1)
+    assert count_parts(strip, 4002) == 1
+    assert count_parts(np.concatenate([strip[:2000], strip[2003:]]), 4002) == 2
+
+
+def waves(*, shared: bool) -> TriangleMesh:
+    """Ground whose vertices are no even grid; not shared = three vertices for each triangle, as in STL files."""
+    r, c = np.divmod(np.arange(100), 10)
+    vertices = np.stack([c + 0.2 * np.sin(r), r + 0.0, 0.1 * np.sin(c)], axis=1)
+    triangles = grid_triangles(10, 10)
+    if shared:
+        return TriangleMesh(vertices, triangles)
+    return TriangleMesh(vertices[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3))
+
+
+def test_a_world_takes_a_mesh_of_any_grid_without_settings() -> None:
+    with World(waves(shared=True)) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((4.6, 4.2, 0.3)))
+        world.step(240)
+        height = world.ground_at([world.state("ball").position[:2]]).z[0]
+        assert world.state("ball").position[2] == pytest.approx(height + 0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("search", get_args(SearchMethod))
+def test_a_mesh_of_several_parts_is_refused_with_the_reason(search: SearchMethod) -> None:
+    """Whatever search, as a whole world, as the mesh of a tile, and before any body can fall through."""
+    rock = np.array([[4.0, 4.0, 0.2], [4.4, 4.0, 0.2], [4.2, 4.4, 0.2]])
+    floor = waves(shared=True)
+    split = waves(shared=False)
+    two = TriangleMesh(np.concatenate([floor.vertices, rock]), np.concatenate([floor.triangles, [[100, 101, 102]]]))
+    for mesh, parts in ((two, "2 parts"), (split, f"{len(split.triangles)} parts")):
+        with pytest.raises(InputError, match=parts) as error:
+            World(mesh, WorldConfig(patch=PatchConfig(kind="trimesh", search=search)))
+        assert "height map" in str(error.value)
+        assert "brute_force" not in str(error.value)

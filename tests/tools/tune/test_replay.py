@@ -1,0 +1,149 @@
+"""A replayed bag is what the node makes of it, and the yardstick is right."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import Pose
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.testing import bags, heightmap_message
+from smartmesh_ros.tools.tune import space
+from smartmesh_ros.tools.tune.bag import Bag
+from smartmesh_ros.tools.tune.bag_case import BagCase
+from smartmesh_ros.tools.tune.confirm import Verdict
+from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
+from smartmesh_ros.tools.tune.front import Point
+from smartmesh_ros.tools.tune.measuring import run
+from smartmesh_ros.tools.tune.parameter_file import parameter_file
+from smartmesh_ros.tools.tune.replay import Replay
+from smartmesh_ros.tools.tune.start import settings_of
+
+RATE, STEPS = 240.0, 96
+MAPS = 12  # steps from one to the next
+START: dict[str, Any] = {
+    "bodies.spawn": [
+        "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0.1, 0.2], above: 0.3}",
+        "{id: crate, shape: box, size: [0.3, 0.2, 0.2], mass: 2.0, xy: [-1.0, 0.5], above: 0.2, yaw: 0.4}",
+    ]
+}
+
+
+def wave(time: float) -> np.ndarray:
+    x = np.linspace(-3.0, 3.0, 41)
+    return np.asarray(np.tile(0.1 * np.sin(2.0 * x - 4.0 * time), (41, 1)), np.float32)
+
+
+def messages(yaw: float = 0.0) -> Iterator[tuple[str, float, Any]]:
+    """Maps and a tracked body whose stamps are not set, so that they count from when they arrive."""
+    for step in range(0, STEPS, MAPS):
+        time = step / RATE
+        origin = (-3.0 * math.cos(yaw) + 3.0 * math.sin(yaw), -3.0 * math.sin(yaw) - 3.0 * math.cos(yaw), 0.0)
+        yield (
+            "/terrain_collider/heightmap",
+            time,
+            heightmap_message(wave(time), resolution=0.15, origin=origin, yaw=yaw),
+        )
+        pose = Pose()
+        pose.position.x, pose.position.z = 1.0 + 0.2 * time, 0.25
+        body = TrackedBody(id="rover", pose=pose, radius=0.2)
+        body.twist.linear.x = 0.2  # else the node estimates it by its own clock
+        yield "/terrain_collider/tracked_bodies", time, TrackedBodyArray(bodies=[body])
+
+
+def flat(state: BodyState) -> list[float]:
+    return [*state.position, *state.orientation, *state.linear, *state.angular]
+
+
+@pytest.fixture
+def node(domain: int) -> Iterator[TerrainCollider]:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    overrides = [Parameter(name, value=value) for name, value in START.items()]
+    made = TerrainCollider(context=context, parameter_overrides=overrides)
+    made.pause(True)
+    yield made
+    made.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_replayed_bag_is_what_the_node_makes_of_it(node: TerrainCollider, tmp_path: Path, storage: Any) -> None:
+    recorded = list(messages())
+    bags.write(tmp_path / "bag", recorded, storage)
+    case = BagCase(Bag(tmp_path / "bag"), START)
+    settings = settings_of(START)
+    takes = {sub.topic_name: sub.callback for sub in node.subscriptions}
+    with Replay(settings, case.bodies()) as replay:
+        fed = -math.inf
+        for step in range(STEPS):
+            for topic, time, message in recorded:
+                if round(time * RATE) == step:
+                    takes[topic](serialize_message(message))
+            node.step(1)
+            events, fed = case.events(fed, replay.world.time), replay.world.time
+            replay.step(events)
+        world = node.session.world
+        assert set(world.bodies) == set(replay.world.bodies) == {"ball", "crate", "rover"}
+        for name in world.bodies:
+            assert flat(replay.world.state(name)) == pytest.approx(flat(world.state(name)), abs=1e-9), name
+        assert not replay.refused and not node.refusals.counts
+        # And it has not merely fallen: it is where the wave is.
+        ball = replay.world.state("ball").position
+        below = replay.world.terrain.at([ball[:2]], replay.world.time).heights[0]
+        assert 0.15 < ball[2] - below < 0.5
+
+
+def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> None:
+    found = []
+    for yaw in (0.0, 0.5):
+        bags.write(tmp_path / f"{yaw}", messages(yaw))
+        x, y = 0.1 * math.cos(yaw) - 0.2 * math.sin(yaw), 0.1 * math.sin(yaw) + 0.2 * math.cos(yaw)
+        ball = f"{{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, {y}], above: 0.25}}"
+        case = BagCase(Bag(tmp_path / f"{yaw}"), {"bodies.spawn": [ball]})
+        found += run(case, [settings_of(case.start)], case.span.confirm, None)
+    assert found[0].bodies == found[1].bodies == 1 and not found[0].note
+    assert found[0].penetration == pytest.approx(found[1].penetration, abs=2e-5)
+    assert found[0].hover == pytest.approx(found[1].hover, abs=2e-5)
+
+
+def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) -> None:
+    """Control: with patches that wait for the next map, bodies are inside the ground by what it rises."""
+    bags.write(tmp_path / "bag", messages())
+    case = BagCase(Bag(tmp_path / "bag"), START)
+    hold = {**START, "terrain.motion": "hold", "patch.carry_velocity": False}
+    kept, lagging = run(case, [settings_of(START), settings_of(hold)], case.span.confirm, case.reference())
+    assert kept.penetration < 0.5 * lagging.penetration
+    assert kept.hover < 0.5 * lagging.hover
+    assert kept.cost > 0.0 and kept.longest > 0.0
+
+
+def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
+    """And how the node gets them from there, unless they are on its own topic."""
+    chosen = Point(space.defaults(), Figures())
+    limits = Limits()
+    verdict = Verdict(
+        chosen=chosen, keeps=True, on_front=False, defaults=Figures(), others={}, limits=limits, searched=limits,
+        short=Figures(),
+    )  # fmt: skip
+    for topic, words in (
+        ("/mapper/heights", "which the node takes on ~/heightmap: start it with -r ~/heightmap:=/mapper/heights"),
+        ("/terrain_collider/heightmap", "which the node takes on ~/heightmap."),
+    ):
+        bag = tmp_path / topic.rpartition("/")[2]
+        others = [("/elsewhere/heightmap", time, message) for name, time, message in messages() if "height" in name]
+        renamed = [(topic if "height" in name else name, time, message) for name, time, message in messages()]
+        bags.write(bag, sorted([*renamed, *others], key=lambda record: record[1]))
+        case = BagCase(Bag(bag), START, topic)
+        text = parameter_file(case, Asked(), verdict).replace("\n# ", " ")
+        assert f"Maps: {topic} (smartmesh_msgs/msg/Heightmap), {words}" in text
+        assert "/elsewhere" not in text

@@ -1,0 +1,278 @@
+"""What the page is made of, without a browser: knobs from descriptions, colours, clicks, and the terrain's messages."""
+
+import asyncio
+import colorsys
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.parameters import declaring
+from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.tools.client.messages import KINDS
+from smartmesh_ros.tools.testing.messages import floats, heightmap_message
+from tests.examples import examples
+
+pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
+
+from smartmesh_ros.tools.view import looks, picking
+from smartmesh_ros.tools.view.ground import Ground
+from smartmesh_ros.tools.view.knobs import Kind, knob_of, nice_step, parameter_of, shown_value
+from smartmesh_ros.tools.view.looks import PatchLook, patch_look
+from smartmesh_ros.tools.view.page import Page
+from smartmesh_ros.tools.view.scene import Scene
+from smartmesh_ros.tools.view.server import start_server, stop_server
+from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
+from smartmesh_ros.tools.view.sunk import Depth, triangles_by_depth
+from smartmesh_ros.tools.view.terrain_scene import TerrainConfig, TerrainScene
+
+
+def knobs() -> dict:
+    """Knobs of all of the node's parameters, at their defaults, from the descriptions that the node declares."""
+    found = {spec.name: knob_of(named_descriptor(spec), spec.default) for spec in SPECS}
+    return {name: knob for name, knob in found.items() if knob is not None}
+
+
+def named_descriptor(spec: declaring.Spec) -> ParameterDescriptor:
+    descriptor = declaring._descriptor(spec)
+    descriptor.name = spec.name
+    return descriptor
+
+
+def test_every_parameter_that_may_change_has_a_knob_and_no_other() -> None:
+    assert knobs().keys() == {spec.name for spec in SPECS if not spec.read_only}
+
+
+def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
+    for spec in SPECS:
+        knob = knobs().get(spec.name)
+        if knob is None:
+            continue
+        assert spec.description in knob.hint
+        assert knob.choices == spec.choices
+        if isinstance(spec.default, int | float) and not isinstance(spec.default, bool):
+            assert (knob.low, knob.high) == (spec.low, spec.high)
+            assert knob.low <= knob.value <= knob.high
+            assert type(knob.step) is type(spec.default)
+        sent = parameter_of(knob, knob.value).value
+        assert declaring._checked(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, sent
+
+
+def test_kinds_of_knobs() -> None:
+    found = knobs()
+    assert found["physics.friction"].kind is Kind.SLIDER
+    assert found["patch.kind"].kind is Kind.CHOICE
+    assert found["physics.guard"].kind is Kind.SWITCH
+    assert found["physics.gravity"].kind is Kind.TEXT
+    assert found["physics.solver_residual"].kind is Kind.NUMBER, "no slider can be set to 1e-7 of 1"
+
+
+@given(low=st.floats(0, 1), length=st.floats(0.1, 1e4), share=st.floats(0, 1))
+@examples(200)
+def test_sliders_can_stand_at_values_of_few_digits(low: float, length: float, share: float) -> None:
+    value = float(f"{low + share * length:.3g}")
+    step = nice_step(value, low, low + length)
+    assert abs(value / step - round(value / step)) < 1e-3
+    assert step <= length / 100
+
+
+def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
+    knob = knobs()["physics.gravity"]
+    assert list(parameter_of(knob, "[0, 0, -1]").value) == [0.0, 0.0, -1.0]
+    for wrong in ("", "0, 0", "[0, 0", "{a: 1}"):
+        with pytest.raises(InputError, match=r"must be a list, such as \[0.0, 0.0, -9.81\]"):
+            parameter_of(knob, wrong)
+    assert shown_value([0.0, 1.0]) == "[0.0, 1.0]"
+
+
+def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
+    seen = {patch_look(kind, stride) for kind in KINDS.values() for stride in (1, 2, 3, 4, 5, 100)}
+    assert seen == set(PatchLook)
+    assert patch_look("heightfield", 1) is not patch_look("trimesh", 1)
+    for one, other in itertools.combinations(PatchLook, 2):
+        first, second = (np.array(colorsys.rgb_to_yiq(*np.divide(look.colour, 255))) for look in (one, other))
+        assert np.linalg.norm(first - second) > 0.1, (one, other)
+
+
+@pytest.mark.parametrize(
+    ("kind", "dimensions"),
+    [
+        (BodyDescription.SPHERE, (0.5,)),
+        (BodyDescription.BOX, (0.2, 0.4, 0.6)),
+        (BodyDescription.CYLINDER, (0.3, 0.8)),
+        (BodyDescription.CAPSULE, (0.3, 0.8)),
+    ],
+)
+def test_shapes_are_closed_and_reach_as_far_as_their_radius(kind: int, dimensions: tuple[float, ...]) -> None:
+    mesh = looks.shape_mesh(kind, dimensions)
+    assert mesh.is_watertight
+    assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(looks.radius_of(kind, dimensions), rel=1e-3)
+
+
+@given(forces=st.lists(st.floats(0.1, 1e4), min_size=1, max_size=20))
+@examples(50)
+def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[float]) -> None:
+    count = len(forces)
+    normals = np.tile([0.0, 0.0, 1.0], (count, 1))
+    points = looks.arrows(np.zeros((count, 3)), normals, np.array(forces), 0.7)
+    lengths = points[:, 1, 2] - points[:, 0, 2]
+    assert lengths.max() == pytest.approx(0.7)
+    assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
+
+
+def test_contacts_without_force_have_no_arrow() -> None:
+    normals = np.tile([0.0, 0.0, 1.0], (3, 1))
+    assert len(looks.arrows(np.zeros((3, 3)), normals, np.array([math.nan, 0.0, 5.0]), 1.0)) == 1
+
+
+def ground_of(heights: np.ndarray, **options: object) -> Ground:
+    ground = Ground()
+    ground.take_map(serialize_message(heightmap_message(heights, **options)))
+    ground.apply_waiting()
+    return ground
+
+
+@given(yaw=st.floats(-3, 3), x=st.floats(-3, 3), y=st.floats(-3, 3), slope=st.floats(-1, 1))
+@examples(50)
+def test_a_click_meets_the_ground_that_is_seen_there(yaw: float, x: float, y: float, slope: float) -> None:
+    """On a plane, which triangles and rectangles of samples represent exactly."""
+    across = np.linspace(0.0, 20.0, 101)
+    cos, sin = 10.0 * math.cos(yaw), 10.0 * math.sin(yaw)
+    origin = (sin - cos, -sin - cos, 1.0)
+    ground = ground_of(np.tile(slope * across, (101, 1)), resolution=0.2, yaw=yaw, origin=origin)
+    target = np.array([x, y, ground.heights(np.array([[x, y]]))[0]])
+    eye = np.array([1.0, -30.0, 60.0])
+    hit = picking.ground_hit(eye, (target - eye) / np.linalg.norm(target - eye), ground)
+    assert hit is not None
+    assert np.allclose(hit, target, atol=1e-3)
+
+
+def test_a_click_beside_the_ground_meets_none() -> None:
+    ground = ground_of(np.zeros((11, 11)))
+    assert picking.ground_hit(np.array([50.0, 50.0, 9.0]), np.array([0.0, 0.0, -1.0]), ground) is None
+    assert picking.ground_hit(np.array([0.5, 0.5, 9.0]), np.array([0.0, 0.0, 1.0]), ground) is None
+
+
+def test_a_click_meets_the_nearest_body_on_its_way() -> None:
+    ball = Appearance(BodyDescription.SPHERE, (0.5,))
+    sight = Sight(
+        poses={name: Pose((x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, x in (("far", 8.0), ("near", 4.0))},
+        appearances={"far": ball, "near": ball},
+    )
+    assert picking.body_hit(np.zeros(3), np.array([1.0, 0.0, 0.0]), sight) == "near"
+    assert picking.body_hit(np.zeros(3), np.array([-1.0, 0.0, 0.0]), sight) is None
+    assert picking.body_hit(np.array([0.0, 2.0, 0.0]), np.array([1.0, 0.0, 0.0]), sight) is None
+
+
+def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
+    ground = ground_of(np.zeros((6, 8)))
+    region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
+    ground.take_region(serialize_message(region))
+    ground.apply_waiting()
+    expected = np.zeros((6, 8))
+    expected[1:3, 2:5] = 1.0
+    assert np.array_equal(ground.tiles[""].heights, expected)
+    ground.take_region(serialize_message(region))
+    ground.take_map(serialize_message(heightmap_message(np.full((6, 8), 2.0))))
+    ground.apply_waiting()
+    assert (ground.tiles[""].heights == 2.0).all()
+    for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
+        ground.take_region(spoilt)
+        ground.take_map(spoilt)
+        ground.apply_waiting()
+    assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
+
+
+def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
+    sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
+    triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
+    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
+    assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
+
+
+def test_ruts_are_coloured_while_that_is_asked_for() -> None:
+    ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
+    server = start_server("127.0.0.1", 0)
+    try:
+        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+
+        def colours(*, sunk: bool) -> set[str]:
+            scene.show(ground, np.zeros((0, 3)), np.zeros(0), sunk=sunk)
+            return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
+
+        assert colours(sunk=True) == set()
+        rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
+        ground.take_region(serialize_message(rut))
+        ground.apply_waiting()
+        assert colours(sunk=True) == {"DEEP"}
+        mesh = drawn["/sunk/terrain/map/DEEP"]
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
+        assert colours(sunk=False) == set()
+        ground.take_map(serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
+        ground.apply_waiting()
+        assert colours(sunk=True) == set()
+    finally:
+        stop_server(server)
+
+
+def test_a_robot_has_its_name_above_it() -> None:
+    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
+    for text, least in ((urdf, 0.2), ("no robot", 0.0)):
+        server = start_server("127.0.0.1", 0)
+        try:
+            sight = Sight(
+                poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
+                appearances={"rover": Appearance(BodyDescription.ROBOT, urdf=text)},
+                bases={"b": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
+            )
+            scene = Scene(server)
+            scene.show(Ground(), sight)
+            label = server.scene._handle_from_node_name["/labels/rover"]
+            assert label.text == "rover" and label.visible
+            assert np.allclose(label.position[:2], (3.0, 4.0)) and label.position[2] > 1.0 + least
+            scene.show(Ground(), Sight())
+            assert "/labels/rover" not in server.scene._handle_from_node_name
+        finally:
+            stop_server(server)
+
+
+def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
+    """The first has short names, the other prefixed ones."""
+    urdf = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
+    places = {"one": (3.0, 4.0), "two": (-1.0, 2.0)}
+    server = start_server("127.0.0.1", 0)
+    try:
+        poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
+        appearances = {name: Appearance(BodyDescription.ROBOT, urdf=urdf) for name in places}
+        sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
+        Scene(server).show(Ground(), sight)
+        for name, place in places.items():
+            assert np.allclose(server.scene._handle_from_node_name[f"/labels/{name}"].position[:2], place)
+    finally:
+        stop_server(server)
+
+
+def test_a_page_is_refreshed_by_the_thread_that_sends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From another thread, viser now and then failed with "deque mutated during iteration"."""
+    server, loops = start_server("localhost", 0), []
+    page = Page.__new__(Page)
+    page._server = server
+
+    async def refresh(_: Page) -> None:
+        loops.append(asyncio.get_running_loop())
+
+    monkeypatch.setattr(Page, "_refresh", refresh)
+    try:
+        page.refresh()
+        assert loops == [server.get_event_loop()]
+    finally:
+        stop_server(server)

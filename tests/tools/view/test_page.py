@@ -1,0 +1,203 @@
+"""The page in a real browser: what it draws is where the node says, and what is turned on it reaches the node."""
+
+import colorsys
+import io
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from rcl_interfaces.srv import GetParameters
+from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs.msg import BodyDescription, ColliderPatch
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
+
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing.messages import pose_message
+from smartmesh_ros.tools.view.looks import BODY_COLOURS, PatchLook
+from tests.node.shared import changed
+
+WIDTH, HEIGHT = 860, 560
+CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
+FIELD_OF_VIEW = math.radians(75.0)
+# Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
+FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
+BOX = (0.5, 0.5, 0.3)
+
+
+@pytest.fixture(scope="module")
+def page(shown: tuple[Probe, Process], browser: Any) -> Iterator[Any]:
+    """The page, looking down on the two places from a known camera."""
+    _, view = shown
+    [url] = re.findall(r"shown at (\S+)", view.output)
+    opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
+    opened.goto(f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
+    opened.set_default_timeout(1000 * TIMEOUT)
+    opened.get_by_text("running", exact=False).first.wait_for()
+    yield opened
+    opened.close()
+
+
+def pixel(point: Any) -> tuple[int, int]:
+    """Column and row at which the page shows a point (3,) [m]."""
+    forward = (LOOK_AT - CAMERA) / np.linalg.norm(LOOK_AT - CAMERA)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    offset = np.asarray(point) - CAMERA
+    scale = HEIGHT / 2 / math.tan(FIELD_OF_VIEW / 2) / (offset @ forward)
+    return round(WIDTH / 2 + scale * (offset @ right)), round(HEIGHT / 2 - scale * (offset @ np.cross(right, forward)))
+
+
+def hues(page: Any) -> np.ndarray:
+    """Hue [degrees] of every pixel (rows, columns) of the page; NaN where there is hardly any colour."""
+    image = Image.open(io.BytesIO(page.screenshot())).convert("HSV")
+    hue, saturation, _ = np.moveaxis(np.asarray(image).astype(float), -1, 0)
+    return np.where(saturation > 60, hue * 360.0 / 255.0, np.nan)
+
+
+def count(picture: np.ndarray, colour: tuple[int, int, int], points: Any, margin: int = 4) -> int:
+    """Pixels of about a colour's hue in the rectangle that holds points (n, 3) [m]."""
+    places = np.array([pixel(point) for point in np.reshape(points, (-1, 3))])
+    (left, top), (right, bottom) = places.min(axis=0) - margin, places.max(axis=0) + margin
+    hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in colour))[0]
+    away = np.abs((picture[top:bottom, left:right] - hue + 180.0) % 360.0 - 180.0)
+    return int((away < 12.0).sum())
+
+
+def spawn(probe: Probe, name: str, xy: tuple[float, float]) -> None:
+    shape = SolidPrimitive(type=SolidPrimitive.BOX, dimensions=list(BOX))
+    answer = probe.call("spawn_body", SpawnBody, id=name, mass=5.0, shape=shape, pose=pose_message((*xy, 0.3)))
+    assert answer.success, answer.message
+
+
+def position(probe: Probe, name: str) -> tuple[float, float, float]:
+    [body, *_] = probe.wait_for(lambda: [body for body in probe.latest("body_states").bodies if body.id == name])
+    return body.pose.position.x, body.pose.position.y, body.pose.position.z
+
+
+def patch(probe: Probe, name: str) -> tuple[int, np.ndarray]:
+    """Kind and vertices (n, 3) [m] of a body's patch."""
+    found = [patch for patch in probe.latest("collider_patches").patches if patch.body_id == name]
+    return (found[0].kind, np.array([(v.x, v.y, v.z) for v in found[0].mesh.vertices])) if found else (-1, np.empty(0))
+
+
+def parameter(probe: Probe, name: str) -> Any:
+    return probe.call("get_parameters", GetParameters, names=[name]).values[0]
+
+
+def row(page: Any, name: str) -> Any:
+    """What stands beside the label of a parameter."""
+    return page.locator("label").get_by_text(name, exact=True).locator("xpath=ancestor::div[2]")
+
+
+def wait(probe: Probe, page: Any, condition: Any) -> Any:
+    """Until a condition holds, while the page and the probe go on; its value."""
+
+    def holds() -> Any:
+        page.wait_for_timeout(100)
+        return condition()
+
+    return probe.wait_for(holds)
+
+
+def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    spawn(probe, "flat", FLAT)
+    spawn(probe, "waves", WAVES)
+    names = ("flat", "waves")
+    purple, orange = BODY_COLOURS[BodyDescription.BOX], PatchLook.FIELD_1.colour
+    for name in names:
+        wait(probe, page, lambda name=name: patch(probe, name)[0] == ColliderPatch.HEIGHTFIELD)
+    corners = {name: patch(probe, name)[1] for name in names}
+
+    def drawn(colours: np.ndarray) -> bool:
+        patches = all(count(colours, orange, corners[name]) > 30 for name in names)
+        return patches and all(count(colours, purple, position(probe, name), margin=8) > 30 for name in names)
+
+    seen = wait(probe, page, lambda: [p] if drawn(p := hues(page)) else [])[0]
+    for colour in (purple, orange):
+        assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
+    with changed(probe, {"physics.sleep": True}):
+        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) < 5 for name in names))
+    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) > 30 for name in names))
+    spawn(probe, "later", BARE)
+    place = position(probe, "later")
+    wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)
+    assert probe.call("remove_body", RemoveBody, id="later").success
+    wait(probe, page, lambda: count(hues(page), purple, (*BARE, 0.15), margin=40) == 0)
+
+
+def test_the_button_pauses_the_node_and_lets_it_go_on(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    page.get_by_role("button", name="Pause").click()
+    wait(probe, page, lambda: probe.diagnostics("physics")["paused"] == "True")
+    page.get_by_role("button", name="Continue").click()
+    wait(probe, page, lambda: probe.diagnostics("physics")["paused"] == "False")
+    page.get_by_role("button", name="Pause").wait_for()
+
+
+def test_a_click_tells_the_name_of_a_body_and_its_patch(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    page.mouse.click(*pixel(position(probe, "flat")))
+    page.get_by_text("patch: heightfield, stride 1").wait_for()
+    page.get_by_text("flat").first.wait_for()
+    page.mouse.click(*pixel(position(probe, "waves")))
+    page.get_by_text("waves").first.wait_for()
+
+
+def test_a_click_spawns_a_ball_where_it_met_the_ground(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    page.locator("input[value='shows what it is']").first.click()
+    page.get_by_role("option", name="spawns a ball").click()
+    page.mouse.click(*pixel((*BARE, 0.0)))
+    x, y, _ = position(probe, "ball_1")
+    assert math.dist((x, y), BARE) < 0.05
+    assert probe.call("remove_body", RemoveBody, id="ball_1").success
+
+
+def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Process], page: Any) -> None:
+    probe, _ = shown
+    before = parameter(probe, "physics.friction").double_value
+    page.get_by_role("tab", name="Parameters").click()
+    row(page, "friction").get_by_role("slider").focus()
+    page.keyboard.press("ArrowRight")
+    wait(probe, page, lambda: parameter(probe, "physics.friction").double_value > before)
+    field = row(page, "gravity").get_by_role("textbox")
+    field.fill("[0.0, 1.0]")
+    field.press("Enter")
+    page.get_by_text("refused:").wait_for()
+    assert list(parameter(probe, "physics.gravity").double_array_value) == [0.0, 0.0, -9.81]
+
+
+def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], browser: Any, page: Any) -> None:
+    """Also one that opens when bodies have gone elsewhere."""
+    probe, view = shown
+    [url] = re.findall(r"shown at (\S+)", view.output)
+    for name in ("flat", "waves"):
+        probe.call("remove_body", RemoveBody, id=name)
+    for corner in ((5.0, 5.0), (-5.0, 5.0)):
+        spawn(probe, "corner", corner)
+        position(probe, "corner")
+        opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        opened.goto(url)
+        hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in BODY_COLOURS[BodyDescription.BOX]))[0]
+
+        def seen(opened: Any = opened, hue: float = hue) -> bool:
+            beside_the_panel = hues(opened)[:, : WIDTH - 340]
+            return int((np.abs(beside_the_panel - hue) < 12.0).sum()) > 300
+
+        wait(probe, opened, seen)
+        opened.close()
+        assert probe.call("remove_body", RemoveBody, id="corner").success
+
+
+def test_the_legend_of_the_plot_has_no_dashes(shown: tuple[Probe, Process], page: Any) -> None:
+    page.get_by_role("tab", name="Node").click()
+    legend = page.locator(".u-legend")
+    legend.wait_for()
+    assert "total" in legend.inner_text()
+    assert "--" not in legend.inner_text()

@@ -1,0 +1,340 @@
+"""Bodies of several worlds meet as those of one do, and guests are what their owners say they are."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
+from smartmesh_ros.core import CORE
+from smartmesh_ros.ground.shapes import Shape, form_of, shape_of
+from smartmesh_ros.world.guest_config import GuestConfig
+from smartmesh_ros.world.guests import Guests
+from smartmesh_ros.world.state_table import StateTable
+from smartmesh_ros.world.states import simulated_states
+from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
+from tests.bodies import random_turn, rotation, turn_about
+
+BALL = Sphere(0.2)
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
+SMOOTH = PhysicsConfig(rate=RATE, restitution=0.97, friction=0.0)
+IMPACTS = {  # speeds [m/s] and masses [kg] of two balls
+    "head-on": ((2.5, 1.0), (-2.5, 1.0)),
+    "against a resting ball": ((3.0, 1.0), (0.0, 1.0)),
+    "heavy on light": ((3.0, 5.0), (0.0, 1.0)),
+}
+
+
+def ball(x: float, speed: float, mass: float = 1.0) -> Start:
+    return Start(BALL, mass, x, speed, BALL.radius)
+
+
+def speeds_after(starts: list[list[Start]], late: int, physics: PhysicsConfig, steps: int = 240) -> np.ndarray:
+    """Velocities of all bodies along x at the end [m/s], as their owners have them."""
+    with peers(starts, late, physics) as made:
+        made.step(steps)
+        return np.array([made.state(f"b{index}").linear[0] for index in range(sum(map(len, starts)))])
+
+
+@pytest.mark.parametrize("late", [0, 1, 6])
+@pytest.mark.parametrize("impact", IMPACTS)
+def test_balls_of_two_worlds_part_as_those_of_one(impact: str, late: int) -> None:
+    (v, m), (w, n) = IMPACTS[impact]
+    one, other = ball(-1.0, v, m), ball(0.8, w, n)
+    together = speeds_after([[one, other]], 0, SMOOTH)
+    assert together[1] - together[0] > 0.8 * (v - w)  # they have bounced off each other
+    apart = speeds_after([[one], [other]], late, SMOOTH)
+    assert np.allclose(apart, together, atol=0.01 * (v - w))
+
+
+def test_without_the_rule_late_states_undo_impacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Guests, "note_contacts", lambda _: None)
+    worst = 0.0
+    for (v, m), (w, n) in IMPACTS.values():
+        one, other = ball(-1.0, v, m), ball(0.8, w, n)
+        together = speeds_after([[one, other]], 0, SMOOTH)
+        errors = np.abs(speeds_after([[one], [other]], 6, SMOOTH) - together)
+        worst = max(worst, float(errors.max()) / (v - w))
+    assert worst > 0.1
+
+
+@pytest.mark.parametrize("impact", IMPACTS)
+def test_an_owner_that_is_ahead_does_not_undo_an_impact_that_is_yet_to_be_found(impact: str) -> None:
+    """The second world hears of its peer's future, the first one of its peer's past."""
+    (v, m), (w, n) = IMPACTS[impact]
+    one, other = ball(-1.0, v, m), ball(0.8, w, n)
+    together = speeds_after([[one, other]], 0, SMOOTH)
+    with peers([[one], [other]], 0, SMOOTH) as made:
+        made.worlds[0].step(5)
+        made.step(240)
+        apart = np.array([made.state(name).linear[0] for name in ("b0", "b1")])
+    assert np.allclose(apart, together, atol=0.01 * (v - w))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("impact", IMPACTS)
+def test_worlds_that_step_at_different_instants_find_the_same_impact(impact: str, seed: int) -> None:
+    """What becomes of an impact depends on where in a step it is found: momentum is kept if both find the same."""
+    (v, m), (w, n) = IMPACTS[impact]
+    with peers([[ball(-1.0, v, m)], [ball(0.8, w, n)]], 1, SMOOTH, seed=seed, phases=True) as made:
+        made.step(240)
+        after = [made.state(name).linear[0] for name in ("b0", "b1")]
+    assert after[1] - after[0] > 0.8 * (v - w)
+    assert abs(m * after[0] + n * after[1] - m * v - n * w) < 0.01 * min(m, n) * (v - w)
+
+
+@pytest.mark.parametrize("late", [0, 1, 6])
+def test_a_row_of_balls_over_four_worlds_passes_the_impact_on(late: int) -> None:
+    row = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))]
+    together = speeds_after([row], 0, SMOOTH)
+    assert together[3] > 1.8
+    assert np.allclose(speeds_after([[one] for one in row], late, SMOOTH), together, atol=0.05)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_box_of_one_world_is_pushed_by_that_of_another(late: int) -> None:
+    """A heavy one slides into a light one and takes it along until friction ends it."""
+    rough = PhysicsConfig(rate=RATE, friction=0.3)
+    starts = [Start(Box(0.6, 0.6, 0.4), 20.0, -1.5, 3.0, 0.2), Start(Box(0.4, 0.4, 0.4), 1.0, 0.0, 0.0, 0.2)]
+    ends = []
+    for split, age in (([starts], 0), ([[starts[0]], [starts[1]]], late)):
+        with peers(split, age, rough) as made:
+            made.step(240)
+            ends.append([made.state(name).position[0] for name in ("b0", "b1")])
+    assert ends[0][1] > 0.5
+    assert np.allclose(ends[1], ends[0], atol=0.03)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_box_is_pushed_by_a_robot_of_another_world(late: int) -> None:
+    """The rover drives up to it at its own pace and takes it along; where one world and two have it then."""
+    rough = PhysicsConfig(rate=RATE, friction=0.5)
+    ends = []
+    for split, age in (([0, 0], 0), ([0, 1], late)):
+        made = Peers(max(split) + 1, age, rough)
+        rovers, boxes = (made.worlds[index] for index in split)
+        rovers.spawn_robot("rover", ROVER, BodyState((-1.5, 0.0, 0.12)))
+        boxes.spawn("box", Box(0.4, 1.0, 0.4), 1.0, BodyState((0.0, 0.0, 0.2)))
+        for wheel in ("front_left", "front_right", "rear_left", "rear_right"):
+            rovers.drive("rover", wheel, 6.0)
+        made.step(960)
+        ends.append([made.state(name).position[0] for name in ("rover", "box")])
+        for world in made.worlds:
+            world.close()
+    assert ends[0][1] > 0.5, "it was pushed"
+    assert np.allclose(ends[1], ends[0], atol=0.03)
+
+
+@pytest.mark.parametrize("late", [0, 1, 6])
+def test_a_pile_of_four_worlds_boxes_stands(late: int) -> None:
+    boxes = [Start(Box(0.4, 0.4, 0.4), 1.0, 0.02 * place, 0.0, 0.2 + 0.4 * place) for place in range(4)]
+    with peers([[box] for box in boxes], late) as made:
+        made.step(480)
+        for place, box in enumerate(boxes):
+            state = made.state(f"b{place}")
+            assert np.allclose(state.position, (box.x, 0.0, box.z), atol=0.01)
+            assert math.hypot(*state.linear) < 0.02
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [Sphere(0.2), Box(0.3, 0.4, 0.5), Box(0.3, 0.4, 0.5, centre=(0.1, 0, 0.1)), Cylinder(0.2, 0.5), Capsule(0.1, 0.4)],
+)
+def test_a_guest_is_its_owners_body(shape: Shape) -> None:
+    assert shape_of(form_of(shape)) == shape
+    with peers([[Start(shape, 2.5, 0.0, 0.0, 0.6)], [ball(1.2, 0.0)]], 1) as made:
+        made.step(60)
+        guest = made.worlds[1].bodies["b0"]
+        assert (guest.shape, guest.mass, guest.owner) == (shape, 2.5, "world 0")
+        there, here = made.worlds[0].state("b0"), made.worlds[1].state("b0")
+        assert np.allclose(there.position, here.position, atol=5e-3)
+
+
+def test_guests_are_shown_by_their_owners_only() -> None:
+    with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
+        made.step(5)
+        for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
+            assert set(world.bodies) == {"b0", "b1"}
+            names = world.follower_names()
+            assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
+            assert sum(len(batch.bodies) for batch in world.ground.batches) == 2  # guests stand on patches of their own
+            assert {contact.body for contact in world.contacts()} == {own}
+            assert [wrench.body for wrench in world.wrenches()] == [own]
+            assert [body.name for body in world.snapshot().bodies] == [own]
+            assert simulated_states(world).names == [own]
+
+
+def test_bodies_come_and_go_with_the_distance_and_with_their_owner() -> None:
+    with peers([[ball(-6.0, 4.0)], [Start(BALL, 1.0, 0.0, 0.0, 3.0)]], 0, SMOOTH, GuestConfig(margin=2.6)) as made:
+        world, near = made.worlds[1], []
+        for _ in range(720):
+            made.step()
+            one, other = made.state("b0"), made.state("b1")
+            distance = math.dist(one.position, other.position) - 2.0 * BALL.radius
+            goes = 0.2 * math.dist(one.linear, other.linear)
+            near.append("b0" in world.bodies)
+            if distance < 2.5 + 0.9 * goes:
+                assert near[-1]
+            if distance > 1.5 * 2.6 + goes + 0.1:
+                assert not near[-1]
+        assert sum(a != b for a, b in pairwise(near)) == 2
+    with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
+        made.step(2)
+        made.worlds[1].guests.forget("world 0")
+        assert set(made.worlds[1].bodies) == {"b1"}
+        made.worlds[1].step(5)
+        made.step(2)
+        made.worlds[0].remove("b0")
+        made.step(2)
+        assert set(made.worlds[1].bodies) == {"b1"}
+
+
+def test_what_owners_say_of_impossible_bodies_is_refused_and_the_last_states_stay() -> None:
+    with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
+        made.step(3)
+        states, world = simulated_states(made.worlds[0]), made.worlds[1]
+        for field, value, reason in (
+            ("numbers", math.nan, "non_finite"),
+            ("numbers", 1e300, "quaternion"),
+            ("masses", -1.0, "geometry"),
+            ("masses", math.nan, "geometry"),
+            ("radii", math.inf, "geometry"),
+            ("dimensions", 0.0, "geometry"),
+            ("kinds", 0, "shape"),
+            ("kinds", 200, "shape"),
+        ):
+            bad = states._replace(**{field: np.full_like(getattr(states, field), value)})
+            with pytest.raises(InputError) as refused:
+                world.guests.take("world 0", bad, world.time)
+            assert refused.value.reason == reason
+        made.worlds[1].step(3)
+        assert np.allclose(world.state("b0").position, (0.0, 0.0, 0.2), atol=1e-3)
+
+
+def test_two_owners_of_one_name_are_named_and_neither_body_is_a_guest() -> None:
+    with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
+        for one in (world, other):
+            one.spawn("twin", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
+        other.spawn("single", BALL, 1.0, BodyState((1.0, 0.0, 0.2)))
+        world.spawn("mine", BALL, 1.0, BodyState((0.0, 0.8, 0.2)))
+        world.step()
+        states = simulated_states(other)
+        [objection] = world.guests.take("/fleet/b", states, world.time)
+        assert objection.reason == "two_owners"
+        assert "'twin' is simulated by /fleet/b and by this node" in str(objection)
+        assert world.guests.take("/fleet/b", states, world.time) == []  # said once
+        [objection] = world.guests.take("/fleet/c", states._replace(names=["other", "single"]), world.time)
+        assert "/fleet/c and by /fleet/b" in str(objection)
+        world.step(4)
+        assert {name: body.owner for name, body in world.bodies.items()} == {
+            "twin": "", "mine": "", "other": "/fleet/c",
+        }  # fmt: skip
+        for name in ("single", "other"):
+            with pytest.raises(InputError, match="simulated by /fleet"):
+                world.spawn(name, BALL, 1.0) if name == "single" else world.remove(name)
+        other.remove("twin")
+        world.remove("twin")
+        assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
+        world.guests.forget("/fleet/c")
+        assert world.guests.take("/fleet/b", simulated_states(other), world.time) == []
+        world.step(4)
+        assert {name: body.owner for name, body in world.bodies.items()} == {"mine": "", "single": "/fleet/b"}
+
+
+def test_a_body_changes_its_owner_while_older_states_are_in_use() -> None:
+    with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
+        other.spawn("body", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
+        with_it = simulated_states(other)
+        other.remove("body")
+        without = simulated_states(other)
+        for _ in range(5):
+            world.guests.take("a", with_it, world.time)
+            world.step()
+        world.guests.take("a", without, world.time)  # too young to be used yet
+        world.spawn("body", BALL, 1.0, BodyState((0.0, 0.0, 0.2)))
+        world.step(5)
+        assert world.bodies["body"].simulated
+        world.remove("body")
+        world.spawn("mine", BALL, 1.0, BodyState((0.0, 0.5, 0.2)))
+        for _ in range(5):
+            world.guests.take("a", with_it, world.time)
+            world.step()
+        world.guests.take("a", without, world.time)
+        world.guests.take("b", with_it, world.time - 1.0)  # old enough to be used at once
+        world.step()
+        assert world.bodies["body"].owner == "a"
+        world.step(5)
+        assert world.bodies["body"].owner == "b"
+
+
+def test_worlds_with_guests_are_saved_and_reset_without_them() -> None:
+    with peers([[ball(0.0, 0.0)], [ball(0.5, 0.0)]], 0) as made:
+        made.step(5)
+        saved = made.worlds[0].save()
+        assert [body.name for body in saved.bodies] == ["b0"]
+        made.step(5)
+        made.worlds[0].reset()
+        assert list(made.worlds[0].bodies) == ["b0"]
+
+
+@given(seed=st.integers(0, 2**32 - 1), duration=st.floats(-0.2, 0.2))
+def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
+    rng = np.random.default_rng(seed)
+    numbers = rng.normal(scale=5.0, size=(3, 13))
+    numbers[:, 3:7] = [random_turn(rng) for _ in range(3)]
+    moved = CORE.extrapolated(numbers, duration)
+    for before, after in zip(numbers, moved, strict=True):
+        assert np.allclose(after[:3], before[:3] + duration * before[7:10])
+        assert np.allclose(rotation(after[3:7]), turn_about(duration * before[10:]) @ rotation(before[3:7]), atol=1e-9)
+        assert np.array_equal(after[7:], before[7:])
+    assert np.allclose(CORE.blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
+    half = CORE.blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
+    assert np.allclose(np.linalg.norm(half, axis=1), 1.0)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_bodies_are_near_as_brute_force_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    numbers, places = rng.uniform(-2, 2, (6, 13)), rng.uniform(-2, 2, (5, 3))
+    radii, own_radii, margins = rng.uniform(0, 0.5, 6), rng.uniform(0, 0.5, 5), rng.uniform(0, 1, 6)
+    own = rng.random(5) < 0.6
+    places[rng.random(5) < 0.2] = np.nan  # just come
+    velocities, horizon = rng.uniform(-2, 2, (5, 3)), rng.uniform(0, 0.3)
+    found = CORE.near_any((numbers, radii, margins), 0.1, (places, velocities, own_radii, own), horizon)
+    there = numbers[:, :3] + 0.1 * numbers[:, 7:10]
+    gaps = np.linalg.norm(there[:, None] - places[None], axis=2) - radii[:, None] - own_radii - margins[:, None]
+    gaps -= horizon * np.linalg.norm(numbers[:, None, 7:10] - velocities[None], axis=2)
+    assert np.array_equal(found, (gaps[:, own] < 0.0).any(axis=1))
+    places = np.nan_to_num(places)
+    at_rest = np.zeros((5, 3))
+    close = CORE.may_touch(places, at_rest, own_radii, own, np.ones(5, bool), 0.3)
+    between = np.linalg.norm(places[:, None] - places[None], axis=2) - own_radii[:, None] - own_radii - 0.3
+    np.fill_diagonal(between, np.inf)
+    assert np.array_equal(close, own & (between < 0.0).any(axis=1))
+
+
+def test_a_world_without_peers_does_nothing_for_them() -> None:
+    made = Peers(1, 0, PhysicsConfig())
+    with made.worlds[0] as world:
+        world.spawn("ball", BALL, 1.0)
+        made.step(2)
+        assert world.guests.counts == {}
+
+
+def test_the_margin_of_guests_is_above_zero() -> None:
+    with pytest.raises(InputError, match="margin"):
+        GuestConfig(margin=0.0)
+
+
+def test_states_without_bodies_are_taken() -> None:
+    with flat_world(PhysicsConfig()) as world, flat_world(PhysicsConfig()) as other:
+        empty = simulated_states(other)
+        assert isinstance(empty, StateTable)
+        assert world.guests.take("other", empty, 0.0) == []
+        world.step()

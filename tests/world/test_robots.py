@@ -1,0 +1,331 @@
+"""Joints, frames and ground wrenches of robots, against mechanics."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pybullet as pb
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.terrain.motion import Changes, MotionConfig
+from smartmesh_ros.world.base_frames import InertialFrame, centre_state, frame_state
+from smartmesh_ros.world.joints import JointCommand
+
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
+PENDULUM = """
+<robot name="pendulum">
+  <link name="base"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="arm">
+    <inertial><mass value="2"/><inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-5" upper="5" effort="7" velocity="10"/></joint>
+  <link name="cart">
+    <inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+</robot>
+"""
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
+        yield made
+
+
+def reading(world: World, joint: str) -> tuple[float, float, float]:
+    [found] = [found for found in world.joints("arm") if found.name == joint]
+    return found.position, found.velocity, found.effort
+
+
+def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "hinge", JointCommand(effort=0.25))
+    world.command("arm", "slide", JointCommand(effort=-1.5))
+    world.step(120)
+    assert reading(world, "hinge")[1:] == pytest.approx((0.25 / 0.5 * 0.5, 0.25), rel=0.01)
+    assert reading(world, "slide")[1:] == pytest.approx((-1.5 / 3.0 * 0.5, -1.5), rel=0.01)
+    world.command("arm", "hinge", JointCommand())
+    before = reading(world, "hinge")[1]
+    world.step(60)
+    assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
+
+
+def test_targets_are_reached_and_held(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "hinge", JointCommand(position=0.8))
+    world.command("arm", "slide", JointCommand(velocity=0.6))
+    world.step(240)
+    assert reading(world, "hinge")[:2] == pytest.approx((0.8, 0.0), abs=1e-3)
+    assert reading(world, "slide")[1] == pytest.approx(0.6, rel=1e-3)
+
+
+@pytest.mark.parametrize(("effort", "most"), [(2.0, 2.0), (None, 7.0)], ids=["of the command", "of the URDF"])
+def test_the_effort_of_a_target_is_bounded(world: World, effort: float | None, most: float) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "slide", JointCommand(velocity=100.0, effort=effort))
+    world.step(24)
+    assert reading(world, "slide")[1:] == pytest.approx((most / 3.0 * 0.1, most), rel=0.03)
+
+
+@pytest.mark.parametrize("fields", [{"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}])
+def test_impossible_commands_are_refused(fields: dict[str, float]) -> None:
+    with pytest.raises(InputError):
+        JointCommand(**fields)
+
+
+def test_commands_outlive_a_restart_from_a_snapshot(world: World) -> None:
+    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
+    world.command("arm", "slide", JointCommand(effort=1.5))
+    world.step(10)
+    saved = world.save()
+    world.step(110)
+    first = world.snapshot().hash
+    world.restore(type(saved).from_json(saved.to_json()))
+    world.step(110)
+    assert world.snapshot().hash == first
+    world.remove("arm")
+    world.step(2)
+
+
+UNIT = st.floats(-1.0, 1.0)
+VECTOR = st.tuples(UNIT, UNIT, UNIT)
+TURN = (
+    st.tuples(UNIT, UNIT, UNIT, UNIT)
+    .filter(lambda q: math.hypot(*q) > 0.1)
+    .map(lambda q: tuple(value / math.hypot(*q) for value in q))
+)
+
+
+@given(VECTOR, TURN, VECTOR, VECTOR, VECTOR, TURN)
+def test_base_frame_and_centre_of_mass_are_one_rigid_body(p, q, v, w, offset, turn) -> None:  # type: ignore[no-untyped-def]
+    frame, inertial = BodyState(p, q, v, w), InertialFrame(offset, turn)
+    centre = centre_state(frame, inertial)
+    back = frame_state(centre, inertial)
+    for name in ("position", "orientation", "linear", "angular"):
+        assert getattr(back, name) == pytest.approx(getattr(frame, name), abs=1e-9)
+    assert math.dist(centre.position, p) == pytest.approx(math.hypot(*offset), abs=1e-9)
+    arm = np.subtract(centre.position, p)
+    assert np.subtract(centre.linear, v) @ arm == pytest.approx(0.0, abs=1e-9), "rigid: no speed along the arm"
+    assert np.subtract(centre.linear, v) @ w == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
+    """PyBullet's own word for where links are: an arm fixed to the base at its origin lies at the base's frame."""
+    world.spawn_robot("rover", ROVER, BodyState((1.0, 2.0, 3.0), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
+    body = world.bodies["rover"]
+    frame = world.base_state("rover")
+    wheel = world.client.getLinkState(body.uid, body.joints["front_left"])[4]
+    x, y = 0.3, 0.25  # of the joint, in the URDF
+    cos, sin = math.cos(0.8), math.sin(0.8)
+    expected = (wheel[0] - (x * cos - y * sin), wheel[1] - (x * sin + y * cos), wheel[2])
+    assert frame.position == pytest.approx(expected, abs=1e-6)
+
+
+def test_ground_that_accelerates_carries_more_than_the_weight() -> None:
+    """The sum of the forces on a rover is its mass times what it is accelerated with, gravity included: 2nd law."""
+    terrain = HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))
+    with World(terrain) as world:
+        world.spawn_robot("rover", ROVER, BodyState((0.0, 0.0, 0.11)))
+        world.step(240)
+        forces, speeds = [], []
+        for tick in range(240):
+            t = tick / 240.0
+            terrain.replace(np.full((101, 101), 0.5 * 2.0 * t * t), time=world.time)
+            world.step()
+            forces.append(sum(wrench.force[2] for wrench in world.wrenches()))
+            speeds.append(world.state("rover").linear[2])
+        gained = 14.0 * (speeds[-1] - speeds[119])
+        impulse = (np.mean(forces[120:]) - 14.0 * 9.81) * 0.5
+        assert impulse == pytest.approx(gained, rel=0.05), "momentum"
+        assert np.mean(forces[120:]) == pytest.approx(14.0 * (9.81 + 2.0), rel=0.02)
+
+
+def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:
+    """At rest all contact forces, friction among them, sum up to the weight straight up, without torque."""
+    slope = np.tile(np.linspace(-5, 5, 101) * 0.2, (101, 1))
+    with World(HeightMap(slope, resolution=0.1, origin=(-5.0, -5.0))) as world:
+        world.spawn("box", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 0.0, 0.15)))
+        world.spawn("far", Box(0.3, 0.4, 0.2), 3.0, BodyState((0.0, 2.0, 9.0)))
+        world.step(480)
+        sums = []
+        for _ in range(60):
+            world.step()
+            wrenches = {wrench.body: wrench for wrench in world.wrenches()}
+            sums.append(np.concatenate([wrenches["box"].force, wrenches["box"].torque]))
+        mean = np.mean(sums, axis=0)
+        weight = 3.0 * 9.81
+        assert mean[:3] == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
+        assert mean[3:] == pytest.approx([0.0, 0.0, 0.0], abs=0.02 * weight * 0.2)
+        assert wrenches["box"].centre == pytest.approx(world.state("box").position)
+
+
+def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_rescue() -> None:
+    """A pendulum-like link: a box on the ground, and its centre of mass a quarter of a metre below it."""
+    urdf = (
+        '<robot name="keel"><link name="base"><inertial><origin xyz="0 0 -0.35"/><mass value="5"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link></robot>'
+    )
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.1)) as world:
+        world.spawn_robot("keel", urdf, BodyState((2.0, 2.0, -0.24)))
+        world.step(240)
+        assert world.state("keel").position[2] == pytest.approx(-0.25, abs=0.01)
+        assert world.rescues == 0
+        assert world.below_ground() == []
+
+
+def on_a_fixed_base(*, arm: bool) -> str:
+    """A pole of 1 m whose root is the world, with or without an arm on a hinge at its top."""
+    inertia = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+    pole = (
+        f'<robot name="mast"><link name="world"><inertial><mass value="0"/>{inertia.replace("0.1", "0")}</inertial>'
+        "</link>"
+        f'<joint name="weld" type="fixed"><parent link="world"/><child link="pole"/></joint>'
+        f'<link name="pole"><inertial><mass value="5"/>{inertia}</inertial>'
+        '<collision><geometry><box size="0.1 0.1 1.0"/></geometry></collision></link>'
+    )
+    hinged = (
+        '<joint name="hinge" type="continuous"><parent link="pole"/><child link="arm"/><origin xyz="0 0 0.5"/>'
+        f'<axis xyz="0 1 0"/></joint><link name="arm"><inertial><origin xyz="0 0 -0.35"/><mass value="1"/>{inertia}'
+        '</inertial><collision><origin xyz="0.1 0 -0.35"/><geometry><box size="0.05 0.05 0.7"/></geometry></collision>'
+        "</link>"
+    )
+    return f"{pole}{hinged if arm else ''}</robot>"
+
+
+@pytest.mark.parametrize("changes", ["motion", "correction"])
+@pytest.mark.parametrize("arm", [False, True], ids=["alone", "with an arm"])
+def test_a_fixed_base_stays_while_the_ground_rises_around_it(arm: bool, changes: Changes) -> None:
+    flat = np.zeros((41, 41))
+    terrain = HeightMap(flat, resolution=0.1, origin=(-2.0, -2.0), motion=MotionConfig(changes=changes))
+    with World(terrain) as world:
+        world.spawn_robot("mast", on_a_fixed_base(arm=arm), BodyState((0.0, 0.0, 0.5)))
+        world.step(240)
+        for step in range(720):
+            if step % 4 == 0:
+                terrain.replace(flat + 0.2 * step / 240, time=world.time)
+            world.step()
+        world.step(480)
+        assert world.state("mast") == BodyState((0.0, 0.0, 0.5))
+        assert world.rescues == 0
+
+
+def test_a_buried_fixed_base_stays_where_it_was_spawned_or_moved_whatever_velocity_it_is_given() -> None:
+    with World(HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0))) as world:
+        world.spawn_robot("mast", on_a_fixed_base(arm=True), BodyState((0.0, 0.0, -0.1), linear=(1.0, 0.0, 0.5)))
+        world.step(240)
+        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
+        world.move("mast", BodyState((0.5, 0.0, -0.2), linear=(0.0, 1.0, 0.0), angular=(0.0, 0.0, 2.0)))
+        world.step(240)
+        assert world.state("mast") == BodyState((0.5, 0.0, -0.2))
+        world.reset_bodies()
+        world.step(240)
+        assert world.state("mast") == BodyState((0.0, 0.0, -0.1))
+        assert world.rescues == 0
+        assert world.below_ground() == []
+
+
+def test_a_fixed_base_that_is_spawned_on_moving_ground_stays() -> None:
+    flat = np.zeros((41, 41))
+    terrain = HeightMap(flat, resolution=0.1, origin=(-2.0, -2.0), velocities=np.full((41, 41), 0.2))
+    with World(terrain) as world:
+        world.spawn_robot("mast", on_a_fixed_base(arm=False), BodyState(), on_ground=True)
+        before = world.state("mast")
+        assert before.position[2] == pytest.approx(0.5, abs=1e-3)
+        world.step(240)
+        assert world.state("mast") == before
+
+
+def test_a_fixed_base_of_a_pybullet_world_stays() -> None:
+    client = BulletClient(pb.DIRECT)
+    client.setGravity(0.0, 0.0, -9.81)
+    body = client.loadURDF(ROVER, basePosition=(0.0, 0.0, -0.1), useFixedBase=True)
+    ground = Ground(client, HeightMap(np.zeros((41, 41)), resolution=0.1, origin=(-2.0, -2.0)))
+    for link in range(-1, client.getNumJoints(body)):
+        ground.attach(body, link)
+    start = client.getBasePositionAndOrientation(body)
+    for step in range(240):
+        ground.step(step / 240, 1 / 240)
+    assert client.getBasePositionAndOrientation(body) == start
+    assert ground.rescues == 0
+    client.disconnect()
+
+
+def sled(contact: str = "") -> str:
+    return (
+        f'<robot name="sled"><link name="base"><contact>{contact}</contact><inertial><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision></link></robot>'
+    )
+
+
+def slick_world(**physics: float) -> World:
+    ground = HeightMap(np.zeros((41, 141)), resolution=0.1, origin=(-2.0, -2.0))
+    return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
+
+
+def add_sled(world: World, kind: str, state: BodyState) -> None:
+    """A box, or the same box as a robot: from the text of its URDF, or from a file."""
+    if kind == "box":
+        world.spawn("sled", Box(0.3, 0.3, 0.1), 1.0, state)
+    else:
+        world.spawn_robot("sled", sled(), state)
+        world.move("sled", state)
+
+
+@pytest.mark.parametrize("kind", ["box", "robot"])
+@pytest.mark.parametrize("friction", [0.0, 0.2, 0.7, 1.0])
+def test_what_slides_stops_by_the_configured_friction(kind: str, friction: float) -> None:
+    with slick_world(friction=friction) as world:
+        add_sled(world, kind, BodyState((0.0, 0.0, 0.05), linear=(2.0, 0.0, 0.0)))
+        world.step(480)
+        expected = min(4.0, 4.0 / (2.0 * 9.81 * friction)) if friction else 4.0
+        assert world.state("sled").position[0] == pytest.approx(expected, rel=0.03, abs=0.005)
+
+
+@pytest.mark.parametrize("kind", ["box", "robot"])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.8])
+def test_what_falls_bounces_by_the_configured_restitution(kind: str, restitution: float) -> None:
+    with slick_world(restitution=restitution, friction=0.0) as world:
+        add_sled(world, kind, BodyState((0.0, 0.0, 0.55)))
+        world.step(80)
+        top = max(world.state("sled").position[2] for _ in range(200) if world.step() is None)
+        assert top - 0.05 == pytest.approx(0.5 * restitution**2, rel=0.2, abs=2e-3)
+
+
+def test_contact_parameters_of_the_urdf_go_before_the_configured_ones(tmp_path: Path) -> None:
+    """Each by itself, for each link, and from a file as from a text; comments do not count."""
+    hinge = (
+        '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint><link name=\'arm\'>'
+        '<!-- <contact><lateral_friction value="0.9"/></contact> --><contact><restitution value="0.3"/></contact>'
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>'
+    )
+    text = sled('<lateral_friction value="0.15"/>').replace("</robot>", hinge)
+    file = tmp_path / "sled.urdf"
+    file.write_text(text)
+    with slick_world(friction=0.6, restitution=0.2) as world:
+        for name, urdf in (("text", text), ("file", str(file))):
+            world.spawn_robot(name, urdf, BodyState((0.0, 0.0, 1.0)))
+            uid = world.bodies[name].uid
+            found = [world.client.getDynamicsInfo(uid, link) for link in (-1, 0)]
+            assert [(round(link[1], 6), round(link[5], 6)) for link in found] == [(0.15, 0.2), (0.6, 0.3)]
+
+
+def test_guests_and_restored_robots_have_the_configured_friction() -> None:
+    with slick_world(friction=0.6) as world:
+        guest = world.add_guest("guest", "peer", Box(0.3, 0.3, 0.1), 1.0)
+        assert world.client.getDynamicsInfo(guest, -1)[1] == pytest.approx(0.6)
+        world.spawn_robot("sled", sled(), BodyState((0.0, 0.0, 1.0)))
+        world.configure(WorldConfig(physics=PhysicsConfig(friction=0.1)))
+        world.restore(world.snapshot())
+        assert world.client.getDynamicsInfo(world.bodies["sled"].uid, -1)[1] == pytest.approx(0.6)

@@ -1,0 +1,182 @@
+"""Robots sleep without colliders for a minute: none of their links moves, and they stand as they did awake.
+
+Joints hold their positions, which loads their motors: these push as soon as a robot loses the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pybullet as pb
+import pybullet_data
+import pytest
+
+from smartmesh_ros import BodyState, HeightMap, World, WorldConfig
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.world.joints import JointCommand
+from tests.robot_urdfs import MODELS, Robot, Rover, robot
+
+RATE, MINUTE = 240, 60 * 240
+APART = 3.0  # of robots in a row [m]
+# Robots of PyBullet's data that stand on the ground, or lie on it when their joints are held at zero.
+KNOWN = (
+    "a1/a1", "aliengo/aliengo", "bicycle/bike", "biped/biped2d_pybullet", "humanoid/humanoid", "husky/husky",
+    "laikago/laikago", "laikago/laikago_toes", "laikago/laikago_toes_zup", "mini_cheetah/mini_cheetah",
+    "quadruped/microtaur/microtaur", "quadruped/minitaur", "quadruped/minitaur_v1", "quadruped/minitaur_derpy",
+    "quadruped/minitaur_fixed_knees", "quadruped/minitaur_rainbow_dash", "quadruped/minitaur_rainbow_dash_v1",
+    "quadruped/quadruped", "quadruped/spirit40", "quadruped/spirit40newer", "quadruped/vision60", "r2d2",
+    "racecar/racecar", "racecar/racecar_differential"
+)  # fmt: skip
+
+
+def row_world(count: int, *, sleep: bool = True) -> World:
+    """Flat ground for some robots in a row along x."""
+    heights = np.zeros((61, round(APART * count / 0.1) + 61))
+    ground = HeightMap(heights, resolution=0.1, origin=(-APART, -3.0))
+    return World(ground, WorldConfig(physics=PhysicsConfig(sleep=sleep)))
+
+
+def stand(world: World, name: str, made: Robot, x: float) -> None:
+    """Spawn a robot in its stance, 2 cm above the ground. Each joint is to hold an angle that differs from its own by
+    0.02 rad, to and fro, so that friction holds the legs against each other, and their motors push."""
+    world.spawn_robot(name, made.urdf, BodyState((x, 0.0, made.height + 0.02)))
+    body = world.bodies[name]
+    for index, (joint, angle) in enumerate(made.stance.items()):
+        world.client.resetJointState(body.uid, body.joints[joint], angle)
+        world.command(name, joint, JointCommand(position=angle + (0.02 if index % 3 else -0.02)))
+    for joint in made.wheels:
+        world.command(name, joint, JointCommand(velocity=0.0))
+
+
+def poses(world: World, name: str) -> FloatArray:
+    """Poses of all links of a robot by PyBullet (n, 7), also of those without a shape."""
+    client, uid = world.client, world.bodies[name].uid
+    links = client.getLinkStates(uid, list(range(client.getNumJoints(uid))), computeForwardKinematics=1)
+    base = client.getBasePositionAndOrientation(uid)
+    return np.array([(*base[0], *base[1]), *((*link[0], *link[1]) for link in links)])
+
+
+def lowest(world: World, name: str) -> float:
+    """Lowest point of a robot's shapes [m]."""
+    body = world.bodies[name]
+    return min(world.client.getAABB(body.uid, link)[0][2] for link in body.links)
+
+
+def sleep_all(world: World, seconds: int = 12) -> None:
+    """Step until every robot sleeps."""
+    for _ in range(4 * seconds):
+        world.step(RATE // 4)
+        if all(map(world.is_asleep, world.bodies)):
+            return
+    awake = [name for name in world.bodies if not world.is_asleep(name)]
+    raise AssertionError(f"awake after {seconds} s: {awake}")
+
+
+def require_still_for_a_minute(world: World) -> None:
+    """Assert that no link of any sleeping robot moves in a minute, nor after it wakes."""
+    before = {name: poses(world, name) for name in world.bodies}
+    world.step(MINUTE)
+    for name, known in before.items():
+        assert world.is_asleep(name), name
+        assert poses(world, name) == pytest.approx(known, abs=1e-9), name
+        assert not any(world.state(name).linear), f"{name} has a velocity"
+        assert not any(joint.velocity for joint in world.joints(name)), f"joints of {name} have velocities"
+    assert world.rescues == 0
+    world.wake()
+    world.step(RATE // 2)
+    for name, known in before.items():
+        assert np.abs(poses(world, name)[:, :3] - known[:, :3]).max() < 0.01, f"{name} moved as it woke"
+    assert world.rescues == 0
+    assert not world.lost
+
+
+def test_robots_stand_and_sleep_for_a_minute() -> None:
+    with row_world(len(MODELS)) as world, row_world(len(MODELS), sleep=False) as awake:
+        for index, name in enumerate(MODELS):
+            for each in (world, awake):
+                stand(each, name, robot(name), APART * index)
+        sleep_all(world)
+        awake.step(4 * RATE)  # a humanoid sways for some seconds
+        for name in MODELS:
+            assert abs(world.state(name).position[2] - robot(name).height) < 0.02, f"{name} does not stand"
+            assert poses(world, name) == pytest.approx(poses(awake, name), abs=2e-3), name
+            assert lowest(world, name) == pytest.approx(0.0, abs=2e-3), name
+        require_still_for_a_minute(world)
+
+
+def test_rovers_drive_brake_and_sleep_for_a_minute() -> None:
+    """Each drives for 2 s at 0.5 m/s, along x, beside the others."""
+    names = [name for name, model in MODELS.items() if isinstance(model, Rover)]
+    heights = np.zeros((round(APART * len(names) / 0.1) + 61, 101))
+    with World(HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0))) as world:
+        for index, name in enumerate(names):
+            made = robot(name)
+            world.spawn_robot(name, made.urdf, BodyState((0.0, APART * index, made.height)))
+            for joint in made.wheels:
+                world.command(name, joint, JointCommand(velocity=0.5 / made.wheel_radius))
+        world.step(2 * RATE)
+        for name in names:
+            assert not world.is_asleep(name)
+            assert world.state(name).position[0] == pytest.approx(1.0, abs=0.1), name
+            for joint in robot(name).wheels:
+                world.command(name, joint, JointCommand(velocity=0.0))
+        sleep_all(world)
+        require_still_for_a_minute(world)
+
+
+def test_robots_of_pybullets_data_sleep_for_a_minute() -> None:
+    with row_world(len(KNOWN)) as world:
+        for index, path in enumerate(KNOWN):
+            name, x = Path(path).name, APART * index
+            world.spawn_robot(name, f"{pybullet_data.getDataPath()}/{path}.urdf", BodyState((x, 0.0, 5.0)))
+            world.move(name, BodyState((x, 0.0, 5.01 - lowest(world, name))))
+            for joint in world.bodies[name].joints:
+                world.command(name, joint, JointCommand(position=0.0))
+        sleep_all(world)
+        require_still_for_a_minute(world)
+
+
+def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> None:
+    """Its root is no attached link, and only one of its joints is turned."""
+    with row_world(1) as world:
+        stand(world, "solo", robot("solo"), 0.0)
+        sleep_all(world)
+        uid, joints = world.bodies["solo"].uid, world.bodies["solo"].joints
+        world.client.resetJointState(uid, joints["front_left_knee"], -0.7)
+        for _ in range(RATE):
+            world.step()
+            if not world.is_asleep("solo"):
+                break
+        assert not world.is_asleep("solo")
+        sleep_all(world)
+        assert world.state("solo").position[2] == pytest.approx(robot("solo").height, abs=0.02)
+
+
+def test_a_robot_that_is_woken_through_pybullet_is_noticed() -> None:
+    """PyBullet moves it again, but it has no colliders until that is noticed."""
+    with row_world(1) as world:
+        stand(world, "leo", robot("leo"), 0.0)
+        sleep_all(world)
+        world.client.changeDynamics(world.bodies["leo"].uid, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
+        slept = [world.is_asleep("leo") for _ in range(RATE) if world.step() is None]
+        assert not all(slept)
+        sleep_all(world)
+        assert world.state("leo").position[2] == pytest.approx(robot("leo").height, abs=0.01)
+
+
+def test_joints_that_are_driven_by_an_effort_keep_a_robot_awake() -> None:
+    """PyBullet would sum up the efforts of all steps that it sleeps, and apply them at once as it wakes."""
+    with row_world(1) as world:
+        made = robot("husky")
+        world.spawn_robot("husky", made.urdf, BodyState((0.0, 0.0, made.height)))
+        for joint in made.wheels:
+            world.command("husky", joint, JointCommand(effort=1e-3))
+        world.step(4 * RATE)
+        assert not world.is_asleep("husky")
+        start = world.state("husky").position
+        world.wake()
+        world.step(RATE // 2)
+        assert math.dist(start, world.state("husky").position) < 0.01

@@ -1,0 +1,156 @@
+"""Bodies and robots spawned on the ground: how far above it, how tilted, how fast, and where they are refused."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.world.joints import JointCommand
+from tests.bodies import rotation
+
+DATA = Path(pybullet_data.getDataPath())
+ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")
+ROBOTS = (
+    "husky/husky.urdf", "racecar/racecar.urdf", "r2d2.urdf", "quadruped/minitaur.urdf", "quadruped/spirit40.urdf",
+    "duck_vhacd.urdf", "teddy_vhacd.urdf",
+)  # fmt: skip
+SHAPES: dict[str, Shape] = {
+    "ball": Sphere(0.3), "box": Box(0.6, 0.4, 0.2), "cylinder": Cylinder(0.25, 0.5), "capsule": Capsule(0.15, 0.4),
+}  # fmt: skip
+# Rays of PyBullet meet slanted surfaces up to this early [m].
+EARLY = 2e-3
+
+
+def hills(amplitude: float = 0.3) -> HeightMap:
+    r, c = np.mgrid[:161, :161]
+    x, y = 0.1 * c - 8.0, 0.1 * r - 8.0
+    return HeightMap(amplitude * np.sin(0.7 * x) * np.cos(0.6 * y), resolution=0.1, origin=(-8.0, -8.0))
+
+
+def surface_points(shape: Shape, state: BodyState) -> np.ndarray:
+    """Points (n, 3) [m] all over the surface of a shape in its state."""
+    rng = np.random.default_rng(0)
+    d = rng.normal(size=(40_000, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    match shape:
+        case Sphere(r):
+            points = r * d
+        case Box(x, y, z):
+            points = 0.5 * np.array([x, y, z]) * d / np.abs(d).max(axis=1, keepdims=True)
+            points = np.concatenate([points, 0.5 * np.array([x, y, z]) * np.sign(d[:100])])
+        case Cylinder(r, h):
+            angle, away = rng.uniform(0.0, 2.0 * math.pi, 40_000), r * np.sqrt(rng.uniform(0.0, 1.0, 40_000))
+            away[:20_000] = r  # the rims; the others are on the faces
+            points = np.column_stack([away * np.cos(angle), away * np.sin(angle), 0.5 * h * np.sign(d[:, 2])])
+        case Capsule(r, h):
+            points = r * d + np.sign(d[:, 2:]) * (0.0, 0.0, 0.5 * h)
+    return np.asarray(points @ rotation(np.array(state.orientation)).T + state.position)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    kind=st.sampled_from(sorted(SHAPES)), x=st.floats(-6.0, 6.0), y=st.floats(-6.0, 6.0),
+    turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1),
+    clearance=st.sampled_from([0.0, 0.05]),
+)  # fmt: skip
+def test_the_lowest_point_has_the_clearance(
+    kind: str, x: float, y: float, turn: tuple[float, float, float, float], clearance: float
+) -> None:
+    a, b, c, d = (value / math.hypot(*turn) for value in turn)
+    with World(hills()) as world:
+        world.spawn(
+            "body", SHAPES[kind], 1.0, BodyState((x, y, 55.0), (a, b, c, d)), on_ground=True, clearance=clearance
+        )
+        state = world.state("body")
+        points = surface_points(SHAPES[kind], state)
+        gaps = points[:, 2] - world.ground_at(points[:, :2]).z
+    assert state.position[:2] == pytest.approx((x, y), abs=1e-9)
+    assert gaps.min() == pytest.approx(clearance, abs=EARLY + 1e-3)
+
+
+def test_a_peak_under_the_middle_of_a_box_carries_it() -> None:
+    heights = np.zeros((41, 41))
+    heights[20, 20] = 0.2  # narrower than the distance between two samples of the box's underside
+    with World(HeightMap(heights, resolution=0.02, origin=(-0.4, -0.4))) as world:
+        world.spawn("box", Box(0.7, 0.5, 0.1), 1.0, BodyState((0.03, 0.01, 0.0)), on_ground=True)
+        assert world.state("box").position[2] == pytest.approx(0.25, abs=1e-3)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_robots_rest_where_they_were_put(robot: str) -> None:
+    for place in ((0.3, 0.2), (-2.1, 1.7)):
+        with World(hills(0.2)) as world:
+            state = BodyState((*place, 0.0), (0.0, 0.0, math.sin(0.35), math.cos(0.35)))
+            world.spawn_robot("robot", str(DATA / robot), state, on_ground=True, align=True)
+            for joint in world.bodies["robot"].joints:
+                world.command("robot", joint, JointCommand(position=0.0))
+            put = np.array(world.state("robot").position)
+            world.step(480)
+            assert np.linalg.norm(np.array(world.state("robot").position) - put) < 6e-3
+            assert world.rescues == 0
+
+
+def test_alignment_follows_the_slope_and_keeps_the_heading() -> None:
+    slope = np.tile(0.1 * 0.4 * np.arange(81), (81, 1))  # rises by 0.4 a metre along x
+    with World(HeightMap(slope, resolution=0.1)) as world:
+        heading = BodyState((4.0, 4.0, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)))
+        world.spawn("box", Box(0.6, 0.4, 0.2), 1.0, heading, on_ground=True, align=True)
+        state = world.state("box")
+    axes = rotation(np.array(state.orientation))
+    up = np.array([-0.4, 0.0, 1.0]) / math.hypot(0.4, 1.0)
+    np.testing.assert_allclose(axes[:, 2], up, atol=1e-3)
+    assert math.atan2(axes[1, 0], axes[0, 0]) == pytest.approx(0.6, abs=0.1)
+    assert (np.array(state.position) - (4.0, 4.0, 1.6)) @ up == pytest.approx(0.1, abs=EARLY)
+
+
+def test_it_moves_with_the_ground() -> None:
+    heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
+    for number in range(1, 5):
+        heightmap.replace(np.full((50, 50), 0.02 * number), time=number / 60.0)
+    heightmap.slide((0.5, 0.0), 1.0)
+    with World(heightmap) as world:
+        world.time = 4 / 60.0
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((2.5, 2.5, 0.0), linear=(0.0, 0.3, 0.0)), on_ground=True)
+        assert world.state("ball").linear == pytest.approx((0.5, 0.3, 1.2), abs=1e-3)
+        before = world.state("ball").position[2]
+        world.reset_bodies()
+        assert world.state("ball").position[2] == pytest.approx(before)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"), [((4.0, 4.0), "no ground at"), ((7.9, 2.0), "no ground at"), ((50.0, 0.0), "beside the map")]
+)
+def test_over_holes_and_beside_the_map_it_is_refused(place: tuple[float, float], words: str) -> None:
+    heights = np.zeros((81, 81))
+    heights[38:42, 38:42] = np.nan
+    with World(HeightMap(heights, resolution=0.1)) as world:
+        before = world.client.getNumBodies()
+        for spawn in (
+            lambda state: world.spawn("body", Box(0.6, 0.6, 0.6), 1.0, state, on_ground=True),
+            lambda state: world.spawn_robot("body", ROVER, state, on_ground=True, align=True),
+        ):
+            with pytest.raises(InputError, match=words):
+                spawn(BodyState((*place, 1.0)))
+        assert not world.bodies and world.client.getNumBodies() == before
+        with pytest.raises(InputError, match="clearance"):
+            world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, clearance=-1.0)
+        world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True)
+
+
+def test_without_terrain_it_is_refused() -> None:
+    """In the words of a question about the ground: there is no hole, there is no map yet."""
+    with World(Terrain()) as world:
+        for spawn in (
+            lambda: world.spawn("body", Sphere(0.1), 1.0, on_ground=True),
+            lambda: world.spawn_robot("body", ROVER, on_ground=True, align=True),
+        ):
+            with pytest.raises(InputError, match="there is no terrain yet; ask again after the first map") as caught:
+                spawn()
+            assert caught.value.reason == "no_map"
+        assert not world.bodies and not world.client.getNumBodies()

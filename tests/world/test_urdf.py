@@ -1,0 +1,167 @@
+"""Robot descriptions from peers: kept to their folders and to numbers that can be simulated."""
+
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.world import World
+
+MESH = '<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link></robot>'
+SHAPE = '<robot name="r"><link name="a">{}</link></robot>'
+DATA = Path(pybullet_data.getDataPath())
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> UrdfRules:
+    """Robots may come from ``tmp_path/robots``; ``tmp_path/secret.obj`` lies outside."""
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "part.obj").write_text("o part\n")
+    (tmp_path / "secret.obj").write_text("o secret\n")
+    return UrdfRules(folders=(folder,), longest=2000, most_links=3)
+
+
+def test_robots_of_the_data_package_are_accepted() -> None:
+    rules = UrdfRules(folders=(DATA,))
+    for name in (
+        "husky/husky.urdf",
+        "r2d2.urdf",
+        "laikago/laikago.urdf",
+        "racecar/racecar.urdf",
+        "kuka_iiwa/model.urdf",
+    ):
+        assert checked_urdf(str(DATA / name), rules) == str((DATA / name).resolve())
+
+
+@pytest.mark.parametrize("name", ["part.obj", "package://part.obj", "file://part.obj"])
+def test_meshes_beside_a_description_are_accepted(rules: UrdfRules, name: str) -> None:
+    file = rules.folders[0] / "robot.urdf"
+    file.write_text(MESH.format(name))
+    assert checked_urdf(str(file), rules) == str(file.resolve())
+    assert checked_urdf(MESH.format(rules.folders[0] / "part.obj"), rules)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../secret.obj",
+        "{outside}/secret.obj",
+        "file://{outside}/secret.obj",
+        "link.obj",
+        "/etc/passwd",
+        "x/../../secret.obj",
+    ],
+)
+def test_meshes_outside_the_folders_are_refused(rules: UrdfRules, tmp_path: Path, name: str) -> None:
+    folder = rules.folders[0]
+    (folder / "x").mkdir()
+    (folder / "link.obj").symlink_to(tmp_path / "secret.obj")
+    file = folder / "robot.urdf"
+    file.write_text(MESH.format(name.format(outside=tmp_path)))
+    with pytest.raises(InputError) as refused:
+        checked_urdf(str(file), rules)
+    assert refused.value.reason == "folder"
+
+
+def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules: UrdfRules, tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(SHAPE.format(""))
+    (rules.folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    for name in ("robot.urdf", "nothing.urdf", "robots/../robot.urdf", "robots/link.urdf", "robots2/robot.urdf"):
+        with pytest.raises(InputError) as refused:
+            checked_urdf(str(tmp_path / name), rules)
+        assert refused.value.reason == "folder"  # and so nobody learns which files there are
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot>", "does not load"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entities"),
+        (SHAPE.format("x" * 3000), "bytes"),
+        ('<robot name="r">' + '<link name="a"/>' * 4 + "</robot>", "4 links"),
+        (SHAPE.format('<collision><geometry><box size="1 nan 1"/></geometry></collision>'), "finite"),
+        (SHAPE.format('<collision><geometry><sphere radius="1e300"/></geometry></collision>'), "must be"),
+        (SHAPE.format('<collision><geometry><sphere radius="-1"/></geometry></collision>'), "must be"),
+        (SHAPE.format('<inertial><mass value="-1"/></inertial>'), "mass"),
+        (SHAPE.format('<inertial><mass value="1e-300"/></inertial>'), "mass"),
+        (SHAPE.format('<inertial><inertia ixx="1e300"/></inertial>'), "ixx"),
+        (SHAPE.format('<collision><origin xyz="0 0 1e200"/></collision>'), "xyz"),
+        ('<robot name="r"><link name="a"/><link name="b"/></robot>', "no parent"),
+        (MESH.format("nothing.obj"), "does not exist"),
+    ],
+)
+def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        checked_urdf(text, rules)
+
+
+@pytest.mark.parametrize(
+    "visual",
+    [
+        '<visual><geometry><box size="0 0 0"/></geometry></visual>',
+        '<visual><geometry><sphere radius="0"/></geometry></visual>',
+        '<visual><geometry><cylinder radius="1e9" length="-1"/></geometry></visual>',
+    ],
+)
+def test_shapes_that_are_only_seen_may_have_any_size(rules: UrdfRules, visual: str) -> None:
+    """Upkie has visual boxes of size zero in its virtual links."""
+    assert checked_urdf(SHAPE.format(visual), rules)
+    with pytest.raises(InputError, match="must be"):
+        checked_urdf(SHAPE.format(visual.replace("visual", "collision")), rules)
+
+
+def test_a_light_frame_is_accepted(rules: UrdfRules) -> None:
+    """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
+    base = '<link name="a"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
+    base += 'iyz="0"/></inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
+    light = '<link name="b"><inertial><mass value="1e-07"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" '
+    light += 'iyz="0"/></inertial></link><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
+    text = f'<robot name="r">{base}{light}</robot>'
+    assert checked_urdf(text, rules) == text
+    with World(HeightMap(np.zeros((21, 21)), resolution=0.1, origin=(-1.0, -1.0))) as world:
+        world.spawn_robot("robot", text, BodyState(), on_ground=True)
+        world.step(240)
+        assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_comment_is_no_entity(rules: UrdfRules) -> None:
+    text = SHAPE.format("<!-- a box -->")
+    assert checked_urdf(text, rules) == text
+
+
+ROLLER = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}"
+ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.3 0.3 0.13"/></geometry></collision></link>
+<link name="wheel"><inertial><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+<collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+<joint name="axle" type="continuous"><parent link="base"/>
+<child link="wheel"/><origin xyz="0 0.2 0"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    "moments",
+    [
+        (0.1, 0.1, 0.1, 0.0), (1.0, 0.1, 0.1, 0.0), (0.1, 0.1, 0.1, 0.2), (-0.1, 0.1, 0.1, 0.0),
+        (0.21, 0.1, 0.1, 0.0), (0.19, 0.1, 0.1, 0.0), (0.1, 0.1, 0.0, 0.0), (0.1, 0.1, 0.1, 0.04),
+    ],
+)  # fmt: skip
+def test_the_inertia_of_a_root_is_refused_where_the_robot_would_be_nowhere(
+    rules: UrdfRules, moments: tuple[float, ...]
+) -> None:
+    text = ROLLER.format(*moments)
+    with World(HeightMap(np.zeros((5, 5)))) as world:
+        world.spawn_robot("robot", text, BodyState((0.0, 0.0, 1.0)))
+        uid = world.bodies["robot"].uid
+        for _ in range(3):
+            world.client.stepSimulation()
+        stays = np.isfinite(world.client.getBasePositionAndOrientation(uid)[0]).all()
+    if stays:
+        checked_urdf(text, rules)
+    else:
+        with pytest.raises(InputError, match="moments of inertia"):
+            checked_urdf(text, rules)
