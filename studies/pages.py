@@ -76,15 +76,24 @@ def digest_of(subject: str) -> str:
 
 
 def digest(sources: Mapping[str, str]) -> str:
-    """Digest of sources by file name, without their comments and docstrings."""
+    """Digest of Python and C++ sources by file name, without their comments and docstrings."""
     total = hashlib.sha256()
     for name, source in sources.items():
-        tree = ast.parse(source)
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-                node.body = _without_docstring(node.body)
-        total.update(f"{name}\0{ast.dump(tree)}\0".encode())
+        code = _python_code(source) if name.endswith(".py") else _cpp_code(source)
+        total.update(f"{name}\0{code}\0".encode())
     return total.hexdigest()[:12]
+
+
+def _python_code(source: str) -> str:
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = _without_docstring(node.body)
+    return ast.dump(tree)
+
+
+def _cpp_code(source: str) -> str:
+    return " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
 
 
 def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:

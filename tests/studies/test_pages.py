@@ -45,6 +45,9 @@ def test_code_counts_and_words_do_not() -> None:
     assert digest({"f.py": code}) == digest({"f.py": same})
     assert digest({"f.py": code}) != digest({"f.py": code.replace("2 *", "3 *")})
     assert digest({"f.py": code}) != digest({"g.py": code})
+    compiled = "// Twice.\ndouble f(double x) { return 2 * x; }\n"
+    assert digest({"f.cpp": compiled}) == digest({"f.cpp": "double f(double x) {\n  return 2 * x;  // why\n}"})
+    assert digest({"f.cpp": compiled}) != digest({"f.cpp": compiled.replace("2 *", "3 *")})
 
 
 def test_a_block_written_again_keeps_the_code_it_was_measured_with(tmp_path: Path) -> None:
