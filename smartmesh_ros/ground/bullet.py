@@ -19,23 +19,12 @@ class BulletCalls:
     def __init__(self, client: Any) -> None:
         self._client: int = getattr(client, "_client", 0)
 
-    def positions(self, bodies: list[int]) -> FloatArray:
-        """Return the position of each body (n, 3) [m]."""
-        get, client = pb.getBasePositionAndOrientation, self._client
-        numbers = chain.from_iterable([get(body, client)[0] for body in bodies])
-        return np.fromiter(numbers, np.float64, 3 * len(bodies)).reshape(-1, 3)
-
     def states(self, bodies: list[int]) -> FloatArray:
         """Return position, orientation (x, y, z, w), velocity and angular velocity of each body (n, 13) [m, m/s,
         rad/s]."""
         pose, velocity, client = pb.getBasePositionAndOrientation, pb.getBaseVelocity, self._client
         numbers = chain.from_iterable(chain(*pose(body, client), *velocity(body, client)) for body in bodies)
         return np.fromiter(numbers, np.float64, 13 * len(bodies)).reshape(-1, 13)
-
-    def link_positions(self, body: int, links: list[int]) -> FloatArray:
-        """Return the centres of mass of a robot's links (n, 3) [m]."""
-        numbers = chain.from_iterable([state[0] for state in pb.getLinkStates(body, links, 0, 0, self._client)])
-        return np.fromiter(numbers, np.float64, 3 * len(links)).reshape(-1, 3)
 
     def link_states(self, body: int, links: list[int]) -> FloatArray:
         """Return the states of a robot's links (n, 13), as `states` does."""

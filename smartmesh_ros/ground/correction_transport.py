@@ -14,6 +14,7 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
 class Correction(NamedTuple):
@@ -25,34 +26,48 @@ class Correction(NamedTuple):
     before: float
 
 
-class CorrectionTransport:
-    """Moves the bodies of a PyBullet world with corrections of the ground."""
+def correcting(mesh: MainMesh) -> bool:
+    """Return True while corrections of a tile are being blended in."""
+    return isinstance(mesh, HeightMap) and mesh.correcting
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
 
-    def move_bodies(self, corrections: list[Correction], followers: Followers, supports: Any, time: float) -> None:
-        """Move the bodies on tiles that are corrected at ``time`` [s]."""
-        solid = followers.solid
-        bodies = [followers[slot].body for slot in solid.tolist()]
-        uids = list(dict.fromkeys(bodies))
-        places = {uid: place for place, uid in enumerate(uids)}
-        owners = np.array([places[body] for body in bodies], np.int64)
-        poses = np.array([self._pose(uid) for uid in uids]).reshape(-1, 7)
-        tiles = [(number, heightmap.core_reader, before) for number, heightmap, before in corrections]
-        for place in CORE.move_with_corrections(
-            tiles, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
-        ):
-            self._put(uids[place], poses[place].tolist())
+def show_corrections(terrain: Terrain, time: float) -> list[Correction]:
+    """Blend corrections of the terrain in up to ``time`` [s]; returns the corrected tiles."""
+    moves = []
+    for name, mesh in terrain.tiles.items():
+        if isinstance(mesh, HeightMap) and mesh.motion.corrects:
+            blending, before = mesh.correcting, mesh.shown
+            mesh.show(time)
+            if blending:
+                moves.append(Correction(terrain.numbers[name], mesh, before))
+    return moves
 
-    def _pose(self, uid: int) -> tuple[float, ...]:
-        position, turn = self._client.getBasePositionAndOrientation(uid)
-        return (*position, *turn)
 
-    def _put(self, uid: int, pose: list[float]) -> None:
-        client = self._client
-        if is_fixed(client, uid):
-            return
-        linear, angular = client.getBaseVelocity(uid)
-        client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
-        client.resetBaseVelocity(uid, linear, angular)
+def move_with_corrections(
+    client: Any, corrections: list[Correction], followers: Followers, supports: Any, time: float
+) -> None:
+    """Move the bodies of a PyBullet client that stand on tiles that are corrected at ``time`` [s]."""
+    solid = followers.solid
+    bodies = [followers[slot].body for slot in solid.tolist()]
+    uids = list(dict.fromkeys(bodies))
+    places = {uid: place for place, uid in enumerate(uids)}
+    owners = np.array([places[body] for body in bodies], np.int64)
+    poses = np.array([_pose(client, uid) for uid in uids]).reshape(-1, 7)
+    tiles = [(number, heightmap.core_reader, before) for number, heightmap, before in corrections]
+    for place in CORE.move_with_corrections(
+        tiles, followers.shape_table.core, followers.states, solid, owners, as_bytes(supports), time, poses
+    ):
+        _put(client, uids[place], poses[place].tolist())
+
+
+def _pose(client: Any, uid: int) -> tuple[float, ...]:
+    position, turn = client.getBasePositionAndOrientation(uid)
+    return (*position, *turn)
+
+
+def _put(client: Any, uid: int, pose: list[float]) -> None:
+    if is_fixed(client, uid):
+        return
+    linear, angular = client.getBaseVelocity(uid)
+    client.resetBasePositionAndOrientation(uid, pose[:3], pose[3:])
+    client.resetBaseVelocity(uid, linear, angular)

@@ -1,44 +1,36 @@
 """Puts bodies that are below the ground back onto it.
 
 A body may be spawned below the ground, teleported there, covered by a map, or pushed there by another body. The guard
-is the last resort. Its rescues are counted, and it can be switched off to test the colliders alone.
+is the last resort. Its rescues are counted, and it can be switched off to test the contacts alone.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.followers import Followers
 
 # Largest horizontal speed that a rescued body keeps [m/s].
 FASTEST_RESCUED = 5.0
 
 
-class Guard:
-    """Rescues the bodies on one `Ground`."""
-
-    def __init__(self, ground: Ground) -> None:
-        self._ground = ground
-
-    def rescue(self, client: Any, time: float) -> int:
-        """Put bodies that are below the ground back onto it and return their number."""
-        ground, followers = self._ground, self._ground.followers
-        lifts: dict[int, tuple[float, float]] = {}
-        for slot, lift, rate in ground.below(followers.guarded, time):
-            body = followers[slot].body
-            if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
-                lifts[body] = (lift, rate)
-        for body, (lift, rate) in lifts.items():
-            put_back(client, body, lift, rate)
-            ground.placed(body)
-        return len(lifts)
+def put_back(client: Any, followers: Followers, below: list[tuple[int, float, float]]) -> list[int]:
+    """Lift the bodies ``below`` the ground (see `Ground.below`) onto it, robots as a whole; returns their PyBullet
+    bodies."""
+    lifts: dict[int, tuple[float, float]] = {}
+    for slot, lift, rate in below:
+        body = followers[slot].body
+        if body not in lifts or lift > lifts[body][0]:  # a robot by the largest lift of its links
+            lifts[body] = (lift, rate)
+    for body, (lift, rate) in lifts.items():
+        _lift(client, body, lift, rate)
+    return list(lifts)
 
 
-def put_back(client: Any, body: int, lift: float, rate: float) -> None:
-    """Lift a body (a robot as a whole) by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
+def _lift(client: Any, body: int, lift: float, rate: float) -> None:
+    """Lift a body by ``lift`` [m] and give it the ground's vertical velocity ``rate`` [m/s]."""
     position, orientation = client.getBasePositionAndOrientation(body)
     linear, angular = client.getBaseVelocity(body)
     along = np.array(linear[:2])

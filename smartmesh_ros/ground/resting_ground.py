@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.patches.slot_rows import with_rows
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -22,9 +23,8 @@ class RestingGround:
     """Heights of the ground under sleeping bodies, as they were when the bodies fell asleep. Bodies are addressed by
     slot."""
 
-    def __init__(self, terrain: Terrain, noise: float) -> None:
+    def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
-        self._noise = noise  # see `SleepConfig`
         # Positions of samples under all bodies, and the height of what is above them [m].
         self._points: FloatArray = np.empty((0, 3))
         self._heights: FloatArray = np.empty(0)  # at the points [m]
@@ -72,9 +72,11 @@ class RestingGround:
         moves = np.abs(velocities) * duration > limit
         return ~_any_of(moves, firsts) & ~self._slides(chosen, boxes, time)
 
-    def changed(self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, limit: float) -> IntArray:
-        """Return the slots of those sleeping bodies (n,) whose ground differs by more than ``limit`` [m], or will
-        within the ``duration`` [s] from ``time`` [s] on."""
+    def changed(
+        self, asleep: IntArray, boxes: FloatArray, time: float, duration: float, config: SleepConfig
+    ) -> IntArray:
+        """Return the slots of those sleeping bodies (n,) whose ground differs by more than `SleepConfig.ground`, or
+        will within the ``duration`` [s] from ``time`` [s] on."""
         terrain = self._terrain
         moving = any(mesh.moving(time) for mesh in terrain.tiles.values())
         if not asleep.size or not (moving or self._moving or terrain.changed_since(self._revision)):
@@ -90,7 +92,7 @@ class RestingGround:
         places, firsts = self._places(touched)
         points, known = self._points[places], self._heights[places]
         heights, velocities = self._ground_at(points, time)
-        limits = np.maximum(limit, self._noise * terrain.deviations_at(points[:, :2]))
+        limits = np.maximum(config.ground, config.noise * terrain.deviations_at(points[:, :2]))
         same = np.abs(heights - known) + np.abs(velocities) * duration <= limits
         same |= np.isnan(heights) & np.isnan(known)
         total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(heights - known))])

@@ -21,6 +21,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray
 from smartmesh_ros.world.bodies import Body
@@ -94,6 +95,7 @@ class HostWorld(Protocol):
     time: float
     client: Any
     bodies: dict[str, Body]
+    ground: Ground
 
     @property
     def dt(self) -> float: ...
@@ -104,8 +106,6 @@ class HostWorld(Protocol):
     def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int: ...
 
     def remove_guest(self, name: str) -> None: ...
-
-    def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None: ...
 
 
 class Guests:
@@ -309,4 +309,4 @@ class Guests:
         for guest, row in zip(guests, numbers.tolist(), strict=True):
             pb.resetBasePositionAndOrientation(guest.uid, row[:3], row[3:7], client)
             pb.resetBaseVelocity(guest.uid, row[7:10], row[10:], client)
-        self._world.note_guest_states([guest.uid for guest in guests], numbers)
+        self._world.ground.note_remote_states([guest.uid for guest in guests], numbers)

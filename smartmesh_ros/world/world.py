@@ -20,12 +20,11 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY, require_possible
 from smartmesh_ros.ground.shapes import Shape, Sphere
 from smartmesh_ros.ground.sleep_config import SleepConfig
+from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.stepper import StepCounts
 from smartmesh_ros.patches.batch import PatchBatch
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.stopwatch import Stopwatch
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.ray_cast import checked_rays
 from smartmesh_ros.terrain.surface_query import GroundSamples
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -38,7 +37,6 @@ from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.snapshot import Snapshot, body_snapshot
-from smartmesh_ros.world.solver import set_up
 from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
 from smartmesh_ros.world.wrenches import GroundWrench, wrenches_of_step
 
@@ -72,7 +70,7 @@ class World:
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.behind_real_time = False
-        self._counts = StepCounts()
+        self._refreshes = self._rescues = 0  # of the grounds before `restore`
         self.say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning  # tells the user
         self.lost: list[str] = []  # bodies removed because their position became impossible; readers may clear the list
         self._start()
@@ -85,8 +83,6 @@ class World:
         set_up(self.client, self.config.physics)
         gravity = math.hypot(*self.config.physics.gravity)
         self.ground = Ground(self.client, self.terrain, self.config.patch, self.stopwatch, gravity=gravity)
-        self.stepper = self.ground.stepper
-        self.stepper.counts, self.stepper.drop_lost = self._counts, self._drop_lost
         self._factory = BodyFactory(self.client, self.config.physics)
         self._motors = Motors(self.client)
         self.guests = Guests(self, self.config.guests)
@@ -238,17 +234,6 @@ class World:
         if name in self.bodies:
             self._remove(name)
 
-    def note_guest_states(self, uids: list[int], numbers: FloatArray) -> None:
-        """Note that remote bodies were set to states (n, 13), so that a jump does not count as motion. A remote body
-        sleeps only while its owner says that it is at rest."""
-        ground, followers = self.ground, self.ground.followers
-        chosen = [followers.of(uid)[0] for uid in uids]
-        ground.keep_awake(np.array(chosen)[numbers[:, 7:13].any(axis=1)])
-        moved = numbers[:, :3] - followers.positions_w[chosen]
-        for row in np.flatnonzero(~((moved**2).sum(axis=1) <= followers.radii[chosen] ** 2)).tolist():
-            ground.placed(uids[row])
-        ground.will_move(chosen, numbers[:, 7:10] * self.config.physics.dt)
-
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
         limit."""
@@ -272,20 +257,28 @@ class World:
     @property
     def refreshes(self) -> int:
         """Number of refreshes of the patches so far."""
-        return self._counts.refreshes
+        return self._refreshes + self.ground.refreshes
 
     @property
     def rescues(self) -> int:
         """Number of bodies put back onto the ground so far."""
-        return self._counts.rescues
+        return self._rescues + self.ground.rescues
 
     def refresh(self) -> None:
         """Refresh the patches now, and put bodies below the ground back onto it."""
-        self.stepper.refresh(self.time, self.config.physics, behind_real_time=self.behind_real_time)
+        self.ground.refresh(self.time, self.dt, behind_real_time=self.behind_real_time)
+        self._put_right()
 
     def prepare(self) -> None:
         """Refresh the patches if the next step needs it, by the patches' rate."""
-        self.stepper.prepare(self.time, self.config.physics, behind_real_time=self.behind_real_time)
+        if self.ground.prepare(self.time, self.dt, behind_real_time=self.behind_real_time):
+            self._put_right()
+
+    def _put_right(self) -> None:
+        """Remove bodies that are lost, and lift those below the ground, as of a refresh."""
+        self._drop_lost()
+        if self.config.physics.guard:
+            self.ground.rescue(self.time, self.dt)
 
     def step(self, count: int = 1, prepared: Callable[[], None] = lambda: None) -> None:
         """Run physics steps. ``prepared`` is called before each, after the patches are ready for it."""
@@ -324,8 +317,7 @@ class World:
         for body in self.bodies.values():
             if body.simulated:
                 self._factory.place(body, body.initial)
-        self.ground.placed()
-        self.ground.configure(self.config.patch)  # discards supports chosen at the old places
+        self.ground.configure(self.config.patch)  # wakes all, and discards supports chosen at the old places
 
     def move(self, name: str, state: BodyState) -> None:
         """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
@@ -334,7 +326,7 @@ class World:
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         self._factory.move(body, state)
-        self.ground.placed(body.uid)
+        self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
         """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
@@ -382,6 +374,7 @@ class World:
         and changes nothing if a robot of it is refused."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         self.close()
+        self._refreshes, self._rescues = self.refreshes, self.rescues
         self._start()
         self.time = snapshot.time
         for body in snapshot.bodies:
@@ -439,13 +432,12 @@ class World:
         self._motors.apply_efforts()
         self.client.stepSimulation()
 
-    def _drop_lost(self) -> bool:
-        """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`; returns True if there were
-        any."""
+    def _drop_lost(self) -> None:
+        """Remove bodies whose position is not finite or farther than `FARTHEST_BODY`."""
         followers, awake = self.followers, self.followers.awake
         positions = followers.positions_w[awake]
         if np.abs(positions).max(initial=0.0) <= FARTHEST_BODY:  # False if any value is NaN
-            return False
+            return
         there = (np.abs(positions) <= FARTHEST_BODY).all(axis=1)
         for name in sorted({followers[slot].name.partition("/")[0] for slot in awake[~there].tolist()}):
             if self._is_guest(name):
@@ -453,7 +445,7 @@ class World:
             else:
                 self.lost.append(name)
             self._remove(name)
-        return True
+        self.ground.go_on(self.time, self.dt)
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep(self._may_sleep if self.config.physics.sleep else None, self.config.sleep)

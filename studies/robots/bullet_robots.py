@@ -67,7 +67,7 @@ class WorldRobots(RobotEngine):
             client.setJointMotorControl2(
                 body.uid, body.joints[joint], pb.VELOCITY_CONTROL, targetVelocity=speed, force=robot.torque
             )
-        world.ground.placed(body.uid)
+        world.ground.wake(body.uid)
 
     def _servo(self, body: Any, joint: str, position: float) -> None:
         self.world.client.setJointMotorControl2(

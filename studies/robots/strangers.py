@@ -97,4 +97,4 @@ def _move_into_limits(world: World, name: str) -> None:
         low, high = client.getJointInfo(body.uid, joint)[8:10]
         if low <= high:  # PyBullet gives -1 as the upper limit of joints without limits
             client.resetJointState(body.uid, joint, min(max(0.0, low), high), 0.0)
-    world.ground.placed(body.uid)
+    world.ground.wake(body.uid)

@@ -24,7 +24,7 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
-from smartmesh_ros.ground import proxies
+from smartmesh_ros.ground import map_contacts
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.patches.config import PatchKind
 from smartmesh_ros.terrain.trimesh import TriangleMesh
@@ -275,7 +275,7 @@ def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) ->
 
 
 def test_a_core_that_reads_bullets_memory_otherwise_is_not_used(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(proxies, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
+    monkeypatch.setattr(map_contacts, "PROBE", ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (1e-3, 0.0, 0.0)))
     assert Ground(client, flat()).no_proxies == ""
     monkeypatch.setattr(np, "allclose", lambda *_, **__: False)
     body, ground = ball(client), Ground(client, flat())

@@ -16,12 +16,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.solver import set_up
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.solver import set_up
 from smartmesh_ros.world.world import World
 
 DT = 1.0 / 240.0

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.followers import Followers
+from smartmesh_ros.terrain.grid import FloatArray
 
 
 class FollowerReader:
@@ -20,21 +20,21 @@ class FollowerReader:
         self._followers = followers
         self._wakes = -1
 
-    def read_positions(self) -> None:
-        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""
-        self._list_awake()
-        calls, followers = self._calls, self._followers
-        parts = [calls.positions(self._bases), *(calls.link_positions(body, links) for body, links in self._robots)]
-        CORE.write_positions(self._slots, np.concatenate(parts), followers.positions_w, followers.moved_w)
+    def read_positions(self, dt: float) -> None:
+        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step of ``dt`` [s]."""
+        self._take(dt, np.empty_like(self._followers.states))
 
     def read_states(self, dt: float) -> None:
-        """Update ``states`` and ``positions_w`` of the awake followers, and ``moved_w`` by their velocities and the
-        time step ``dt`` [s]."""
+        """Update ``states`` of the awake followers, and what `read_positions` does."""
+        self._take(dt, self._followers.states)
+
+    def _take(self, dt: float, states: FloatArray) -> None:
         self._list_awake()
-        calls, followers = self._calls, self._followers
+        calls, followers, slots = self._calls, self._followers, self._slots
         parts = [calls.states(self._bases), *(calls.link_states(body, links) for body, links in self._robots)]
-        found = np.concatenate(parts)
-        CORE.write_states(self._slots, found, dt, followers.states, followers.positions_w, followers.moved_w)
+        states[slots] = found = np.concatenate(parts)
+        followers.positions_w[slots] = found[:, :3]
+        followers.moved_w[slots] = found[:, 7:10] * dt
 
     def _list_awake(self) -> None:
         """List the awake followers in the order in which they are read: bases, then the links of each robot."""

@@ -1,7 +1,8 @@
-"""Ground proxies: PyBullet bodies that stand for the ground near one body each, in DIRECT clients.
+"""Contacts straight from the map, in DIRECT clients.
 
-The C++ core, loaded into PyBullet as a plugin, gives each attached body or link a proxy and works out the contacts of
-the two from height maps and meshes, in each ``stepSimulation``. Nothing here runs in a step.
+Each attached body or link has a ground proxy: a PyBullet body that stands for the ground near it. The C++ core, loaded
+into PyBullet as a plugin, works out the contacts of the two from height maps and meshes, in each ``stepSimulation``.
+Nothing here runs in a step.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import pybullet as pb
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -63,19 +65,27 @@ def _reads_as_pybullet(client: Any, plugin: int) -> bool:
     return np.allclose(found, np.concatenate(PROBE), rtol=0.0, atol=1e-9)
 
 
-class Proxies:
-    """The ground proxies of one client. Bodies are addressed by slot."""
+class MapContacts:
+    """Contacts of the followers in one client with the map. Bodies are addressed by slot."""
 
-    def __init__(self, client: Any, followers: Followers, *, time: float, dt: float) -> None:
+    exact = True
+    replacements = leaked = 0
+
+    def __init__(self, client: Any, followers: Followers, terrain: Terrain, config: PatchConfig) -> None:
         self._client = client
         self._followers = followers
+        self._terrain = terrain
         self._core = ground_in(client, client.loadPlugin(CORE.__file__, POSTFIX))
-        self._core.time, self._core.duration = time, dt
         self._uids: dict[int, int] = {}  # of the proxies, by slot
         self._shape: int | None = None
         self._visual: int | None = None
         self._layout = -1
         self._wakes = -1
+        self.configure(config)
+
+    def configure(self, config: PatchConfig) -> None:
+        """Take settings."""
+        self._core.carry_velocity = config.carry_velocity
 
     def attach(self, follower: Follower) -> None:
         """Give a follower a proxy if it is solid; other followers are only read."""
@@ -92,11 +102,11 @@ class Proxies:
                 self._client.removeBody(uid)
             self._core.detach(slot)
 
-    def use(self, terrain: Terrain) -> None:
-        """Collide the awake followers with the tiles of ``terrain`` from now on."""
-        if self._layout != terrain.layout_revision:
-            self._layout = terrain.layout_revision
-            self._core.set_tiles(terrain.readers)
+    def refresh(self) -> None:
+        """Collide the followers that are awake with the tiles of the terrain from now on."""
+        if self._layout != self._terrain.layout_revision:
+            self._layout = self._terrain.layout_revision
+            self._core.set_tiles(self._terrain.readers)
         if self._wakes != self._followers.wakes:
             self._wakes = self._followers.wakes
             self._switch(self._followers.flags("awake"))
@@ -111,12 +121,8 @@ class Proxies:
             raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
         self._core.time, self._core.duration = time, dt
 
-    def carry_velocity(self, *, on: bool) -> None:
-        """Set whether contacts see the ground's velocity."""
-        self._core.carry_velocity = on
-
     def read_states(self, dt: float) -> None:
-        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers, as `FollowerReader` does."""
+        """Update ``states``, ``positions_w`` and ``moved_w`` of the awake followers; ``dt`` [s] is the time step."""
         followers = self._followers
         awake = followers.awake
         self._core.read(awake, followers.states)
@@ -129,17 +135,21 @@ class Proxies:
         self._core.read(slots, states)
         return np.asarray(states[slots])
 
-    def read_positions(self) -> None:
-        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step."""
+    def read_positions(self, dt: float) -> None:
+        """Update ``positions_w`` and ``moved_w`` of the awake followers after a step of ``dt`` [s]."""
         followers = self._followers
         awake, states = followers.awake, np.empty_like(followers.states)
         self._core.read(awake, states)
-        followers.moved_w[awake] = states[awake, :3] - followers.positions_w[awake]
         followers.positions_w[awake] = states[awake, :3]
+        followers.moved_w[awake] = states[awake, 7:10] * dt
+
+    def let_go(self, slots: IntArray) -> None:
+        """Note that followers fell asleep; `refresh` takes their ground."""
 
     def close(self) -> None:
         """Remove all proxies."""
         for slot in list(self._uids):
+            self._followers[slot].collider = None
             self.detach(slot)
         self._core.release()
 
