@@ -9,11 +9,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import (
+    checked,
+    checked_rectangles,
+    checked_variance,
+    dense,
+    deviation_of,
+    require_region,
+)
 from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
-from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
+from smartmesh_ros.terrain.corrections import Corrections
+from smartmesh_ros.terrain.fusion import FusedMap
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow
-from smartmesh_ros.terrain.masked import unmasked
 from smartmesh_ros.terrain.memory import untouched_zeros
 from smartmesh_ros.terrain.motion import BLOCK, CLOCK, CLOCK_TIMES, INSTANT, KEPT, MotionConfig
 from smartmesh_ros.terrain.revisions import next_revision
@@ -85,18 +93,15 @@ class HeightMap:
         self._motion = motion or MotionConfig()
         self._core: Any = None
         shape = (geometry.rows, geometry.columns)
-        new, speeds = _checked(heights, velocities, shape, "the map")
+        new, speeds = checked(heights, velocities, shape, "the map")
         self._heights = np.array(new, order="C")
         self._velocities = untouched_zeros((KEPT, *shape))
         self._clocks = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), CLOCK)
         self._clocks["time"] = -np.inf
-        self._offsets = untouched_zeros(shape)
-        self._shown = math.inf  # instant up to which corrections are blended in [s]; inf = never shown
-        self._settled = -math.inf  # instant at which all corrections are blended in [s]
-        self.fused: FusedMap | None = None  # None if heights are not fused
+        self._corrections = Corrections(shape)
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
-        self._take(0, 0, new, speeds, time, _checked_variance(variance, shape))
+        self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
         self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
 
     @property
@@ -121,7 +126,7 @@ class HeightMap:
         """The arrays that change in place: heights (rows, columns) [m], NaN = hole;
         velocities (KEPT, rows, columns) [m/s], a ring buffer whose newest index is in the clock of each block; clocks,
         records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections."""
-        return self._heights, self._velocities, self._clocks, self._offsets
+        return self._heights, self._velocities, self._clocks, self._corrections.offsets
 
     @property
     def core_reader(self) -> Any:
@@ -167,41 +172,40 @@ class HeightMap:
     @property
     def correcting(self) -> bool:
         """True while corrections are being blended in."""
-        return self._shown < self._settled
+        return self._corrections.blending
 
     @property
     def shown(self) -> float:
         """Instant up to which corrections are blended in [s]; infinity before the first."""
-        return self._shown
+        return self._corrections.shown
+
+    @property
+    def fused(self) -> FusedMap | None:
+        """The estimate of the heights, None if they are not fused."""
+        return self._corrections.fused
 
     def show(self, time: float) -> None:
         """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
-        self._shown = time if self._shown == math.inf else max(self._shown, time)
+        self._corrections.show(time)
         if self._core is not None:
-            self._core.show(self._shown)
+            self._core.show(self.shown)
 
     def correct_from(self, before: "HeightMap", cells: tuple[int, int] | None) -> None:
         """Treat this map as a correction of the map ``before`` it, which it replaces, where both have ground.
 
         ``cells``: (rows, columns) by which the map was scrolled, None = the maps lie on different grids.
         """
-        self.show_as(before)
+        self._corrections.show_as(before._corrections)
         if cells is None:
             rows, columns = np.mgrid[: self.geometry.rows, : self.geometry.columns]
             shown = before.at(self.geometry.to_world(rows, columns).reshape(-1, 2), before.time).heights
         else:
             shown = np.empty(self._heights.shape)
             CORE.grid_window(before.core_reader, *cells, before.time, shown)
-            if self.fused is not None and before.fused is not None:
-                self.fused = fused_across(before.fused, self.fused, cells, max(self.time - before.time, 0.0))
+            self._corrections.fuse_across(before._corrections, cells, max(self.time - before.time, 0.0))
         known = self._heights.copy() if self.fused is None else self.fused.heights
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
-        self._tell_core()
-
-    def show_as(self, other: "HeightMap") -> None:
-        """Blend corrections in up to the same instant as another map."""
-        self._shown = other._shown
         self._tell_core()
 
     def replace(
@@ -214,8 +218,8 @@ class HeightMap:
     ) -> None:
         """Replace all heights (rows, columns) [m]; raises `InputError` and then changes nothing."""
         shape = (self.geometry.rows, self.geometry.columns)
-        certainty = _checked_variance(variance, shape)
-        new, speeds = _checked(heights, velocities, shape, "the map")
+        certainty = checked_variance(variance, shape)
+        new, speeds = checked(heights, velocities, shape, "the map")
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)
@@ -237,17 +241,9 @@ class HeightMap:
         touches count as at rest. Raises `InputError` and then changes nothing.
         """
         shape = np.shape(heights)
-        if len(shape) != 2 or 0 in shape:
-            raise InputError("length", f"a region needs (rows, columns) of at least 1 x 1 samples, not {shape}")
-        rows, columns = self.geometry.rows, self.geometry.columns
-        if row < 0 or column < 0 or row + shape[0] > rows or column + shape[1] > columns:
-            raise InputError(
-                "region",
-                f"rows {row} to {row + shape[0] - 1} and columns {column} to {column + shape[1] - 1} leave the map, "
-                f"whose last sample is row {rows - 1}, column {columns - 1}",
-            )
-        certainty = _checked_variance(variance, shape)
-        new, speeds = _checked(heights, velocities, shape, "the region")
+        require_region(row, column, shape, (self.geometry.rows, self.geometry.columns))
+        certainty = checked_variance(variance, shape)
+        new, speeds = checked(heights, velocities, shape, "the region")
         self._take(row, column, new, speeds, time, certainty)
         self._tell_core()
 
@@ -257,18 +253,12 @@ class HeightMap:
         """Replace the heights [m] and velocities [m/s] of several ``rectangles`` (n, 4), as `update_region` for each: a
         rectangle is its first row and column, last row and column. ``heights``, ``velocities`` (N,): of the samples of
         one rectangle after the other, each row by row. Raises `InputError` and then changes nothing."""
-        places = np.ascontiguousarray(rectangles, np.int64)
-        if places.ndim != 2 or places.shape[1] != 4:
-            raise InputError("length", f"rectangles have shape {places.shape}; it must be (n, 4)")
-        firsts, lasts = places[:, :2], places[:, 2:]
-        if not ((firsts >= 0) & (firsts <= lasts) & (lasts < self._heights.shape)).all():
-            raise InputError("region", f"a rectangle is empty or leaves the map of {self._heights.shape} samples")
-        count = int((lasts - firsts + 1).prod(axis=1).sum())
+        places, count = checked_rectangles(rectangles, (self.geometry.rows, self.geometry.columns))
         if count == 0:
             return
-        new, speeds = _checked(heights, velocities, (count,), "the rectangles")
+        new, speeds = checked(heights, velocities, (count,), "the rectangles")
         assert speeds is not None
-        self.take_rectangles(places, _dense(new), _dense(speeds), time)
+        self.take_rectangles(places, dense(new), dense(speeds), time)
 
     def take_rectangles(
         self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float
@@ -338,8 +328,7 @@ class HeightMap:
         for name in CLOCK_TIMES:
             self._clocks[name] += by
         self.track = self.track.shifted(by)
-        self._shown += by
-        self._settled += by
+        self._corrections.shift_time(by)
         self._tell_core()
 
     def placed_at(self, time: float) -> GridGeometry:
@@ -375,13 +364,7 @@ class HeightMap:
     def deviations_at(self, xy_w: FloatArray) -> FloatArray:
         """Return the standard deviation of the fused heights of the samples nearest to points (N, 2) [m]; zero outside
         the map, where nothing was measured, and without fusion (N,) [m]."""
-        deviations = np.zeros(len(xy_w))
-        if self.fused is not None:
-            cells = np.rint(self.geometry.to_grid(xy_w)).astype(np.int64)
-            inside = ((cells >= 0) & (cells <= self.geometry.last)).all(axis=1)
-            variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
-            deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
-        return deviations
+        return self._corrections.deviations_at(np.rint(self.geometry.to_grid(xy_w)).astype(np.int64))
 
     def _tell_core(self) -> None:
         """Tell the core what has changed beside the arrays."""
@@ -401,9 +384,11 @@ class HeightMap:
         self.version += 1
         self.revision = next_revision()
         if self.motion.corrects:
-            self._correct(row, column, self._fuse(row, column, new, variance, time), time)
+            certainty = self.motion.noise**2 if variance is None else variance
+            known = self._corrections.fuse((row, column), new, certainty, time, self._clocks)
+            self._correct(row, column, known, time)
             return
-        self._deviation = None if variance is None else _deviation(variance)
+        self._deviation = None if variance is None else deviation_of(variance)
         self._store(row, column, new, speeds, time)
 
     def _store(
@@ -412,7 +397,7 @@ class HeightMap:
         """Store heights of a rectangle that moves, and their velocities if they were given."""
         high, wide = new.shape
         place = np.array([[row, column, row + high - 1, column + wide - 1]], np.int64)
-        self._write(place, _dense(new), _NO_VELOCITIES if speeds is None else _dense(speeds), time)
+        self._write(place, dense(new), _NO_VELOCITIES if speeds is None else dense(speeds), time)
 
     def _write(self, places: IntArray, new: NDArray[np.float32], speeds: NDArray[np.float32], time: float) -> None:
         """Write heights and velocities of rectangles (n, 4), as in `update_rectangles`."""
@@ -423,77 +408,4 @@ class HeightMap:
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""
-        settle, clocks = self.motion.settle, as_bytes(self._clocks)
-        CORE.take_corrected(
-            self._heights, self._offsets, clocks, (row, column), _dense(known), time, self._shown, settle
-        )
-        if self._shown < math.inf:
-            self._settled = self._shown + settle
-
-    def _fuse(
-        self, row: int, column: int, new: NDArray[np.float32], variance: float | NDArray[np.float32] | None, time: float
-    ) -> NDArray[np.float32]:
-        """Return the estimate of a rectangle after its ``new`` heights; exact heights are returned unchanged."""
-        certainty = self.motion.noise**2 if variance is None else variance
-        if self.fused is None and isinstance(certainty, float) and certainty == 0.0:
-            return new
-        if self.fused is None:
-            self.fused = nothing_known(*self._heights.shape)
-        high, wide = new.shape
-        blocks = self._clocks["time"][
-            row // BLOCK : (row + high - 1) // BLOCK + 1, column // BLOCK : (column + wide - 1) // BLOCK + 1
-        ]
-        before = float(blocks.min())
-        elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
-        fuse(self.fused, new, certainty, elapsed, FusionConfig(), (row, column))
-        return self.fused.heights[row : row + high, column : column + wide]
-
-
-def _checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:
-    """Return variances as one number or as float32 of the right shape."""
-    if variance is None or isinstance(variance, float | int):
-        return None if variance is None else float(variance)
-    return _as_floats(variance, shape, "variances")
-
-
-def _deviation(variance: float | NDArray[np.float32]) -> float:
-    """Return the root mean square standard deviation [m]; negative and non-finite variances are ignored."""
-    known = np.asarray(variance, np.float64)
-    known = known[(known >= 0.0) & (known < math.inf)]
-    return math.sqrt(known.mean()) if known.size else 0.0
-
-
-def _checked(
-    heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Return heights and velocities as float32 of the right shape without infinities."""
-    new = _as_floats(heights, shape, f"heights of {what}")
-    # One fast pass over the sum; the slow search for infinities follows only if needed.
-    if not np.isfinite(new.sum()) and _has_infinity(new):
-        raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
-    if velocities is None:
-        return new, None
-    speeds = _as_floats(velocities, shape, f"velocities of {what}")
-    if _has_infinity(speeds):
-        raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
-    return new, speeds
-
-
-def _dense(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return values as a contiguous and aligned array, as the core takes them."""
-    return np.require(values, np.float32, ("C", "A"))
-
-
-def _has_infinity(values: NDArray[np.float32]) -> bool:
-    """Return True if any value is infinite; unlike `numpy.isinf`, this allocates no array of flags."""
-    return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
-
-
-def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
-    array = unmasked(values)
-    if array.shape != shape:
-        raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
-    if array.dtype.kind not in "fiu":
-        raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
-    with np.errstate(over="ignore"):  # too large values become infinity, which is refused
-        return array.astype(np.float32, copy=False)
+        self._corrections.take(self._heights, self._clocks, (row, column), known, time, self.motion.settle)

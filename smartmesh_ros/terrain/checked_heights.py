@@ -1,0 +1,87 @@
+"""Checks of the heights, velocities and variances that a map is given."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.grid import IntArray
+from smartmesh_ros.terrain.masked import unmasked
+
+
+def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
+    """Raise `InputError` unless a region of a shape (h, w), whose first sample is given, lies in a map of a ``size``
+    (rows, columns)."""
+    if len(region) != 2 or 0 in region:
+        raise InputError("length", f"a region needs (rows, columns) of at least 1 x 1 samples, not {region}")
+    rows, columns = size
+    if row < 0 or column < 0 or row + region[0] > rows or column + region[1] > columns:
+        raise InputError(
+            "region",
+            f"rows {row} to {row + region[0] - 1} and columns {column} to {column + region[1] - 1} leave the map, "
+            f"whose last sample is row {rows - 1}, column {columns - 1}",
+        )
+
+
+def checked_rectangles(rectangles: ArrayLike, size: tuple[int, int]) -> tuple[IntArray, int]:
+    """Return rectangles (n, 4) of a map of a ``size`` (rows, columns), and the number of their samples."""
+    places = np.ascontiguousarray(rectangles, np.int64)
+    if places.ndim != 2 or places.shape[1] != 4:
+        raise InputError("length", f"rectangles have shape {places.shape}; it must be (n, 4)")
+    firsts, lasts = places[:, :2], places[:, 2:]
+    if not ((firsts >= 0) & (firsts <= lasts) & (lasts < size)).all():
+        raise InputError("region", f"a rectangle is empty or leaves the map of {size} samples")
+    return places, int((lasts - firsts + 1).prod(axis=1).sum())
+
+
+def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:
+    """Return variances as one number or as float32 of the right shape."""
+    if variance is None or isinstance(variance, float | int):
+        return None if variance is None else float(variance)
+    return _as_floats(variance, shape, "variances")
+
+
+def deviation_of(variance: float | NDArray[np.float32]) -> float:
+    """Return the root mean square standard deviation [m]; negative and non-finite variances are ignored."""
+    known = np.asarray(variance, np.float64)
+    known = known[(known >= 0.0) & (known < math.inf)]
+    return math.sqrt(known.mean()) if known.size else 0.0
+
+
+def checked(
+    heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Return heights and velocities as float32 of the right shape without infinities."""
+    new = _as_floats(heights, shape, f"heights of {what}")
+    # One fast pass over the sum; the slow search for infinities follows only if needed.
+    if not np.isfinite(new.sum()) and _has_infinity(new):
+        raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
+    if velocities is None:
+        return new, None
+    speeds = _as_floats(velocities, shape, f"velocities of {what}")
+    if _has_infinity(speeds):
+        raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
+    return new, speeds
+
+
+def dense(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return values as a contiguous and aligned array, as the core takes them."""
+    return np.require(values, np.float32, ("C", "A"))
+
+
+def _has_infinity(values: NDArray[np.float32]) -> bool:
+    """Return True if any value is infinite; unlike `numpy.isinf`, this allocates no array of flags."""
+    return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
+
+
+def _as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:
+    array = unmasked(values)
+    if array.shape != shape:
+        raise InputError("length", f"{what} have shape {array.shape}; it must be {shape}")
+    if array.dtype.kind not in "fiu":
+        raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
+    with np.errstate(over="ignore"):  # too large values become infinity, which is refused
+        return array.astype(np.float32, copy=False)

@@ -1,0 +1,92 @@
+"""Corrections of a map of static ground: the fused estimate of its heights, which the shown heights approach."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.terrain.checked_heights import dense
+from smartmesh_ros.terrain.fusion import FusedMap, FusionConfig, fuse, fused_across, nothing_known
+from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.memory import untouched_zeros
+from smartmesh_ros.terrain.motion import BLOCK
+
+
+class Corrections:
+    """The corrections of one map of a ``shape`` (rows, columns).
+
+    ``offsets``: old minus new heights (rows, columns) [m]. ``shown`` [s]: instant up to which corrections are blended
+    in, infinity before the first. ``fused``: the estimate, None if heights are not fused.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.offsets = untouched_zeros(shape)
+        self.shown = math.inf
+        self.fused: FusedMap | None = None
+        self._settled = -math.inf  # instant at which all corrections are blended in [s]
+
+    @property
+    def blending(self) -> bool:
+        """True while corrections are being blended in."""
+        return self.shown < self._settled
+
+    def show(self, time: float) -> None:
+        """Blend corrections in up to ``time`` [s]; earlier times than before have no effect."""
+        self.shown = time if self.shown == math.inf else max(self.shown, time)
+
+    def show_as(self, other: Corrections) -> None:
+        """Blend corrections in up to the same instant as those of another map."""
+        self.shown = other.shown
+
+    def shift_time(self, by: float) -> None:
+        """Add ``by`` [s] to all times."""
+        self.shown += by
+        self._settled += by
+
+    def take(
+        self, heights: NDArray[np.float32], clocks: Any, first: tuple[int, int], known: NDArray[np.float32],
+        time: float, settle: float,
+    ) -> None:  # fmt: skip
+        """Store the estimate ``known`` (h, w) [m] of ``time`` [s], of the rectangle whose ``first`` sample is given, in
+        the map's ``heights`` and ``clocks``; it is blended in within the time ``settle`` [s]."""
+        CORE.take_corrected(heights, self.offsets, as_bytes(clocks), first, dense(known), time, self.shown, settle)
+        if self.shown < math.inf:
+            self._settled = self.shown + settle
+
+    def fuse(
+        self, first: tuple[int, int], new: NDArray[np.float32], variance: float | NDArray[np.float32], time: float,
+        clocks: Any,
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """Return the estimate of a rectangle after its ``new`` heights (h, w) [m] of ``time`` [s]; exact heights are
+        returned unchanged."""
+        if self.fused is None:
+            if isinstance(variance, float) and variance == 0.0:
+                return new
+            self.fused = nothing_known(*self.offsets.shape)
+        (row, column), (high, wide) = first, new.shape
+        rows = slice(row // BLOCK, (row + high - 1) // BLOCK + 1)
+        columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
+        before = float(clocks["time"][rows, columns].min())
+        elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
+        fuse(self.fused, new, variance, elapsed, FusionConfig(), first)
+        return self.fused.heights[row : row + high, column : column + wide]
+
+    def fuse_across(self, before: Corrections, cells: tuple[int, int], elapsed: float) -> None:
+        """Fuse with the estimate of the map ``before``, which lies ``cells`` (rows, columns) back and is ``elapsed``
+        [s] older."""
+        if self.fused is not None and before.fused is not None:
+            self.fused = fused_across(before.fused, self.fused, cells, elapsed)
+
+    def deviations_at(self, cells: IntArray) -> FloatArray:
+        """Return the standard deviation of the estimate at samples (N, 2); zero outside the map, where nothing was
+        measured, and without an estimate (N,) [m]."""
+        deviations = np.zeros(len(cells))
+        if self.fused is not None:
+            inside = ((cells >= 0) & (cells < self.offsets.shape)).all(axis=1)
+            variances = self.fused.variances[cells[inside, 0], cells[inside, 1]]
+            deviations[inside] = np.sqrt(np.where(np.isfinite(variances), variances, 0.0))
+        return deviations
