@@ -161,7 +161,7 @@ def test_guests_are_shown_by_their_owners_only() -> None:
         made.step(5)
         for world, own in zip(made.worlds, ("b0", "b1"), strict=True):
             assert set(world.bodies) == {"b0", "b1"}
-            names = world.follower_names()
+            names = world.followers.names
             assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
             assert sum(len(batch.bodies) for batch in world.ground.batches) == 2  # guests stand on patches of their own
             assert {contact.body for contact in world.contacts()} == {own}

@@ -107,7 +107,7 @@ def test_bodies_beyond_one_another_collide(world: World) -> None:
 
 def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: World) -> None:
     world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.3)))
-    names = [name for name in world.follower_names() if name.startswith("husky/")]
+    names = [name for name in world.followers.names if name.startswith("husky/")]
     assert {name for name in names if "wheel" in name} == {
         f"husky/{side}_wheel_link" for side in ("front_left", "front_right", "rear_left", "rear_right")
     }
@@ -120,12 +120,12 @@ def test_a_robot_has_a_patch_for_each_link_that_can_touch_the_ground(world: Worl
     world.step(240)
     assert math.dist(world.state("husky").position, rest) > 0.3
     world.remove("husky")
-    assert not any(world.follower_names())
+    assert not any(world.followers.names)
 
 
 def test_a_robot_from_text_rolls_freely(world: World) -> None:
     world.spawn_robot("cart", CART, BodyState((0.0, 0.0, 0.35)))
-    assert world.follower_names() == ["cart/body", "cart/wheel"]
+    assert world.followers.names == ["cart/body", "cart/wheel"]
     world.drive("cart", "axle", 3.0)
     world.step(240)
     assert world.state("cart").position[0] > 0.2

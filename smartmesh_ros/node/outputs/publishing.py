@@ -216,7 +216,7 @@ class Publishing:
     def _make_patches(self) -> bytes:
         world, only_changed = self._world, self._only_changed("patches")
         return self._markers.write(
-            self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch,
+            self._header(), world.shown_batches(), world.followers.names, world.followers.epoch,
             only_changed=only_changed, clear=self._audiences["patches"].new and not only_changed,
         )  # fmt: skip
 
@@ -224,7 +224,7 @@ class Publishing:
         world, only_changed = self._world, self._only_changed("collider_patches")
         carried = world.config.patch.carry_velocity
         return self._collider_patches.write(
-            self._header(), world.shown_batches(), world.follower_names(), world.followers.epoch, carried,
+            self._header(), world.shown_batches(), world.followers.names, world.followers.epoch, carried,
             only_changed=only_changed,
         )  # fmt: skip
 

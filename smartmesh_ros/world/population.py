@@ -1,0 +1,301 @@
+"""The bodies of a world, by name."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection
+from typing import Any
+
+import pybullet as pb
+from numpy.typing import ArrayLike
+from pybullet_utils.bullet_client import BulletClient
+
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.followers import Follower, Followers
+from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.limits import require_possible
+from smartmesh_ros.ground.shapes import Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.terrain.ray_cast import checked_rays
+from smartmesh_ros.terrain.surface_query import GroundSamples
+from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.world.base_frames import frame_state
+from smartmesh_ros.world.bodies import Body, BodyFactory
+from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
+from smartmesh_ros.world.guests import Guests
+from smartmesh_ros.world.joints import JointCommand, JointReading, Motors, read_joints
+from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
+from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
+
+
+class Population:
+    """The bodies of a world, by name, on its ``ground`` at the world's ``time`` [s]: spawned and tracked bodies,
+    robots, and remote bodies (``guests``). ``say`` tells the user what a robot's description was taken as."""
+
+    time: float
+    terrain: Terrain
+    guests: Guests
+    say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
+
+    def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
+        """Start without bodies."""
+        self.bodies: dict[str, Body] = {}
+        self.client = client
+        self.ground = ground
+        self._factory = BodyFactory(client, physics)
+        self._motors = Motors(client)
+
+    def spawn(
+        self,
+        name: str,
+        shape: Shape,
+        mass: float,
+        state: BodyState | None = None,
+        *,
+        on_ground: bool = False,
+        clearance: float = 0.0,
+        align: bool = False,
+    ) -> None:
+        """Add a simulated body; raises `InputError` and adds nothing if its name is taken or a value is impossible.
+
+        ``on_ground``: the height is chosen so that the body's lowest point is ``clearance`` [m] above the ground, and
+        the ground's velocity is added to the body's. ``align``: the body is tilted with the ground, too. A place where
+        some part of the body is over no ground is refused.
+        """
+        self._require_free(name)
+        state = state or BodyState()
+        require_possible(name, state)
+        body = self._factory.simulated(name, shape, mass, state)
+        self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def spawn_robot(
+        self,
+        name: str,
+        urdf: str | PreparedRobot,
+        state: BodyState | None = None,
+        *,
+        on_ground: bool = False,
+        clearance: float = 0.0,
+        align: bool = False,
+    ) -> None:
+        """Add a robot from a URDF file or text, with a patch for each link that has a collision shape; ``on_ground``,
+        ``clearance`` and ``align`` as of `spawn`. Raises `InputError` and adds nothing if the robot is refused.
+
+        A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
+        """
+        self._require_free(name)
+        state = state or BodyState()
+        require_possible(name, state)
+        body = self._robot(name, urdf, state)
+        self._add(self._on_ground(body, clearance, align) if on_ground else body)
+
+    def stance_of_robot(
+        self, name: str, robot: PreparedRobot, state: BodyState, *, align: bool = False
+    ) -> Parts[Stance]:
+        """Find how a robot would stand on the ground, in parts of a few milliseconds between which this world may step;
+        `Stance.on` then returns the state for `spawn_robot`. Raises `InputError` as of `spawn`."""
+        require_possible(name, state)
+        client: Any = BulletClient(pb.DIRECT)
+        try:
+            body = BodyFactory(client, self._factory.config).robot(name, robot, state)
+            yield
+            return (yield from stance_of(client, body, state, self.ground_at, align=align))
+        finally:
+            client.disconnect()
+
+    def ground_at(self, points_w: ArrayLike) -> GroundSamples:
+        """Return the ground under points (N, 2) [m] now: heights, normals, velocities and ages; see `Ground.at`."""
+        return self.ground.at(points_w, self.time)
+
+    def cast_rays(
+        self, origins_w: ArrayLike, directions_w: ArrayLike, reach: float, *, through: Collection[str] = ()
+    ) -> RayHits:
+        """Return what rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet now within ``reach`` [m]:
+        ground or bodies, except those named in ``through``. Raises `InputError`."""
+        require_bodies(through, self.bodies)
+        rays = checked_rays(origins_w, directions_w, reach)
+        return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
+
+    def replace_robot(self, name: str, urdf: str | PreparedRobot) -> None:
+        """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
+        URDF does not load."""
+        old = self._body(name)
+        new = self._robot(name, urdf, self.state(name))
+        new.initial = old.initial
+        self.remove(name)
+        self._add(new)
+
+    def track(self, name: str, radius: float, state: BodyState) -> None:
+        """Add a tracked body, whose pose is dictated, or set its next pose.
+
+        Between calls the body moves on with its velocity. A new radius replaces the body.
+        """
+        require_possible(name, state)
+        body = self.bodies.get(name)
+        Sphere(radius)  # refuses an impossible radius before the body of that name is removed
+        if body is not None and body.radius != radius and body.tracked:
+            self.remove(name)
+            body = None
+        if body is None:
+            self._require_free(name)
+            body = self._factory.tracked(name, radius, state)
+            self._add(body)
+        elif not body.tracked:
+            raise InputError("duplicate_id", f"{name!r} is a simulated body; a tracked body needs another name")
+        else:
+            self._factory.place(body, state)
+
+    def remove(self, name: str) -> None:
+        """Remove a body from the world; raises `InputError` if there is none of that name, or another node simulates
+        it."""
+        self._own_body(name)
+        self._remove(name)
+
+    def add_guest(self, name: str, owner: str, shape: Shape, mass: float) -> int:
+        """Add a remote body, which ``owner`` simulates, and return its PyBullet body; `Guests` sets its state."""
+        body = self._factory.simulated(name, shape, mass, BodyState())
+        body.owner = owner
+        self._add(body)
+        return body.uid
+
+    def remove_guest(self, name: str) -> None:
+        """Remove a remote body from the world."""
+        if name in self.bodies:
+            self._remove(name)
+
+    def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
+        """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
+        limit."""
+        self.command(name, joint, JointCommand(velocity=velocity, effort=force))
+
+    def command(self, name: str, joint: str, command: JointCommand) -> None:
+        """Drive a robot's joint by a command from now on."""
+        self.require_joint(name, joint)
+        body = self.bodies[name]
+        if body.commands.get(joint) != command:  # a robot may sleep while it holds a position
+            self.ground.wake(body.uid)
+        body.commands[joint] = command
+        self._motors.command(body.uid, body.joints[joint], command)
+
+    def require_joint(self, name: str, joint: str) -> None:
+        """Raise `InputError` if there is no robot of that name with this joint."""
+        joints = self._body(name).joints
+        if joint not in joints:
+            raise InputError("unknown_joint", f"{name!r} has no joint {joint!r}; it has {', '.join(joints) or 'none'}")
+
+    def move(self, name: str, state: BodyState) -> None:
+        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
+        fixed takes no velocity."""
+        body = self._own_body(name)
+        if body.tracked:
+            raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
+        self._factory.move(body, state)
+        self.ground.wake(body.uid)
+
+    def wake(self, name: str | None = None) -> None:
+        """Wake a body, or all (None), with what it may touch. Only who pushes bodies through the ``client`` needs this:
+        PyBullet's forces and velocities do not wake a sleeping body."""
+        self.ground.wake(None if name is None else self._body(name).uid)
+
+    def is_asleep(self, name: str) -> bool:
+        """Return True if a body sleeps; raises `InputError` if there is none of that name."""
+        return not self.followers.table["awake"][self.followers.of(self._body(name).uid)].any()
+
+    def state(self, name: str) -> BodyState:
+        """Return the state of a body's centre of mass."""
+        body = self._body(name)
+        return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
+
+    def base_state(self, name: str) -> BodyState:
+        """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
+        return frame_state(self.state(name), self._body(name).inertial)
+
+    def joints(self, name: str) -> list[JointReading]:
+        """Return the current readings of a robot's joints."""
+        body = self._body(name)
+        return read_joints(self.client, body.uid, body.joints, body.commands)
+
+    @property
+    def followers(self) -> Followers:
+        """The attached bodies and links, by the slots of the batches."""
+        return self.ground.followers
+
+    def _may_sleep(self, uid: int) -> bool:
+        """Return True if no joint of a PyBullet body is driven to move. Efforts are applied in each step, and PyBullet
+        sums those that a sleeping robot does not heed."""
+        slot = self.followers.of(uid)[0]
+        body = self.bodies[self.followers[slot].name.partition("/")[0]]
+        commands = body.commands.values()
+        return not any(command.velocity or (command.is_effort and command.effort) for command in commands)
+
+    def _on_ground(self, body: Body, clearance: float, align: bool) -> Body:
+        """Place a new body on the ground; removes it and raises `InputError` if that is refused."""
+        try:
+            if not self.terrain.tiles:
+                raise InputError("no_map", NO_TERRAIN)
+            stance = finished(stance_of(self.client, body, body.initial, self.ground_at, align=align))
+            state = stance.on(self.ground_at, clearance)
+            require_possible(body.name, state)
+        except InputError:
+            self.client.removeBody(body.uid)
+            raise
+        body.initial = state
+        self._factory.move(body, state)
+        return body
+
+    def _robot(self, name: str, urdf: str | PreparedRobot, state: BodyState) -> Body:
+        """Return the body of a robot, not yet part of this world."""
+        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
+        return self._factory.robot(name, robot, state)
+
+    def _body(self, name: str) -> Body:
+        try:
+            return self.bodies[name]
+        except KeyError:
+            raise InputError("unknown_body", f"there is no body {name!r}") from None
+
+    def _own_body(self, name: str) -> Body:
+        """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""
+        body = self._body(name)
+        if body.owner:
+            raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")
+        return body
+
+    def _is_guest(self, name: str) -> bool:
+        return bool(self.bodies[name.partition("/")[0]].owner)
+
+    def _remove(self, name: str) -> None:
+        body = self._body(name)
+        self.ground.detach(body.uid)
+        self.client.removeBody(body.uid)
+        self._motors.forget(body.uid)
+        del self.bodies[name]
+
+    def _require_free(self, name: str) -> None:
+        if not name or "/" in name:
+            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        if owner := self.guests.owner_of(name):
+            raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
+        if name in self.bodies:
+            raise InputError(
+                "duplicate_id", f"there is a body {name!r} already; remove it first or choose another name"
+            )
+
+    def _add(self, body: Body) -> None:
+        self.bodies[body.name] = body
+        for note in body.notes:
+            self.say(f"robot {body.name!r}: {note}")
+        if body.is_robot:
+            for link, part in body.links.items():
+                follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
+                self._attach(body, follower, f"{body.name}/{part}")
+        else:
+            shape = Sphere(body.radius) if body.shape is None else body.shape
+            follower = self.ground.attach(body.uid, solid=not body.tracked, shape=shape)
+            self._attach(body, follower, body.name)
+
+    def _attach(self, body: Body, follower: Follower, name: str) -> None:
+        """Record what this world knows of a new follower."""
+        follower.name = name
+        self.followers.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))
