@@ -55,8 +55,6 @@ inline double finite(double value, const char* name) {
   return value;
 }
 
-inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
-
 inline Mode mode_of(int number) {
   if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
   return static_cast<Mode>(number);

@@ -26,14 +26,14 @@ struct Shapes {
   Doubles2 vertices;
 
   Shapes(Bytes2 shapes_s, Bytes2 parts_p, Doubles2 vertices_v3) : shapes(shapes_s), parts(parts_p), vertices(vertices_v3) {
-    require(shapes.shape(1) == sizeof(ShapeRecord) && parts.shape(1) == sizeof(ShapeRecord),
+    require(shapes.shape(1) == sizeof(Shape) && parts.shape(1) == sizeof(Shape),
             "shapes and parts must be records of SHAPE");
     require(vertices.shape(1) == 3, "vertices must have the shape (V, 3)");
-    check_alignment(shapes.data(), alignof(ShapeRecord)), check_alignment(parts.data(), alignof(ShapeRecord));
+    check_alignment(shapes.data(), alignof(Shape)), check_alignment(parts.data(), alignof(Shape));
     check_alignment(vertices.data(), sizeof(double));
-    table.shapes = reinterpret_cast<const ShapeRecord*>(shapes.data());
-    table.parts = reinterpret_cast<const ShapeRecord*>(parts.data());
-    table.vertices = vertices.data();
+    table.shapes = reinterpret_cast<const Shape*>(shapes.data());
+    table.parts = reinterpret_cast<const Shape*>(parts.data());
+    table.vertices = reinterpret_cast<const Vec3*>(vertices.data());
     table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
     table.part_count = static_cast<std::int64_t>(parts.shape(0));
     table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
@@ -52,7 +52,7 @@ struct Bodies {
   void place(std::int64_t slot, BodySolid& placed) const {
     require(slot >= 0 && slot < table.shape_count && slot < static_cast<std::int64_t>(states.shape(0)),
             "a slot has no shape or no state");
-    const ShapeRecord& shape = table.shapes[slot];
+    const Shape& shape = table.shapes[slot];
     require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
     place_shape(table, shape, states.data() + BODY_COLUMNS * slot, placed);
   }
@@ -82,8 +82,9 @@ void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubl
   require(found.shape(0) == points.shape(0), "there must be a distance for each point");
   check_alignment(kept.data(), sizeof(double)), check_alignment(points.data(), sizeof(double));
   check_alignment(found.data(), sizeof(double));
-  Solid hull;
-  hull.kind = ShapeKind::Hull, hull.vertices = kept.data(), hull.rows = static_cast<std::int64_t>(kept.shape(0));
+  Shape shape;
+  shape.kind = ShapeKind::Hull, shape.rows = static_cast<std::int64_t>(kept.shape(0));
+  const Solid hull(shape, {}, {}, reinterpret_cast<const Vec3*>(kept.data()));
   for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(vector_at(points.data() + 3 * k), hull);
 }
 

@@ -13,9 +13,9 @@ void note_motion(Slots chosen, Bytes2 shapes, Doubles2 states, States boxes, Sta
   const std::size_t count = boxes.shape(0);
   check_table(anchors, count, ANCHOR_COLUMNS, "anchors");
   check_table(boxes, count, BOX_COLUMNS, "boxes"), check_table(states, count, BODY_COLUMNS, "states");
-  check_table(shapes, count, sizeof(ShapeRecord), "shapes");
-  check_alignment(shapes.data(), alignof(ShapeRecord));
-  const auto* records = reinterpret_cast<const ShapeRecord*>(shapes.data());
+  check_table(shapes, count, sizeof(Shape), "shapes");
+  check_alignment(shapes.data(), alignof(Shape));
+  const auto* records = reinterpret_cast<const Shape*>(shapes.data());
   for (std::int64_t slot : slots_below(chosen, count)) {
     const double* state = states.data() + BODY_COLUMNS * slot;
     write_box(records[slot], state, boxes.data() + BOX_COLUMNS * slot);

@@ -9,19 +9,6 @@ namespace smartmesh {
 
 namespace {
 
-// Returns half the extents of a shape along the axes of the world.
-Vec3 half_extents(const ShapeRecord& shape, const Turn& orientation) {
-  const double *half = shape.half, rounding = shape.rounding;
-  if (shape.kind == ShapeKind::Ball) return {rounding, rounding, rounding};
-  const Mat3 axes = axes_of(orientation * Turn{shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]});
-  const Vec3 &u = axes.row[0], &v = axes.row[1], &w = axes.row[2];
-  const auto along = [&](double a, double b, double c) {
-    if (shape.kind == ShapeKind::Cylinder) return half[0] * std::sqrt(a * a + b * b) + half[2] * std::abs(c) + rounding;
-    return std::abs(a) * half[0] + std::abs(b) * half[1] + std::abs(c) * half[2] + rounding;
-  };
-  return {along(u.x, v.x, w.x), along(u.y, v.y, w.y), along(u.z, v.z, w.z)};
-}
-
 // Returns the root of an item in a forest, and shortens the way to it.
 std::int64_t root_of(std::vector<std::int64_t>& parents, std::int64_t k) {
   while (parents[k] != k) k = parents[k] = parents[parents[k]];
@@ -36,11 +23,12 @@ void join(std::vector<std::int64_t>& parents, std::int64_t a, std::int64_t b) {
 
 }  // namespace
 
-void write_box(const ShapeRecord& shape, const double* body, double* box) {
-  const Turn orientation{body[3], body[4], body[5], body[6]};
-  const Vec3 offset{shape.offset[0], shape.offset[1], shape.offset[2]};
-  const Vec3 centre = Vec3{body[0], body[1], body[2]} + rotated(orientation, offset);
-  const Vec3 half = half_extents(shape, orientation), low = centre - half, high = centre + half;
+void write_box(const Shape& shape, const double* body, double* box) {
+  const Turn turn{body[3], body[4], body[5], body[6]};
+  const Solid solid(shape, {body[0], body[1], body[2]}, turn);
+  const auto along = [&](const Vec3& axis) { return shape.extent(solid.axes * axis); };
+  const Vec3 half{along({1.0, 0.0, 0.0}), along({0.0, 1.0, 0.0}), along({0.0, 0.0, 1.0})};
+  const Vec3 low = solid.centre - half, high = solid.centre + half;
   box[0] = low.x, box[1] = low.y, box[2] = low.z;
   box[3] = high.x, box[4] = high.y, box[5] = high.z;
 }

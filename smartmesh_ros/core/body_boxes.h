@@ -13,7 +13,7 @@ namespace smartmesh {
 constexpr int BOX_COLUMNS = 6;
 
 // Writes the box (6,) of a shape on a body (13,); the smallest one for all but hulls and compounds.
-void write_box(const ShapeRecord& shape, const double* body, double* box);
+void write_box(const Shape& shape, const double* body, double* box);
 
 // Returns the largest distance of two boxes (6,) along an axis [m], negative if they overlap.
 double apart(const double* a, const double* b);

@@ -7,8 +7,6 @@ namespace smartmesh {
 
 namespace {
 
-Vec3 row_of(const double* row) { return {row[0], row[1], row[2]}; }
-
 // Horizontal bounds, largest speed and largest radius of the own bodies whose positions are known.
 struct Extent {
   Bounds bounds;
@@ -19,8 +17,8 @@ Extent extent_of(const OwnBodies& bodies) {
   Extent extent;
   for (std::size_t j = 0; j < bodies.count; ++j) {
     if (!bodies.own[j] || std::isnan(bodies.positions[3 * j])) continue;
-    extent.bounds.add(row_of(bodies.positions + 3 * j));
-    extent.fastest = std::max(extent.fastest, norm(row_of(bodies.velocities + 3 * j)));
+    extent.bounds.add(vector_at(bodies.positions + 3 * j));
+    extent.fastest = std::max(extent.fastest, norm(vector_at(bodies.velocities + 3 * j)));
     extent.largest = std::max(extent.largest, bodies.radii[j]);
   }
   return extent;
@@ -31,9 +29,9 @@ Extent extent_of(const OwnBodies& bodies) {
 bool is_near_any(const Vec3& p, const Vec3& velocity, double reach, double most, const OwnBodies& bodies,
                  double horizon) {
   for (std::size_t j = 0; j < bodies.count; ++j) {
-    const double square = norm2(row_of(bodies.positions + 3 * j) - p);
+    const double square = norm2(vector_at(bodies.positions + 3 * j) - p);
     if (!(square < most * most) || !bodies.own[j]) continue;
-    const double speed = norm(velocity - row_of(bodies.velocities + 3 * j));
+    const double speed = norm(velocity - vector_at(bodies.velocities + 3 * j));
     if (std::sqrt(square) < reach + bodies.radii[j] + speed * horizon) return true;
   }
   return false;
@@ -41,12 +39,12 @@ bool is_near_any(const Vec3& p, const Vec3& velocity, double reach, double most,
 
 // Returns true if body `i` came near a solid one, of which none has a larger radius and motion than `most` [m].
 bool touches_any(std::size_t i, const SteppedBodies& bodies, double slack, double most) {
-  const Vec3 position = row_of(bodies.positions + 3 * i), moved = row_of(bodies.moved + 3 * i);
+  const Vec3 position = vector_at(bodies.positions + 3 * i), moved = vector_at(bodies.moved + 3 * i);
   const double reach = bodies.radii[i] + slack, farthest = reach + norm(moved) + most;
   for (std::size_t j = 0; j < bodies.count; ++j) {
-    const double square = norm2(position - row_of(bodies.positions + 3 * j));
+    const double square = norm2(position - vector_at(bodies.positions + 3 * j));
     if (!(square < farthest * farthest) || !bodies.solid[j] || i == j) continue;
-    const double near = reach + bodies.radii[j] + norm(moved - row_of(bodies.moved + 3 * j));
+    const double near = reach + bodies.radii[j] + norm(moved - vector_at(bodies.moved + 3 * j));
     if (square < near * near) return true;
   }
   return false;
@@ -66,7 +64,7 @@ void take_state(const double* found, double dt, double* state, double* position,
 void extrapolate(const double* state, double duration, double* moved) {
   std::copy_n(state, BODY_COLUMNS, moved);
   for (int axis = 0; axis < 3; ++axis) moved[axis] += duration * state[7 + axis];
-  const Vec3 spin = row_of(state + 10);
+  const Vec3 spin = vector_at(state + 10);
   const double speed = norm(spin);
   if (!(speed > 0.0)) return;
   const Vec3 axis = spin * (std::sin(0.5 * speed * duration) / speed);
@@ -92,7 +90,7 @@ void find_near(const RemoteBodies& remote, double duration, const OwnBodies& bod
   const Vec3 &low = extent.bounds.low, &high = extent.bounds.high;
   for (std::size_t i = 0; i < remote.count; ++i) {
     const double* state = remote.states + BODY_COLUMNS * i;
-    const Vec3 velocity = row_of(state + 7), p = row_of(state) + duration * velocity;
+    const Vec3 velocity = vector_at(state + 7), p = vector_at(state) + duration * velocity;
     const double reach = remote.radii[i] + remote.margins[i];
     const double most = reach + extent.largest + (norm(velocity) + extent.fastest) * horizon;
     const bool outside = p.x < low.x - most || p.x > high.x + most || p.y < low.y - most || p.y > high.y + most;
@@ -103,7 +101,7 @@ void find_near(const RemoteBodies& remote, double duration, const OwnBodies& bod
 void find_touching(const SteppedBodies& bodies, double slack, bool* found) {
   double most = 0.0;  // largest radius and motion of a solid body [m]
   for (std::size_t j = 0; j < bodies.count; ++j)
-    if (bodies.solid[j]) most = std::max(most, bodies.radii[j] + norm(row_of(bodies.moved + 3 * j)));
+    if (bodies.solid[j]) most = std::max(most, bodies.radii[j] + norm(vector_at(bodies.moved + 3 * j)));
   for (std::size_t i = 0; i < bodies.count; ++i) found[i] = bodies.guests[i] && touches_any(i, bodies, slack, most);
 }
 

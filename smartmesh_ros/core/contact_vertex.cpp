@@ -107,7 +107,7 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration,
+  const MovingPoint point{at, velocity, shape.rounding, approach.margin + norm(velocity) * approach.duration,
                           pose.to_world(shape.centre)};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
@@ -125,13 +125,13 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
   };
   // What a ball only comes to within the step: from `start` along `side`, which is zero for a peak.
   const auto meet = [&](const Vec3& start, const Vec3& side, const auto& feature, int one, int other) {
-    if (shape.radius == 0.0) return;
+    if (shape.rounding == 0.0) return;
     const Vec3 along = unit(side);
     const double time = time_of_touch(point, at - start, along, approach.duration);
     const Vec3 then = at + velocity * time - start;
     const double s = dot(then, along), length = norm(side);
     if (time < 0.0 || (length > 0.0 && !(s > 0.0 && s < length))) return;
-    const Vec3 n = (then - along * s) * (1.0 / shape.radius);
+    const Vec3 n = (then - along * s) * (1.0 / shape.rounding);
     add(n, dot(n, at - start), feature, one, other);
   };
   const PatchCells& cells = patch.cells;

@@ -86,7 +86,7 @@ void find_foot(const FieldSamples& samples, const GridPose& pose, double resolut
   if (!std::isfinite(nearest.rank)) return;
   support.state = Support::Field;
   const Vec3 normal = nearest.normal(), first = nearest.triangle.a, centre = body.whole.centre;
-  const bool is_ball = body.whole.kind == ShapeKind::Ball;
+  const bool is_ball = body.whole.shape->kind == ShapeKind::Ball;
   const Vec3 foot = is_ball ? nearest.gap.nearest : centre - normal * dot(centre - first, normal);
   const Rise rise = rise_of(samples, nearest);
   support.gap = nearest.gap.distance;

@@ -8,15 +8,13 @@ namespace smartmesh {
 
 namespace {
 
-Vec3 row_of(const double* row) { return {row[0], row[1], row[2]}; }
-
 }  // namespace
 
 double strayed(const double* state, const double* anchor, double radius) {
   double cosine = 0.0;
   for (int k = 3; k < 7; ++k) cosine += state[k] * anchor[k];
   const double sine = std::sqrt(std::max(1.0 - cosine * cosine, 0.0));  // of half the angle between the orientations
-  return norm(row_of(state) - row_of(anchor)) + 2.0 * sine * radius;
+  return norm(vector_at(state) - vector_at(anchor)) + 2.0 * sine * radius;
 }
 
 void move_anchor(const double* state, double radius, double time, double distance, double* anchor) {
@@ -69,15 +67,15 @@ bool Sleepers::mark_reached(const Movers& movers, const Stillness& stillness, do
   bool any_new = false;
   for (std::int64_t slot : movers.slots) {
     const double *state = movers.states + BODY_COLUMNS * slot, *anchor = movers.anchors + ANCHOR_COLUMNS * slot;
-    const Vec3 position = row_of(movers.positions + 3 * slot), step = row_of(movers.moved + 3 * slot);
+    const Vec3 position = vector_at(movers.positions + 3 * slot), step = vector_at(movers.moved + 3 * slot);
     const double farthest = stillness.distance * stillness.distance;
-    if (stillness.time - anchor[ANCHOR_COLUMNS - 1] >= stillness.after && norm2(position - row_of(anchor)) <= farthest &&
+    if (stillness.time - anchor[ANCHOR_COLUMNS - 1] >= stillness.after && norm2(position - vector_at(anchor)) <= farthest &&
         norm2(step) <= farthest)
       continue;
-    const double turned = std::min(norm(row_of(state + 10)) * elapsed, 2.0) * bodies_.radii[slot];
-    const Vec3 went = position - row_of(state), margin{turned, turned, turned};
+    const double turned = std::min(norm(vector_at(state + 10)) * elapsed, 2.0) * bodies_.radii[slot];
+    const Vec3 went = position - vector_at(state), margin{turned, turned, turned};
     const double* known = bodies_.box(slot);
-    const Vec3 low = row_of(known) + went - margin, high = row_of(known + 3) + went + margin;
+    const Vec3 low = vector_at(known) + went - margin, high = vector_at(known + 3) + went + margin;
     const double box[BOX_COLUMNS] = {low.x, low.y, low.z, high.x, high.y, high.z};
     any_new |= mark_near(box, bodies_.near + norm(step), bodies_.radii[slot], found);
   }

@@ -14,7 +14,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
-from smartmesh_ros.physics.body_shapes import HULL_MARGIN, body_shape, read_shape
+from smartmesh_ros.physics.body_shapes import HULL_MARGIN, read_shape
 from tests.bodies import lowest_of
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(0.1, 0.5), Capsule(0.1, 0.5))
@@ -30,7 +30,7 @@ def client() -> Iterator[Any]:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
     body = client.createMultiBody(1.0, client.createCollisionShape(**shape.bullet()))
-    given_, read = body_shape(shape), read_shape(client, body)
+    given_, read = shape.body_shape, read_shape(client, body)
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)

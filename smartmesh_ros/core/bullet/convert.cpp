@@ -14,8 +14,6 @@ namespace smartmesh {
 
 namespace {
 
-Vec3 axis_of(int index) { return {index == 0 ? 1.0 : 0.0, index == 1 ? 1.0 : 0.0, index == 2 ? 1.0 : 0.0}; }
-
 // Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the rounding of
 // meshes in single precision, below what contacts notice.
 constexpr double SAME = 1e-6;
@@ -59,14 +57,14 @@ bool convex_of(const btConvexShape& shape, Convex& convex) {
       return true;
     case CAPSULE_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCapsuleShape&>(shape);
-      convex = capsule(it.getRadius(), it.getHalfHeight(), axis_of(it.getUpAxis()));
-      return true;
+      convex = capsule(it.getRadius(), it.getHalfHeight());
+      return it.getUpAxis() == 2;
     }
     case CYLINDER_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCylinderShape&>(shape);
       const btVector3 half = it.getHalfExtentsWithMargin();
-      convex = cylinder(half[(it.getUpAxis() + 1) % 3], half[it.getUpAxis()], axis_of(it.getUpAxis()));
-      return true;
+      convex = cylinder(half.x(), half.z());
+      return it.getUpAxis() == 2;
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btConvexHullShape&>(shape);

@@ -119,16 +119,15 @@ Table contacts_of(const Convex& shape, const Points& pose, const Heights& height
 }  // namespace
 
 void add_test_entries(nb::module_& m) {
-  const Vec3 z{0.0, 0.0, 1.0};
   nb::class_<Convex>(m, "Shape")
       .def_static("ball", [](double radius) { return ball(checked(radius, "the radius")); }, "radius"_a)
       .def_static(
           "capsule",
-          [z](double radius, double half) { return capsule(checked(radius, "the radius"), checked(half, "half"), z); },
+          [](double radius, double half) { return capsule(checked(radius, "the radius"), checked(half, "half")); },
           "radius"_a, "half"_a)
       .def_static(
           "cylinder",
-          [z](double radius, double half) { return cylinder(checked(radius, "the radius"), checked(half, "half"), z); },
+          [](double radius, double half) { return cylinder(checked(radius, "the radius"), checked(half, "half")); },
           "radius"_a, "half"_a)
       .def_static(
           "box",
