@@ -10,13 +10,18 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
-#include "alignment.h"
 #include "surface.h"
 
 namespace smartmesh {
 
 namespace nb = nanobind;
 using namespace nb::literals;
+
+// Refuses data that a processor may not read as numbers of `size` bytes, such as views of bytes at odd addresses.
+inline void check_alignment(const void* data, std::size_t size) {
+  if (reinterpret_cast<std::uintptr_t>(data) % size != 0)
+    throw std::invalid_argument("arrays must be aligned; pass a copy");
+}
 
 // Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
 template <class T, std::size_t N>
@@ -173,8 +178,8 @@ void add_updates(nb::module_& m);
 void add_soil(nb::module_& m);
 void add_bodies(nb::module_& m);
 void add_rows(nb::module_& m);
+void add_contacts(nb::module_& m);
 // In the folder bullet, which is compiled where Bullet's headers are.
 void add_ground(nb::module_& m);
-void add_test_entries(nb::module_& m);
 
 }  // namespace smartmesh

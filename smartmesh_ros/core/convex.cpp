@@ -4,12 +4,29 @@
 #include <map>
 #include <utility>
 
+#include "hull_faces.h"
+
 namespace smartmesh {
 
 namespace {
 
 // Sine of the angle between two faces below which they count as one plane.
 constexpr double SAME_PLANE = 1e-4;
+// Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the rounding of
+// meshes in single precision, below what contacts notice.
+constexpr double SAME = 1e-6;
+
+std::vector<Vec3> without_doubles(std::vector<Vec3> points, double tolerance) {
+  std::sort(points.begin(), points.end(), [](const Vec3& a, const Vec3& b) { return a.x < b.x; });
+  std::vector<Vec3> found;
+  for (const Vec3& point : points) {
+    bool is_new = true;
+    for (auto k = found.rbegin(); is_new && k != found.rend() && point.x - k->x <= tolerance; ++k)
+      is_new = norm2(point - *k) > tolerance * tolerance;
+    if (is_new) found.push_back(point);
+  }
+  return found;
+}
 
 // Returns a shape with the features of its core, or a cylinder.
 Convex with_features(ShapeKind kind, const Vec3& half, double rounding, const Polytope& core) {
@@ -97,6 +114,8 @@ void add_edges(Polytope& core) {
   core.edges.erase(std::remove_if(core.edges.begin(), core.edges.end(), flat), core.edges.end());
 }
 
+// Returns a polytope from its corners and the loops of its faces, counterclockwise seen from outside. Faces of a loop
+// without area are left out, and edges between faces in one plane.
 Polytope polytope(const std::vector<Vec3>& corners, std::vector<std::vector<int>> loops) {
   Polytope core;
   add_corners(core, corners, loops);
@@ -160,8 +179,12 @@ Convex box(const Vec3& half) {
   return with_features(ShapeKind::Box, half, 0.0, core);
 }
 
-Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius) {
-  return with_features(ShapeKind::Hull, {}, radius, polytope(corners, loops));
+Convex hull(const std::vector<Vec3>& points, double margin) {
+  Bounds bounds;
+  for (const Vec3& point : points) bounds.add(point);
+  const double tolerance = SAME * norm(bounds.high - bounds.low);
+  const std::vector<Vec3> corners = without_doubles(points, tolerance);
+  return with_features(ShapeKind::Hull, {}, margin, polytope(corners, hull_faces(corners, tolerance)));
 }
 
 }  // namespace smartmesh

@@ -52,8 +52,7 @@ Convex capsule(double radius, double half);
 Convex cylinder(double radius, double half);
 Convex box(const Vec3& half);
 
-// Returns a polytope grown by `radius` from its corners and the loops of its faces, counterclockwise seen from outside.
-// Faces of a loop without area are left out, and edges between faces in one plane.
-Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius);
+// Returns the convex hull of some points, at least one, grown by a margin.
+Convex hull(const std::vector<Vec3>& points, double margin);
 
 }  // namespace smartmesh
