@@ -55,6 +55,16 @@ void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
     throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
 }
 
+// Returns the rows of a table that was checked, as records.
+template <class Record>
+const Record* rows_of(const Doubles2& table) {
+  return reinterpret_cast<const Record*>(table.data());
+}
+template <class Record>
+Record* rows_of(const States& table) {
+  return reinterpret_cast<Record*>(table.data());
+}
+
 inline double finite(double value, const char* name) {
   if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
   return value;

@@ -33,7 +33,7 @@ struct Shapes {
     check_alignment(vertices.data(), sizeof(double));
     table.shapes = reinterpret_cast<const Shape*>(shapes.data());
     table.parts = reinterpret_cast<const Shape*>(parts.data());
-    table.vertices = reinterpret_cast<const Vec3*>(vertices.data());
+    table.vertices = rows_of<Vec3>(vertices);
     table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
     table.part_count = static_cast<std::int64_t>(parts.shape(0));
     table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
@@ -54,7 +54,7 @@ struct Bodies {
             "a slot has no shape or no state");
     const Shape& shape = table.shapes[slot];
     require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
-    place_shape(table, shape, states.data() + BODY_COLUMNS * slot, placed);
+    place_shape(table, shape, rows_of<BodyState>(states)[slot].pose, placed);
   }
 };
 
@@ -84,8 +84,8 @@ void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubl
   check_alignment(found.data(), sizeof(double));
   Shape shape;
   shape.kind = ShapeKind::Hull, shape.rows = static_cast<std::int64_t>(kept.shape(0));
-  const Solid hull(shape, {}, {}, reinterpret_cast<const Vec3*>(kept.data()));
-  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(vector_at(points.data() + 3 * k), hull);
+  const Solid hull(shape, {}, rows_of<Vec3>(kept));
+  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(rows_of<Vec3>(points)[k], hull);
 }
 
 using Lifts = std::vector<std::tuple<std::int64_t, double, double>>;
@@ -143,7 +143,7 @@ void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shap
   for (std::size_t k = 0; k < triangles.size(); ++k) {
     const std::int32_t corner = triangles.data()[k];
     require(corner >= 0 && static_cast<std::size_t>(corner) < points.shape(0), "a triangle uses a point that is not there");
-    corners.push_back(vector_at(points.data() + 3 * corner));
+    corners.push_back(rows_of<Vec3>(points)[corner]);
   }
   BodySolid body;
   Bodies(shapes, states).place(slot, body);
@@ -174,7 +174,7 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
     const SupportRecord& support = supports.at(slot);
     const bool stands = support.state != Support::None;
     bodies.place(slot, body);
-    const Vec3 origin = vector_at(poses.data() + 7 * owner);
+    const Vec3 origin = rows_of<BodyPose>(poses)[owner].at;
     for (const auto& [number, grid, shown] : tiles) {
       if (stands && support.tile != number) continue;
       HeightGrid before = grid->grid;
@@ -183,14 +183,8 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
     }
   }
   std::vector<std::size_t> moved;
-  for (std::size_t k = 0; k < sums.size(); ++k) {
-    double* p = poses.data() + 7 * k;
-    BodyPose pose{vector_at(p), {p[3], p[4], p[5], p[6]}};
-    if (!move_with(sums[k], pose)) continue;
-    moved.push_back(k);
-    const double found[7] = {pose.at.x, pose.at.y, pose.at.z, pose.turn.x, pose.turn.y, pose.turn.z, pose.turn.w};
-    std::copy(found, found + 7, p);
-  }
+  for (std::size_t k = 0; k < sums.size(); ++k)
+    if (move_with(sums[k], rows_of<BodyPose>(poses)[k])) moved.push_back(k);
   return moved;
 }
 

@@ -108,7 +108,7 @@ std::tuple<nb::ndarray<nb::numpy, double>, double, double> shape_above_grid(Byte
   check_alignment(record.data(), alignof(Shape));
   const Shape& own = *reinterpret_cast<const Shape*>(record.data());
   check_kind(own);
-  const Underside shape = underside(Solid(own, {}, {}), spacing);
+  const Underside shape = underside(Solid(own, {}), spacing);
   FootRow row;
   std::vector<double> found;
   for (std::size_t k = 0; k < points.shape(0); ++k) {

@@ -1,8 +1,5 @@
 #include "body_boxes.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace smartmesh {
@@ -23,20 +20,11 @@ void join(std::vector<std::int64_t>& parents, std::int64_t a, std::int64_t b) {
 
 }  // namespace
 
-void write_box(const Shape& shape, const double* body, double* box) {
-  const Turn turn{body[3], body[4], body[5], body[6]};
-  const Solid solid(shape, {body[0], body[1], body[2]}, turn);
+Bounds box_of(const Shape& shape, const BodyPose& body) {
+  const Solid solid(shape, body);
   const auto along = [&](const Vec3& axis) { return shape.extent(solid.axes * axis); };
   const Vec3 half{along({1.0, 0.0, 0.0}), along({0.0, 1.0, 0.0}), along({0.0, 0.0, 1.0})};
-  const Vec3 low = solid.centre - half, high = solid.centre + half;
-  box[0] = low.x, box[1] = low.y, box[2] = low.z;
-  box[3] = high.x, box[4] = high.y, box[5] = high.z;
-}
-
-double apart(const double* a, const double* b) {
-  double most = -std::numeric_limits<double>::infinity();
-  for (int axis = 0; axis < 3; ++axis) most = std::max({most, a[axis] - b[axis + 3], b[axis] - a[axis + 3]});
-  return most;
+  return {solid.centre - half, solid.centre + half};
 }
 
 std::vector<std::int64_t> islands(const std::vector<std::int64_t>& slots, const std::int64_t* owners,
@@ -49,20 +37,16 @@ std::vector<std::int64_t> islands(const std::vector<std::int64_t>& slots, const 
   for (std::size_t m = 1; m < count; ++m)
     if (owner(order[m - 1]) == owner(order[m])) join(parents, order[m - 1], order[m]);
 
-  const auto low_x = [&](std::int64_t k) {  // unknown boxes come last
-    const double x = bodies.box(slots[k])[0];
-    return std::isnan(x) ? std::numeric_limits<double>::infinity() : x;
-  };
-  std::stable_sort(order.begin(), order.end(), [&](std::int64_t a, std::int64_t b) { return low_x(a) < low_x(b); });
+  bodies.sort(order, [&](std::int64_t k) { return slots[k]; });
   double largest = 0.0;
   for (std::int64_t slot : slots) largest = std::max(largest, bodies.radii[slot]);
   for (std::size_t m = 0; m < count; ++m) {
     const std::int64_t a = slots[order[m]];
-    const double beyond = bodies.box(a)[3] + bodies.near + bodies.share * (bodies.radii[a] + largest);
+    const double beyond = bodies.boxes[a].high.x + bodies.near + bodies.share * (bodies.radii[a] + largest);
     for (std::size_t n = m + 1; n < count; ++n) {
       const std::int64_t b = slots[order[n]];
-      if (bodies.box(b)[0] > beyond) break;
-      if (apart(bodies.box(a), bodies.box(b)) <= bodies.near + bodies.share * (bodies.radii[a] + bodies.radii[b]))
+      if (bodies.boxes[b].low.x > beyond) break;
+      if (bodies.boxes[a].apart_from(bodies.boxes[b]) <= bodies.near + bodies.share * (bodies.radii[a] + bodies.radii[b]))
         join(parents, order[m], order[n]);
     }
   }

@@ -17,10 +17,7 @@ struct FootLoad {
 // A body that presses the soil, with the layout of FOOT in soil/feet.py.
 struct Foot {
   Shape shape;
-  // Pose and velocity of the body's frame in the world.
-  Vec3 position;
-  Turn attitude;
-  Vec3 linear, angular;
+  BodyState body;
   FootLoad given, load;  // of the last update, and filtered
   // Height of the shape's middle without the map's z [m], at which the soil carries the load, NaN = without load; slope
   // of the pressed plane.

@@ -26,14 +26,14 @@ Vec3 to_grid_axes(const GridPose& pose, const Vec3& v) {
 }
 
 PlacedShape place(const SoilGround& ground, const Foot& foot) {
-  Solid solid(foot.shape, foot.position, foot.attitude);
-  const Vec3 offset = rotated(foot.attitude, foot.shape.offset), at = solid.centre;
+  Solid solid(foot.shape, foot.body.pose);
+  const Vec3 offset = rotated(foot.body.pose.turn, foot.shape.offset), at = solid.centre;
   for (Vec3& axis : solid.axes.row) axis = to_grid_axes(ground.pose, axis);
   const GridPoint point = to_grid(ground.pose, ground.spacing, at.x, at.y);
   PlacedShape placed{underside(solid, ground.spacing),
                      {point.column, point.row, at.z - ground.z},
-                     to_grid_axes(ground.pose, foot.linear + cross(foot.angular, offset)),
-                     to_grid_axes(ground.pose, foot.angular), 0.0};
+                     to_grid_axes(ground.pose, foot.body.linear + cross(foot.body.angular, offset)),
+                     to_grid_axes(ground.pose, foot.body.angular), 0.0};
   placed.size = std::max(half_length(placed.shape, 0), half_length(placed.shape, 1)) + 2.0 * ground.spacing;
   return placed;
 }

@@ -35,9 +35,9 @@ bool ShapeTable::has_all_of(const Shape& shape) const {
   });
 }
 
-Solid::Solid(const Shape& placed, const Vec3& at, const Turn& turn, const Vec3* of_hull)
-    : shape(&placed), centre(at + rotated(turn, placed.offset)), vertices(of_hull) {
-  if (shape->kind != ShapeKind::Ball) axes = axes_of(turn * shape->turn);
+Solid::Solid(const Shape& placed, const BodyPose& frame, const Vec3* of_hull)
+    : shape(&placed), centre(frame.at + rotated(frame.turn, placed.offset)), vertices(of_hull) {
+  if (shape->kind != ShapeKind::Ball) axes = axes_of(frame.turn * shape->turn);
 }
 
 Vec3 Solid::core_support(const Vec3& d) const {
@@ -61,20 +61,19 @@ double BodySolid::lowest() const {
   return least;
 }
 
-void place_shape(const ShapeTable& table, const Shape& shape, const double* body, BodySolid& placed) {
-  const Turn turn{body[3], body[4], body[5], body[6]};
-  const auto place = [&](const Shape& each, const Vec3& at, const Turn& of) {
-    return Solid(each, at, of, each.kind == ShapeKind::Hull ? table.vertices + each.first : nullptr);
+void place_shape(const ShapeTable& table, const Shape& shape, const BodyPose& body, BodySolid& placed) {
+  const auto place = [&](const Shape& each, const BodyPose& frame) {
+    return Solid(each, frame, each.kind == ShapeKind::Hull ? table.vertices + each.first : nullptr);
   };
-  placed.whole = place(shape, {body[0], body[1], body[2]}, turn);
+  placed.whole = place(shape, body);
   placed.parts.clear();
   if (shape.kind != ShapeKind::Compound) {
     placed.parts.push_back(placed.whole);
     return;
   }
-  const Turn own = turn * shape.turn;
+  const BodyPose own{placed.whole.centre, body.turn * shape.turn};
   for (std::int64_t k = shape.first; k < shape.first + shape.rows; ++k)
-    placed.parts.push_back(place(table.parts[k], placed.whole.centre, own));
+    placed.parts.push_back(place(table.parts[k], own));
 }
 
 }  // namespace smartmesh

@@ -7,8 +7,18 @@
 
 namespace smartmesh {
 
-// Position, orientation (x, y, z, w), velocity and angular velocity of a body: its row in a table.
+struct BodyPose {
+  Vec3 at;  // [m]
+  Turn turn;
+};
+
+// State of a body: its row in a table.
+struct BodyState {
+  BodyPose pose;
+  Vec3 linear, angular;  // [m/s], [rad/s]
+};
 constexpr int BODY_COLUMNS = 13;
+static_assert(sizeof(BodyState) == BODY_COLUMNS * sizeof(double), "the columns of a table of bodies");
 
 // Shapes of bodies by slot, parts of compounds, and vertices of hulls, (x, y, z) each [m]. The arrays belong to Python.
 struct ShapeTable {
@@ -28,8 +38,7 @@ struct Solid {
   const Vec3* vertices = nullptr;
 
   Solid() = default;
-  // Places a shape in a frame with the origin `at`, turned by `turn`.
-  Solid(const Shape& placed, const Vec3& at, const Turn& turn, const Vec3* of_hull = nullptr);
+  Solid(const Shape& placed, const BodyPose& frame, const Vec3* of_hull = nullptr);
 
   Vec3 to_own(const Vec3& p) const { return axes * (p - centre); }
   // Returns the farthest point of the core along a direction, both in the solid's own frame.
@@ -46,7 +55,7 @@ struct BodySolid {
   double lowest() const;  // height of the lowest point [m]
 };
 
-// Places a shape, which the table has all of, on a body (13,).
-void place_shape(const ShapeTable& table, const Shape& shape, const double* body, BodySolid& placed);
+// Places a shape, which the table has all of, on a body.
+void place_shape(const ShapeTable& table, const Shape& shape, const BodyPose& body, BodySolid& placed);
 
 }  // namespace smartmesh

@@ -55,6 +55,11 @@ struct Bounds {
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
+  // Returns the largest distance from another box along an axis, negative if they overlap.
+  double apart_from(const Bounds& other) const {
+    return std::max({-1e300, low.x - other.high.x, other.low.x - high.x, low.y - other.high.y, other.low.y - high.y,
+                     low.z - other.high.z, other.low.z - high.z});
+  }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
   // All comparisons are made, because which one fails first is anybody's guess, also the processor's.
   bool meets(const Bounds& other) const {
