@@ -84,22 +84,17 @@ class CylinderTouch {
       const Vec3 low = cap_[k] - across * (radius_ / tilt);
       const double distance = dot(normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
-      if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
+      const MovingPoint point{low, velocity, 0.0, approach_.margin + norm(velocity) * approach_.duration, pose_.at};
+      if (distance > point.reach || distance < -2.0 * shape_.reach) continue;
       const Vec3 foot = low - normal * distance;
-      const bool is_over_it = inside_triangle(foot, a, b, c, facet.normal, 0.0);
       if (distance < 0.0) {
-        if (is_over_it || is_over(low, a, b, c)) touch_below(low, name_of(BodyFeature::Rim, k));
+        if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c))
+          touch_below(low, name_of(BodyFeature::Rim, k));
         continue;
       }
-      if (!is_over_it) {
-        const double closing = -dot(normal, velocity);
-        if (!(closing * approach_.duration > distance)) continue;
-        if (!inside_triangle(foot + (velocity + normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
-          continue;
-      }
+      if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) continue;
       if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) continue;  // the facet is hidden
-      add(foot, normal, distance, name_of(BodyFeature::Rim, k),
-          ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
+      add(foot, normal, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, facet));
     }
   }
 
@@ -116,8 +111,7 @@ class CylinderTouch {
     if (facet == nullptr) return;
     const Vec3 n = patch_.is_mesh ? normal_towards(pose_.at, *facet, patch_) : facet->normal;
     distance = dot(n, low - patch_.points[facet->corner[0]]);
-    add(low - n * distance, n, distance, name,
-        ground_name(patch_, facet->corner[0], facet->corner[1], facet->corner[2]));
+    add(low - n * distance, n, distance, name, ground_name(patch_, *facet));
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.

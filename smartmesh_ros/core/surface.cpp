@@ -33,6 +33,23 @@ GroundPoint SurfaceReader::at(double x, double y, double z) {
   return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity.z} : GroundPoint{tile.height, tile.velocity};
 }
 
+GroundSample SurfaceReader::below(const Vec3& p) {
+  GroundSample found;
+  if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
+    const HeightGrid& grid = *here.tile->grid;
+    const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
+    const Vec3 slide = here.tile->pose.slide(p.x, p.y);
+    const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
+    found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
+             {slide.x, slide.y, here.facet.velocity}, tiles.time() - clock.time};
+  }
+  const MeshReader* mesh = nullptr;
+  const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
+  if (mesh != nullptr && !(ground.height <= found.height))
+    found = {ground.height, ground.normal, ground.velocity, mesh->age()};
+  return found;
+}
+
 void SurfaceReader::prepare(std::size_t count) {
   for (MeshReader& mesh : meshes) mesh.prepare(count);
 }

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "bindings.h"
-#include "plugin.h"
+#include "world.h"
 
 namespace smartmesh {
 namespace {

@@ -8,9 +8,9 @@
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
 #include "contact_search.h"
-#include "solid.h"
 #include "ground_shape.h"
 #include "manifold.h"
+#include "solid.h"
 
 class btMultiBody;
 
@@ -99,5 +99,8 @@ class BulletWorld {
   std::vector<OldContact> before_;
   ContactSearch search_;
 };
+
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected.
+BulletWorld* world_of(int number);
 
 }  // namespace smartmesh
