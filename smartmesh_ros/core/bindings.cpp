@@ -25,8 +25,8 @@ NB_MODULE(_core, m) {
       .def("update", &Mesh::update);
 #ifdef SMARTMESH_BULLET
   add_ground(m);
-  add_test_entries(m);
 #endif
+  add_contacts(m);
   add_queries(m);
   add_updates(m);
   add_soil(m);

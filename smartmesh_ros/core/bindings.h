@@ -10,13 +10,18 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
-#include "alignment.h"
 #include "surface.h"
 
 namespace smartmesh {
 
 namespace nb = nanobind;
 using namespace nb::literals;
+
+// Refuses data that a processor may not read as numbers of `size` bytes, such as views of bytes at odd addresses.
+inline void check_alignment(const void* data, std::size_t size) {
+  if (reinterpret_cast<std::uintptr_t>(data) % size != 0)
+    throw std::invalid_argument("arrays must be aligned; pass a copy");
+}
 
 // Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
 template <class T, std::size_t N>
@@ -50,12 +55,20 @@ void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
     throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
 }
 
+// Returns the rows of a table that was checked, as records.
+template <class Record>
+const Record* rows_of(const Doubles2& table) {
+  return reinterpret_cast<const Record*>(table.data());
+}
+template <class Record>
+Record* rows_of(const States& table) {
+  return reinterpret_cast<Record*>(table.data());
+}
+
 inline double finite(double value, const char* name) {
   if (!std::isfinite(value)) throw std::invalid_argument(std::string(name) + " must be finite");
   return value;
 }
-
-inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
 
 inline Mode mode_of(int number) {
   if (number < 0 || number > 3) throw std::invalid_argument("the mode must be one of Mode");
@@ -175,8 +188,8 @@ void add_updates(nb::module_& m);
 void add_soil(nb::module_& m);
 void add_bodies(nb::module_& m);
 void add_rows(nb::module_& m);
+void add_contacts(nb::module_& m);
 // In the folder bullet, which is compiled where Bullet's headers are.
 void add_ground(nb::module_& m);
-void add_test_entries(nb::module_& m);
 
 }  // namespace smartmesh

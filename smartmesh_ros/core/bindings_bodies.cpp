@@ -26,14 +26,14 @@ struct Shapes {
   Doubles2 vertices;
 
   Shapes(Bytes2 shapes_s, Bytes2 parts_p, Doubles2 vertices_v3) : shapes(shapes_s), parts(parts_p), vertices(vertices_v3) {
-    require(shapes.shape(1) == sizeof(ShapeRecord) && parts.shape(1) == sizeof(ShapeRecord),
+    require(shapes.shape(1) == sizeof(Shape) && parts.shape(1) == sizeof(Shape),
             "shapes and parts must be records of SHAPE");
     require(vertices.shape(1) == 3, "vertices must have the shape (V, 3)");
-    check_alignment(shapes.data(), alignof(ShapeRecord)), check_alignment(parts.data(), alignof(ShapeRecord));
+    check_alignment(shapes.data(), alignof(Shape)), check_alignment(parts.data(), alignof(Shape));
     check_alignment(vertices.data(), sizeof(double));
-    table.shapes = reinterpret_cast<const ShapeRecord*>(shapes.data());
-    table.parts = reinterpret_cast<const ShapeRecord*>(parts.data());
-    table.vertices = vertices.data();
+    table.shapes = reinterpret_cast<const Shape*>(shapes.data());
+    table.parts = reinterpret_cast<const Shape*>(parts.data());
+    table.vertices = rows_of<Vec3>(vertices);
     table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
     table.part_count = static_cast<std::int64_t>(parts.shape(0));
     table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
@@ -52,9 +52,9 @@ struct Bodies {
   void place(std::int64_t slot, BodySolid& placed) const {
     require(slot >= 0 && slot < table.shape_count && slot < static_cast<std::int64_t>(states.shape(0)),
             "a slot has no shape or no state");
-    const ShapeRecord& shape = table.shapes[slot];
+    const Shape& shape = table.shapes[slot];
     require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
-    place_shape(table, shape, states.data() + BODY_COLUMNS * slot, placed);
+    place_shape(table, shape, rows_of<BodyState>(states)[slot].pose, placed);
   }
 };
 
@@ -82,9 +82,10 @@ void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubl
   require(found.shape(0) == points.shape(0), "there must be a distance for each point");
   check_alignment(kept.data(), sizeof(double)), check_alignment(points.data(), sizeof(double));
   check_alignment(found.data(), sizeof(double));
-  Solid hull;
-  hull.kind = ShapeKind::Hull, hull.vertices = kept.data(), hull.rows = static_cast<std::int64_t>(kept.shape(0));
-  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(vector_at(points.data() + 3 * k), hull);
+  Shape shape;
+  shape.kind = ShapeKind::Hull, shape.rows = static_cast<std::int64_t>(kept.shape(0));
+  const Solid hull(shape, {}, rows_of<Vec3>(kept));
+  for (std::size_t k = 0; k < points.shape(0); ++k) found.data()[k] = distance_of_point(rows_of<Vec3>(points)[k], hull);
 }
 
 using Lifts = std::vector<std::tuple<std::int64_t, double, double>>;
@@ -142,7 +143,7 @@ void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shap
   for (std::size_t k = 0; k < triangles.size(); ++k) {
     const std::int32_t corner = triangles.data()[k];
     require(corner >= 0 && static_cast<std::size_t>(corner) < points.shape(0), "a triangle uses a point that is not there");
-    corners.push_back(vector_at(points.data() + 3 * corner));
+    corners.push_back(rows_of<Vec3>(points)[corner]);
   }
   BodySolid body;
   Bodies(shapes, states).place(slot, body);
@@ -173,7 +174,7 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
     const SupportRecord& support = supports.at(slot);
     const bool stands = support.state != Support::None;
     bodies.place(slot, body);
-    const Vec3 origin = vector_at(poses.data() + 7 * owner);
+    const Vec3 origin = rows_of<BodyPose>(poses)[owner].at;
     for (const auto& [number, grid, shown] : tiles) {
       if (stands && support.tile != number) continue;
       HeightGrid before = grid->grid;
@@ -182,14 +183,8 @@ std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& til
     }
   }
   std::vector<std::size_t> moved;
-  for (std::size_t k = 0; k < sums.size(); ++k) {
-    double* p = poses.data() + 7 * k;
-    BodyPose pose{vector_at(p), {p[3], p[4], p[5], p[6]}};
-    if (!move_with(sums[k], pose)) continue;
-    moved.push_back(k);
-    const double found[7] = {pose.at.x, pose.at.y, pose.at.z, pose.turn.x, pose.turn.y, pose.turn.z, pose.turn.w};
-    std::copy(found, found + 7, p);
-  }
+  for (std::size_t k = 0; k < sums.size(); ++k)
+    if (move_with(sums[k], rows_of<BodyPose>(poses)[k])) moved.push_back(k);
   return moved;
 }
 

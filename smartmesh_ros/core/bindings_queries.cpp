@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "bindings.h"
-#include "ground_query.h"
 #include "ground_rays.h"
 #include "mesh_reader.h"
 
@@ -75,7 +74,7 @@ void ground_samples(const nb::list& tiles, Points points, double time, Rows heig
   for (std::size_t k = 0; k < count; ++k) {
     const double* p = points.data() + 3 * k;
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
-    const GroundSample ground = ground_below(reader, {p[0], p[1], p[2]});
+    const GroundSample ground = reader.below({p[0], p[1], p[2]});
     if (std::isnan(ground.height)) continue;
     heights.data()[k] = ground.height, ages.data()[k] = ground.age;
     write(normals.data() + 3 * k, ground.normal), write(velocities.data() + 3 * k, ground.velocity);

@@ -14,28 +14,31 @@ namespace {
 // How much a ray may miss a box [m], against rounding.
 constexpr double SLACK = 1e-9;
 
-// Takes positions `found` (n, 3) of the bodies in some slots into tables of positions and motions (S, 3).
+// Takes positions `found` (n, 3) of the bodies in some slots into tables of positions and motions since the ones before
+// (S, 3).
 void write_positions(Slots slots, Doubles2 found, States positions, States moved) {
   const std::size_t count = positions.shape(0);
   check_table(found, slots.shape(0), 3, "found");
   check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
-  const double* row = found.data();
+  const Vec3* row = rows_of<Vec3>(found);
   for (std::int64_t slot : slots_below(slots, count)) {
-    take_position(row, positions.data() + 3 * slot, moved.data() + 3 * slot);
-    row += 3;
+    Vec3& position = rows_of<Vec3>(positions)[slot];
+    rows_of<Vec3>(moved)[slot] = *row - position;
+    position = *row++;
   }
 }
 
-// Takes states `found` (n, 13) likewise.
+// Takes states `found` (n, 13) likewise; motions are those in a step of `dt` [s].
 void write_states(Slots slots, Doubles2 found, double dt, States states, States positions, States moved) {
   const std::size_t count = states.shape(0);
   check_table(found, slots.shape(0), BODY_COLUMNS, "found"), check_table(states, count, BODY_COLUMNS, "states");
   check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
   finite(dt, "the time step");
-  const double* row = found.data();
+  const BodyState* row = rows_of<BodyState>(found);
   for (std::int64_t slot : slots_below(slots, count)) {
-    take_state(row, dt, states.data() + BODY_COLUMNS * slot, positions.data() + 3 * slot, moved.data() + 3 * slot);
-    row += BODY_COLUMNS;
+    rows_of<Vec3>(positions)[slot] = row->pose.at;
+    rows_of<Vec3>(moved)[slot] = row->linear * dt;
+    rows_of<BodyState>(states)[slot] = *row++;
   }
 }
 
@@ -62,23 +65,24 @@ nb::object first_fault(Doubles2 states, Doubles1 radii, Array<const std::uint8_t
 }
 
 // Returns states (n, 13) after a `duration` [s].
-NewTable extrapolated(Doubles2 states, double duration) {
+NewTable extrapolated_states(Doubles2 states, double duration) {
   check_table(states, states.shape(0), BODY_COLUMNS, "states");
   finite(duration, "the duration");
   NewTable moved = new_array<double, 2>({states.shape(0), states.shape(1)});
   for (std::size_t k = 0; k < states.shape(0); ++k)
-    extrapolate(states.data() + BODY_COLUMNS * k, duration, moved.data() + BODY_COLUMNS * k);
+    reinterpret_cast<BodyState*>(moved.data())[k] = extrapolated(rows_of<BodyState>(states)[k], duration);
   return moved;
 }
 
 // Returns states (n, 13) a `share` of the way to `targets`.
-NewTable blended(Doubles2 states, Doubles2 targets, double share) {
+NewTable blended_states(Doubles2 states, Doubles2 targets, double share) {
   check_table(states, states.shape(0), BODY_COLUMNS, "states");
   check_table(targets, states.shape(0), BODY_COLUMNS, "targets");
   finite(share, "the share");
   NewTable drawn = new_array<double, 2>({states.shape(0), states.shape(1)});
   for (std::size_t k = 0; k < states.shape(0); ++k)
-    blend(states.data() + BODY_COLUMNS * k, targets.data() + BODY_COLUMNS * k, share, drawn.data() + BODY_COLUMNS * k);
+    reinterpret_cast<BodyState*>(drawn.data())[k] =
+        blended(rows_of<BodyState>(states)[k], rows_of<BodyState>(targets)[k], share);
   return drawn;
 }
 
@@ -97,8 +101,9 @@ NewFlags near_any(Remote remote, double duration, Attached attached, double hori
   check_list(own_radii, bodies, "radii"), check_list(own, bodies, "own");
   finite(duration, "the duration"), finite(horizon, "the horizon");
   NewFlags near = new_array<bool, 1>({count});
-  find_near({states.data(), radii.data(), margins.data(), count}, duration,
-            {positions.data(), velocities.data(), own_radii.data(), own.data(), bodies}, horizon, near.data());
+  find_near({rows_of<BodyState>(states), radii.data(), margins.data(), count}, duration,
+            {rows_of<Vec3>(positions), rows_of<Vec3>(velocities), own_radii.data(), own.data(), bodies}, horizon,
+            near.data());
   return near;
 }
 
@@ -108,7 +113,7 @@ NewFlags may_touch(Doubles2 positions, Doubles2 moved, Doubles1 radii, Flags gue
   check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
   check_list(radii, count, "radii"), check_list(guests, count, "guests"), check_list(solid, count, "solid");
   NewFlags found = new_array<bool, 1>({count});
-  find_touching({positions.data(), moved.data(), radii.data(), guests.data(), solid.data(), count},
+  find_touching({rows_of<Vec3>(positions), rows_of<Vec3>(moved), radii.data(), guests.data(), solid.data(), count},
                 finite(slack, "the slack"), found.data());
   return found;
 }
@@ -124,12 +129,9 @@ NewFlags may_meet(Doubles2 origins, Doubles2 ways, Doubles1 reach, Doubles2 boxe
   check_table(origins, count, 3, "origins"), check_table(ways, count, 3, "ways");
   check_table(boxes, boxes.shape(0), 6, "boxes"), check_list(reach, count, "reach");
   if (boxes.shape(0) > 1u << 24) throw std::invalid_argument("there are at most 2^24 boxes");
-  std::vector<Bounds> bounds;
-  for (std::size_t k = 0; k < boxes.shape(0); ++k)
-    bounds.push_back({vector_at(boxes.data() + 6 * k), vector_at(boxes.data() + 6 * k + 3)});
   for (std::size_t k = 0; k < boxes.size(); ++k) finite(boxes.data()[k], "boxes");
   BoxTree tree;
-  tree.build(bounds);
+  tree.build({rows_of<Bounds>(boxes), rows_of<Bounds>(boxes) + boxes.shape(0)});
   NewFlags found = new_array<bool, 1>({count});
   for (std::size_t k = 0; k < count; ++k)
     found.data()[k] = tree.first_along(vector_at(origins.data() + 3 * k), vector_at(ways.data() + 3 * k),
@@ -155,8 +157,8 @@ void add_rows(nb::module_& m) {
         "positions"_a.noconvert(), "moved"_a.noconvert());
   m.def("first_fault", &first_fault, "states"_a.noconvert(), "radii"_a.noconvert(), "kinds"_a.noconvert(),
         "dimensions"_a.noconvert(), "centres"_a.noconvert(), "masses"_a.noconvert(), "limits"_a.noconvert());
-  m.def("extrapolated", &extrapolated, "states"_a.noconvert(), "duration"_a);
-  m.def("blended", &blended, "states"_a.noconvert(), "targets"_a.noconvert(), "share"_a);
+  m.def("extrapolated", &extrapolated_states, "states"_a.noconvert(), "duration"_a);
+  m.def("blended", &blended_states, "states"_a.noconvert(), "targets"_a.noconvert(), "share"_a);
   m.def("near_any", &near_any, "remote"_a.noconvert(), "duration"_a, "attached"_a.noconvert(), "horizon"_a);
   m.def("may_touch", &may_touch, "positions"_a.noconvert(), "moved"_a.noconvert(), "radii"_a.noconvert(),
         "guests"_a.noconvert(), "solid"_a.noconvert(), "slack"_a);

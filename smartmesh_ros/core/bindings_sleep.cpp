@@ -13,13 +13,14 @@ void note_motion(Slots chosen, Bytes2 shapes, Doubles2 states, States boxes, Sta
   const std::size_t count = boxes.shape(0);
   check_table(anchors, count, ANCHOR_COLUMNS, "anchors");
   check_table(boxes, count, BOX_COLUMNS, "boxes"), check_table(states, count, BODY_COLUMNS, "states");
-  check_table(shapes, count, sizeof(ShapeRecord), "shapes");
-  check_alignment(shapes.data(), alignof(ShapeRecord));
-  const auto* records = reinterpret_cast<const ShapeRecord*>(shapes.data());
+  check_table(shapes, count, sizeof(Shape), "shapes");
+  check_alignment(shapes.data(), alignof(Shape));
+  const auto* records = reinterpret_cast<const Shape*>(shapes.data());
   for (std::int64_t slot : slots_below(chosen, count)) {
-    const double* state = states.data() + BODY_COLUMNS * slot;
-    write_box(records[slot], state, boxes.data() + BOX_COLUMNS * slot);
-    move_anchor(state, records[slot].radius, time, distance, anchors.data() + ANCHOR_COLUMNS * slot);
+    const BodyPose& pose = rows_of<BodyState>(states)[slot].pose;
+    rows_of<Bounds>(boxes)[slot] = box_of(records[slot], pose);
+    Anchor& anchor = rows_of<Anchor>(anchors)[slot];
+    if (!(strayed(pose, anchor.pose, records[slot].radius) <= distance)) anchor = {pose, time};
   }
 }
 
@@ -28,12 +29,13 @@ double strayed_from(Doubles1 state, Doubles1 anchor, double radius) {
   check_list(state, BODY_COLUMNS, "the state");
   check_alignment(anchor.data(), sizeof(double));
   if (anchor.shape(0) < ANCHOR_COLUMNS - 1) throw std::invalid_argument("an anchor has a position and an orientation");
-  return strayed(state.data(), anchor.data(), radius);
+  return strayed(reinterpret_cast<const BodyState*>(state.data())->pose,
+                 *reinterpret_cast<const BodyPose*>(anchor.data()), radius);
 }
 
 BodyBoxes bodies_of(const Doubles2& boxes, const Doubles1& radii, double near, double share) {
   check_table(boxes, boxes.shape(0), BOX_COLUMNS, "boxes"), check_list(radii, boxes.shape(0), "radii");
-  return {boxes.data(), radii.data(), finite(near, "near"), finite(share, "the share")};
+  return {rows_of<Bounds>(boxes), radii.data(), finite(near, "near"), finite(share, "the share")};
 }
 
 // Returns the island of each body in `chosen` slots (n,); see islands.
@@ -66,7 +68,7 @@ struct SleepingBodies {
     if (slot < 0 || slot >= static_cast<std::int64_t>(boxes.shape(0)))
       throw std::invalid_argument("the slot is not in the tables");
     const BodyBoxes& bodies = sleepers.bodies();
-    return sleepers.mark_near(bodies.box(slot), bodies.near, bodies.radii[slot], marks(found));
+    return sleepers.mark_near(bodies.boxes[slot], bodies.near, bodies.radii[slot], marks(found));
   }
   void mark_connected(Array<bool, 1> found) const { sleepers.mark_connected(marks(found)); }
 
@@ -78,7 +80,8 @@ struct SleepingBodies {
     check_table(moved, count, 3, "moved"), check_table(anchors, count, ANCHOR_COLUMNS, "anchors");
     const auto [time, after, distance] = stillness;
     return sleepers.mark_reached(
-        {slots_below(movers, count), states.data(), positions.data(), moved.data(), anchors.data()},
+        {slots_below(movers, count), rows_of<BodyState>(states), rows_of<Vec3>(positions), rows_of<Vec3>(moved),
+         rows_of<Anchor>(anchors)},
         {time, after, distance}, finite(elapsed, "the time"), marks(found));
   }
 };
@@ -95,7 +98,7 @@ void count_updates(const Grid& map, double time, Slots chosen, Doubles2 boxes, A
   const GridPose pose = map.grid.pose_at(finite(time, "the time"));
   for (std::size_t k = 0; k < slots.size(); ++k) {
     std::int64_t& count = counts.data()[k];
-    const std::int64_t more = updates_under(map.grid, pose, boxes.data() + BOX_COLUMNS * slots[k], time);
+    const std::int64_t more = updates_under(map.grid, pose, rows_of<Bounds>(boxes)[slots[k]], time);
     count = count < 0 || more < 0 ? -1 : count + more;
   }
 }
@@ -107,7 +110,7 @@ NewTable samples_under(const Grid& map, double time, Slots chosen, Doubles2 boxe
   std::vector<Region> found;
   std::size_t total = 0;
   for (std::size_t k = 0; k < slots.size(); ++k) {
-    found.push_back(samples_around(map.grid, pose, boxes.data() + BOX_COLUMNS * slots[k]));
+    found.push_back(samples_around(map.grid, pose, rows_of<Bounds>(boxes)[slots[k]]));
     counts.data()[k] = found.back().size();
     total += static_cast<std::size_t>(found.back().size());
   }
@@ -117,7 +120,7 @@ NewTable samples_under(const Grid& map, double time, Slots chosen, Doubles2 boxe
   return positions;
 }
 
-bool grid_slides(const Grid& map, double time) { return slides(map.grid.pose_at(finite(time, "the time"))); }
+bool grid_slides(const Grid& map, double time) { return map.grid.pose_at(finite(time, "the time")).slides(); }
 
 }  // namespace
 

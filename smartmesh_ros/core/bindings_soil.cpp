@@ -47,6 +47,11 @@ SoilUpdate settings_of(nb::handle config, const HeightGrid& grid, double dt, std
   return update;
 }
 
+void check_kind(const Shape& shape) {
+  if (shape.kind < ShapeKind::Box || shape.kind > ShapeKind::Capsule)
+    throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
+}
+
 // A soil's arrays, which stay alive with it.
 struct SoilOfMap {
   Layer samples;
@@ -83,8 +88,7 @@ struct SoilOfMap {
     check_alignment(feet.data(), alignof(Foot));
     Foot* first = reinterpret_cast<Foot*>(feet.data());
     for (std::size_t k = 0; k < feet.shape(0); ++k) {
-      if (!(first[k].kind == 1.0 || first[k].kind == 2.0 || first[k].kind == 3.0 || first[k].kind == 4.0))
-        throw std::invalid_argument("the kind of a foot must be one of FootKind");
+      check_kind(first[k].shape);
       if (!is_in(first[k].seen, soil.rows(), soil.columns()))
         throw std::invalid_argument("a foot has seen samples that are not there");
     }
@@ -98,18 +102,13 @@ struct SoilOfMap {
 };
 
 // Returns for points (n, 2) [m] the underside of a shape [m], its normal there, and the share of a cell that it covers,
-// (n, 5); and its reach along columns and rows [m]. `rotation` (3, 3): from its own axes to those of the grid. For
-// tests.
-std::tuple<nb::ndarray<nb::numpy, double>, double, double> shape_above_grid(
-    int kind, std::tuple<double, double, double> half, Doubles2 rotation, Doubles2 points, double spacing) {
-  if (kind < 1 || kind > 4) throw std::invalid_argument("the kind must be one of FootKind");
-  if (rotation.shape(0) != 3 || rotation.shape(1) != 3) throw std::invalid_argument("a rotation has the shape (3, 3)");
-  if (points.shape(1) != 2) throw std::invalid_argument("points must have the shape (n, 2)");
-  check_alignment(rotation.data(), sizeof(double)), check_alignment(points.data(), sizeof(double));
-  const double* r = rotation.data();
-  const FootShape shape =
-      foot_shape(static_cast<FootKind>(kind), {std::get<0>(half), std::get<1>(half), std::get<2>(half)},
-                 {{r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]}}, spacing);
+// (n, 5); and its reach along columns and rows [m]. `record` (1, ...): of SHAPE, in axes of the grid. For tests.
+std::tuple<nb::ndarray<nb::numpy, double>, double, double> shape_above_grid(Bytes2 record, Doubles2 points, double spacing) {
+  check_table(record, 1, sizeof(Shape), "the record"), check_table(points, points.shape(0), 2, "points");
+  check_alignment(record.data(), alignof(Shape));
+  const Shape& own = *reinterpret_cast<const Shape*>(record.data());
+  check_kind(own);
+  const Underside shape = underside(Solid(own, {}), spacing);
   FootRow row;
   std::vector<double> found;
   for (std::size_t k = 0; k < points.shape(0); ++k) {
@@ -127,8 +126,7 @@ void add_soil(nb::module_& m) {
   nb::class_<SoilOfMap>(m, "Soil")
       .def(nb::init<Layer, Bytes2, Doubles2>(), "samples"_a.noconvert(), "kinds"_a.noconvert(), "soils"_a.noconvert())
       .def("update", &SoilOfMap::update, "grid"_a, "feet"_a.noconvert(), "time"_a, "dt"_a, "number"_a, "config"_a);
-  m.def("shape_above_grid", &shape_above_grid, "kind"_a, "half"_a, "rotation"_a.noconvert(),
-        "points"_a.noconvert(), "spacing"_a);
+  m.def("shape_above_grid", &shape_above_grid, "record"_a.noconvert(), "points"_a.noconvert(), "spacing"_a);
 }
 
 }  // namespace smartmesh

@@ -7,8 +7,6 @@ namespace smartmesh {
 
 namespace {
 
-Vec3 row_of(const double* row) { return {row[0], row[1], row[2]}; }
-
 // Horizontal bounds, largest speed and largest radius of the own bodies whose positions are known.
 struct Extent {
   Bounds bounds;
@@ -18,9 +16,9 @@ struct Extent {
 Extent extent_of(const OwnBodies& bodies) {
   Extent extent;
   for (std::size_t j = 0; j < bodies.count; ++j) {
-    if (!bodies.own[j] || std::isnan(bodies.positions[3 * j])) continue;
-    extent.bounds.add(row_of(bodies.positions + 3 * j));
-    extent.fastest = std::max(extent.fastest, norm(row_of(bodies.velocities + 3 * j)));
+    if (!bodies.own[j] || std::isnan(bodies.positions[j].x)) continue;
+    extent.bounds.add(bodies.positions[j]);
+    extent.fastest = std::max(extent.fastest, norm(bodies.velocities[j]));
     extent.largest = std::max(extent.largest, bodies.radii[j]);
   }
   return extent;
@@ -31,9 +29,9 @@ Extent extent_of(const OwnBodies& bodies) {
 bool is_near_any(const Vec3& p, const Vec3& velocity, double reach, double most, const OwnBodies& bodies,
                  double horizon) {
   for (std::size_t j = 0; j < bodies.count; ++j) {
-    const double square = norm2(row_of(bodies.positions + 3 * j) - p);
+    const double square = norm2(bodies.positions[j] - p);
     if (!(square < most * most) || !bodies.own[j]) continue;
-    const double speed = norm(velocity - row_of(bodies.velocities + 3 * j));
+    const double speed = norm(velocity - bodies.velocities[j]);
     if (std::sqrt(square) < reach + bodies.radii[j] + speed * horizon) return true;
   }
   return false;
@@ -41,12 +39,12 @@ bool is_near_any(const Vec3& p, const Vec3& velocity, double reach, double most,
 
 // Returns true if body `i` came near a solid one, of which none has a larger radius and motion than `most` [m].
 bool touches_any(std::size_t i, const SteppedBodies& bodies, double slack, double most) {
-  const Vec3 position = row_of(bodies.positions + 3 * i), moved = row_of(bodies.moved + 3 * i);
+  const Vec3 position = bodies.positions[i], moved = bodies.moved[i];
   const double reach = bodies.radii[i] + slack, farthest = reach + norm(moved) + most;
   for (std::size_t j = 0; j < bodies.count; ++j) {
-    const double square = norm2(position - row_of(bodies.positions + 3 * j));
+    const double square = norm2(position - bodies.positions[j]);
     if (!(square < farthest * farthest) || !bodies.solid[j] || i == j) continue;
-    const double near = reach + bodies.radii[j] + norm(moved - row_of(bodies.moved + 3 * j));
+    const double near = reach + bodies.radii[j] + norm(moved - bodies.moved[j]);
     if (square < near * near) return true;
   }
   return false;
@@ -54,45 +52,32 @@ bool touches_any(std::size_t i, const SteppedBodies& bodies, double slack, doubl
 
 }  // namespace
 
-void take_position(const double* found, double* position, double* moved) {
-  for (int axis = 0; axis < 3; ++axis) moved[axis] = found[axis] - position[axis], position[axis] = found[axis];
+BodyState extrapolated(const BodyState& state, double duration) {
+  BodyState moved = state;
+  moved.pose.at = state.pose.at + duration * state.linear;
+  const double speed = norm(state.angular);
+  if (!(speed > 0.0)) return moved;
+  const Vec3 axis = state.angular * (std::sin(0.5 * speed * duration) / speed);
+  moved.pose.turn = Turn{axis.x, axis.y, axis.z, std::cos(0.5 * speed * duration)} * state.pose.turn;
+  return moved;
 }
 
-void take_state(const double* found, double dt, double* state, double* position, double* moved) {
-  std::copy_n(found, BODY_COLUMNS, state), std::copy_n(found, 3, position);
-  for (int axis = 0; axis < 3; ++axis) moved[axis] = found[7 + axis] * dt;
-}
-
-void extrapolate(const double* state, double duration, double* moved) {
-  std::copy_n(state, BODY_COLUMNS, moved);
-  for (int axis = 0; axis < 3; ++axis) moved[axis] += duration * state[7 + axis];
-  const Vec3 spin = row_of(state + 10);
-  const double speed = norm(spin);
-  if (!(speed > 0.0)) return;
-  const Vec3 axis = spin * (std::sin(0.5 * speed * duration) / speed);
-  const Turn turned = Turn{axis.x, axis.y, axis.z, std::cos(0.5 * speed * duration)} *
-                      Turn{state[3], state[4], state[5], state[6]};
-  moved[3] = turned.x, moved[4] = turned.y, moved[5] = turned.z, moved[6] = turned.w;
-}
-
-void blend(const double* state, const double* target, double share, double* drawn) {
-  for (int k = 0; k < BODY_COLUMNS; ++k) drawn[k] = state[k] + share * (target[k] - state[k]);
-  double cosine = 0.0, square = 0.0;
-  for (int k = 3; k < 7; ++k) cosine += state[k] * target[k];
-  const double sign = cosine < 0.0 ? -1.0 : 1.0;  // q and -q are the same rotation: take the shorter way
-  for (int k = 3; k < 7; ++k) {
-    drawn[k] = (1.0 - share) * state[k] + share * sign * target[k];
-    square += drawn[k] * drawn[k];
-  }
-  for (int k = 3; k < 7; ++k) drawn[k] /= std::sqrt(square);
+BodyState blended(const BodyState& state, const BodyState& target, double share) {
+  const auto between = [&](const Vec3& from, const Vec3& to) { return from + share * (to - from); };
+  const Turn &a = state.pose.turn, &b = target.pose.turn;
+  // q and -q are the same rotation: take the shorter way.
+  const double of_a = 1.0 - share, of_b = dot(a, b) < 0.0 ? -share : share;
+  const Turn sum{of_a * a.x + of_b * b.x, of_a * a.y + of_b * b.y, of_a * a.z + of_b * b.z, of_a * a.w + of_b * b.w};
+  const double length = std::sqrt(dot(sum, sum));
+  return {{between(state.pose.at, target.pose.at), {sum.x / length, sum.y / length, sum.z / length, sum.w / length}},
+          between(state.linear, target.linear), between(state.angular, target.angular)};
 }
 
 void find_near(const RemoteBodies& remote, double duration, const OwnBodies& bodies, double horizon, bool* near) {
   const Extent extent = extent_of(bodies);
   const Vec3 &low = extent.bounds.low, &high = extent.bounds.high;
   for (std::size_t i = 0; i < remote.count; ++i) {
-    const double* state = remote.states + BODY_COLUMNS * i;
-    const Vec3 velocity = row_of(state + 7), p = row_of(state) + duration * velocity;
+    const Vec3 velocity = remote.states[i].linear, p = remote.states[i].pose.at + duration * velocity;
     const double reach = remote.radii[i] + remote.margins[i];
     const double most = reach + extent.largest + (norm(velocity) + extent.fastest) * horizon;
     const bool outside = p.x < low.x - most || p.x > high.x + most || p.y < low.y - most || p.y > high.y + most;
@@ -103,7 +88,7 @@ void find_near(const RemoteBodies& remote, double duration, const OwnBodies& bod
 void find_touching(const SteppedBodies& bodies, double slack, bool* found) {
   double most = 0.0;  // largest radius and motion of a solid body [m]
   for (std::size_t j = 0; j < bodies.count; ++j)
-    if (bodies.solid[j]) most = std::max(most, bodies.radii[j] + norm(row_of(bodies.moved + 3 * j)));
+    if (bodies.solid[j]) most = std::max(most, bodies.radii[j] + norm(bodies.moved[j]));
   for (std::size_t i = 0; i < bodies.count; ++i) found[i] = bodies.guests[i] && touches_any(i, bodies, slack, most);
 }
 

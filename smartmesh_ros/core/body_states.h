@@ -1,5 +1,4 @@
-// States of bodies: where they will be, and which bodies of other worlds come near. A state (13,) has the columns position
-// [m], orientation (x, y, z, w), velocity [m/s] and angular velocity [rad/s].
+// States of bodies: where they will be, and which bodies of other worlds come near.
 #pragma once
 
 #include <cstddef>
@@ -8,29 +7,24 @@
 
 namespace smartmesh {
 
-// Takes a position (3,) [m] that was `found` after a step: `moved` is the way from the one before.
-void take_position(const double* found, double* position, double* moved);
+// Returns a state extrapolated by a `duration` [s], which may be negative, at constant velocities.
+BodyState extrapolated(const BodyState& state, double duration);
 
-// Takes a state that was `found`: `moved` [m] is the motion in a step of `dt` [s].
-void take_state(const double* found, double dt, double* state, double* position, double* moved);
+// Returns the state that is a `share` (0 to 1) of the way from one to a `target`.
+BodyState blended(const BodyState& state, const BodyState& target, double share);
 
-// Writes a state extrapolated by a `duration` [s], which may be negative, at constant velocities.
-void extrapolate(const double* state, double duration, double* moved);
-
-// Writes the state that is a `share` (0 to 1) of the way from one to a `target`.
-void blend(const double* state, const double* target, double share, double* drawn);
-
-// Remote bodies: `states` (count, 13), bounding `radii` (count,) [m], and `margins` (count,) [m] within which they are
-// near.
+// Remote bodies: `states`, bounding `radii` [m], and `margins` [m] within which they are near.
 struct RemoteBodies {
-  const double *states, *radii, *margins;
+  const BodyState* states;
+  const double *radii, *margins;
   std::size_t count;
 };
 
-// Attached bodies of this world: `positions` (count, 3) [m], NaN = unknown, `velocities` (count, 3) [m/s], bounding
-// `radii` (count,) [m], and which of them are its `own`.
+// Attached bodies of this world: `positions` [m], NaN = unknown, `velocities` [m/s], bounding `radii` [m], and which of
+// them are its `own`.
 struct OwnBodies {
-  const double *positions, *velocities, *radii;
+  const Vec3 *positions, *velocities;
+  const double* radii;
   const bool* own;
   std::size_t count;
 };
@@ -39,10 +33,11 @@ struct OwnBodies {
 // margin of that of any own body, or able to come there within a `horizon` [s] at their relative speed.
 void find_near(const RemoteBodies& remote, double duration, const OwnBodies& bodies, double horizon, bool* near);
 
-// Bodies of this world: `positions` (count, 3) [m] before the last step, by how much they `moved` in it (count, 3) [m],
-// bounding `radii` (count,) [m], which of them are `guests`, and which are `solid`.
+// Bodies of this world: `positions` [m] before the last step, by how much they `moved` in it [m], bounding `radii` [m],
+// which of them are `guests`, and which are `solid`.
 struct SteppedBodies {
-  const double *positions, *moved, *radii;
+  const Vec3 *positions, *moved;
+  const double* radii;
   const bool *guests, *solid;
   std::size_t count;
 };

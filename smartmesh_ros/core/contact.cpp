@@ -24,13 +24,13 @@ bool faces_ground(const Convex& shape, const Pose& pose, const PolyEdge& edge, c
 void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
                    std::vector<Contact>& contacts) {
   if (patch.facets.empty()) return;
-  if (shape.cylinder) {
+  if (shape.kind == ShapeKind::Cylinder) {
     touch_cylinder(shape, pose, patch, approach, contacts);
     return;
   }
   const Polytope& core = shape.core;
   // Most features of a hull of many vertices lie above all ground in reach.
-  const double limit = patch.highest + shape.radius + approach.reach(pose.at, shape.reach);
+  const double limit = patch.highest + shape.rounding + approach.reach(pose.at, shape.reach);
   std::vector<char> low(core.vertices.size());
   for (std::size_t k = 0; k < core.vertices.size(); ++k) {
     low[k] = dot(pose.turn.row[2], core.vertices[k]) + pose.at.z <= limit;

@@ -45,13 +45,12 @@ class CylinderTouch {
  public:
   CylinderTouch(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
                 std::vector<Contact>& contacts)
-      : shape_(shape), patch_(patch), approach_(approach), contacts_(contacts), axis_(pose.turn * shape.axis) {
-    for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half : -shape.half);
-    const Vec3 other = std::abs(shape.axis.x) < 0.6 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0};
-    side_[0] = pose.turn * unit(cross(shape.axis, other));
+      : shape_(shape), patch_(patch), approach_(approach), contacts_(contacts), radius_(shape.half.x),
+        axis_(pose.turn * Vec3{0.0, 0.0, 1.0}), spin_(norm(approach.angular) * shape.half.x * approach.duration),
+        pose_(pose) {
+    for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
+    side_[0] = pose.turn * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
-    pose_ = pose;
-    spin_ = norm(approach.angular) * shape.radius * approach.duration;
   }
 
   void run() {
@@ -82,25 +81,20 @@ class CylinderTouch {
     const double tilt = norm(across);
     if (tilt < 1e-6) return;  // the points around the rim will do
     for (int k = 0; k < 2; ++k) {
-      const Vec3 low = cap_[k] - across * (shape_.radius / tilt);
+      const Vec3 low = cap_[k] - across * (radius_ / tilt);
       const double distance = dot(normal, low - a);
       const Vec3 velocity = approach_.velocity_at(low);
-      if (distance > approach_.margin + norm(velocity) * approach_.duration || distance < -2.0 * shape_.reach) continue;
+      const MovingPoint point{low, velocity, 0.0, approach_.margin + norm(velocity) * approach_.duration, pose_.at};
+      if (distance > point.reach || distance < -2.0 * shape_.reach) continue;
       const Vec3 foot = low - normal * distance;
-      const bool is_over_it = inside_triangle(foot, a, b, c, facet.normal, 0.0);
       if (distance < 0.0) {
-        if (is_over_it || is_over(low, a, b, c)) touch_below(low, name_of(BodyFeature::Rim, k));
+        if (inside_triangle(foot, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c))
+          touch_below(low, name_of(BodyFeature::Rim, k));
         continue;
       }
-      if (!is_over_it) {
-        const double closing = -dot(normal, velocity);
-        if (!(closing * approach_.duration > distance)) continue;
-        if (!inside_triangle(foot + (velocity + normal * closing) * (distance / closing), a, b, c, facet.normal, 0.0))
-          continue;
-      }
+      if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) continue;
       if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) continue;  // the facet is hidden
-      add(foot, normal, distance, name_of(BodyFeature::Rim, k),
-          ground_name(patch_, facet.corner[0], facet.corner[1], facet.corner[2]));
+      add(foot, normal, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, facet));
     }
   }
 
@@ -117,8 +111,7 @@ class CylinderTouch {
     if (facet == nullptr) return;
     const Vec3 n = patch_.is_mesh ? normal_towards(pose_.at, *facet, patch_) : facet->normal;
     distance = dot(n, low - patch_.points[facet->corner[0]]);
-    add(low - n * distance, n, distance, name,
-        ground_name(patch_, facet->corner[0], facet->corner[1], facet->corner[2]));
+    add(low - n * distance, n, distance, name, ground_name(patch_, *facet));
   }
 
   // Four points around a rim whose cap lies nearly flat on the ground.
@@ -132,7 +125,7 @@ class CylinderTouch {
     if (patch_.is_mesh ? std::none_of(facets.begin(), facets.end(), is_flat) : !is_flat(facets[facets.size() / 2])) return;
     const auto touch = patch_.is_mesh ? touch_sheets : touch_facets;
     for (int j = 0; j < 4; ++j) {
-      const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -shape_.radius : shape_.radius);
+      const Vec3 at = cap_[k] + side_[j / 2] * (j % 2 ? -radius_ : radius_);
       const MovingPoint point{at, approach_.velocity_at(at), 0.0, reach_at(at), pose_.at};
       touch(point, name_of(BodyFeature::Rim, 2 + 4 * k + j), patch_, approach_.duration, contacts_);
     }
@@ -142,14 +135,14 @@ class CylinderTouch {
     const Vec3 at = patch_.points[peak.point], q = at - pose_.at;
     const double along = dot(q, axis_);
     const Vec3 across = q - axis_ * along;
-    const double off = norm(across), over_cap = std::abs(along) - shape_.half, over_side = off - shape_.radius;
+    const double off = norm(across), over_cap = std::abs(along) - shape_.half.z, over_side = off - radius_;
     const double reach = reach_at(at);
     if (over_cap > reach || over_side > reach) return;
     const int ground = ground_name(patch_, peak.point), cap = along > 0.0 ? 1 : 0;
     const Vec3 from_cap = cap ? -axis_ : axis_, from_side = off > 0.0 ? across * (-1.0 / off) : from_cap;
     const bool by_cap = in_cone(patch_, peak, from_cap), by_side = off > 1e-9 && in_cone(patch_, peak, from_side);
     if (over_cap > 0.0 && over_side > 0.0) {
-      const Vec3 away = cap_[cap] - axis_ * 0.0 + across * (shape_.radius / off) - at;
+      const Vec3 away = cap_[cap] + across * (radius_ / off) - at;
       const Vec3 n = unit(away);
       if (in_cone(patch_, peak, n)) add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
       return;
@@ -170,7 +163,7 @@ class CylinderTouch {
     Vec3 n = unit(cross(axis_, q - p));
     const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
-    const double distance = dot(n, from_axis) - shape_.radius;
+    const double distance = dot(n, from_axis) - radius_;
     if (distance > reach_at(on_ground) || !in_cone(patch_, edge, n)) return;
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
@@ -181,10 +174,10 @@ class CylinderTouch {
   void touch_rim(int k, const Edge& edge) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
     const double t = std::clamp(along_segment(cap_[k], p, q), 0.0, 1.0), reach = reach_at(cap_[k]) + spin_;
-    if (norm(p + (q - p) * t - cap_[k]) > shape_.radius + reach) return;
+    if (norm(p + (q - p) * t - cap_[k]) > radius_ + reach) return;
     const Vec3 along = unit(q - p), outward = k ? axis_ : -axis_, to_edge = p - cap_[k];
     Vec3 wide = cross(outward, along);
-    const double narrow = std::abs(dot(axis_, along)), r = shape_.radius;  // half axes of the ellipse: r, r * narrow
+    const double narrow = std::abs(dot(axis_, along)), r = radius_;  // half axes of the ellipse: r, r * narrow
     if (norm(wide) < CONE_TOLERANCE) {  // the edge lies along the side
       const Vec3 across = to_edge - axis_ * dot(to_edge, axis_);
       if (norm(across) > 1e-9) add_rim(k, edge, unit(across), -unit(across));
@@ -211,7 +204,7 @@ class CylinderTouch {
   // `radial`: direction of the point of the rim from its centre.
   void add_rim(int k, const Edge& edge, const Vec3& radial, const Vec3& n) {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
-    const Vec3 on_rim = cap_[k] + radial * shape_.radius;
+    const Vec3 on_rim = cap_[k] + radial * radius_;
     const double t = along_segment(on_rim, p, q);
     if (!(t > 0.0 && t < 1.0) || !in_cone(patch_, edge, n)) return;
     const Vec3 on_ground = p + (q - p) * t;
@@ -224,6 +217,7 @@ class CylinderTouch {
   const Patch& patch_;
   const Approach& approach_;
   std::vector<Contact>& contacts_;
+  double radius_;
   Vec3 axis_, cap_[2], side_[2];
   double spin_;  // way that turning may move a point of a rim relative to its centre [m]
   Pose pose_;

@@ -52,9 +52,10 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);
     return least > limit;
   };
-  if (shape.cylinder) return !leaves(shape.axis, shape.half) && !leaves(-shape.axis, shape.half);
+  if (shape.kind == ShapeKind::Cylinder)
+    return !leaves({0.0, 0.0, 1.0}, shape.half.z) && !leaves({0.0, 0.0, -1.0}, shape.half.z);
   return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
-                      [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.radius); });
+                      [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.rounding); });
 }
 
 void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& patch, const Approach& approach,
@@ -64,7 +65,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
-  const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.radius + reach;
+  const double reach = approach.margin + (norm(velocity) + spin) * approach.duration, most = shape.rounding + reach;
   if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;
   bounds.add(a), bounds.add(b);
@@ -81,7 +82,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
     Vec3 n = unit(cross(b - a, q - p));
     const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
     if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
-    const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.radius;
+    const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
     if (!(distance <= reach) || !in_cone(patch, other, n) || !in_cone(edge, transposed(pose.turn, n))) return;
     if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
     contacts.push_back({on_ground, n, distance, name_of(BodyFeature::Edge, index),

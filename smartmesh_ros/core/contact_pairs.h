@@ -19,6 +19,9 @@ inline int name_of(BodyFeature kind, int number) { return (static_cast<int>(kind
 
 // Returns a name of the ground's points `a`, `b` and `c`, or of fewer (-1).
 int ground_name(const Patch& patch, int a, int b = -1, int c = -1);
+inline int ground_name(const Patch& patch, const Facet& facet) {
+  return ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]);
+}
 
 // Adds the contacts of a point with facets alone. Returns false if the point lies below the ground, which is then its
 // only contact.
@@ -36,9 +39,10 @@ const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch);
 Vec3 normal_towards(const Vec3& p, const Facet& facet, const Patch& patch);
 
 // Returns true if a point is over a facet or will be when it reaches the facet within the step. `distance` [m]: to the
-// facet's plane, along the unit normal `n` towards the point.
-bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, const Facet& facet,
-                const Patch& patch);
+// facet's plane, along the unit normal `n` towards the point. Beside the facet it still counts as over it by a share
+// `slack` of the distance.
+bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, double slack,
+                const Facet& facet, const Patch& patch);
 
 // Returns the facet through which a point below the ground leaves it by the shortest way, -1 if none is over the point.
 // `distance` [m]: from that facet's plane, negative.

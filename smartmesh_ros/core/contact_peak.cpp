@@ -36,7 +36,7 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
   bool inside = !core.faces.empty();
   for (const PolyFace& face : core.faces) {
     const double from_plane = dot(face.normal, q) - face.offset;
-    if (from_plane - shape.radius > reach) return;  // a plane holds both apart
+    if (from_plane - shape.rounding > reach) return;  // a plane holds both apart
     inside &= from_plane <= 0.0;
   }
   int way = -1;  // out of the shape: the nearest face that the ground can touch
@@ -52,15 +52,15 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
       way = static_cast<int>(f), depth = from_plane;
       continue;
     }
-    const double closing = -dot(face.normal, moved), gap = std::max(from_plane - shape.radius, 0.0);
+    const double closing = -dot(face.normal, moved), gap = std::max(from_plane - shape.rounding, 0.0);
     const bool comes = closing > gap && inside_face(core, face, q - face.normal * from_plane +
                                                                     (moved + face.normal * closing) * (gap / closing));
     if (comes || inside_face(core, face, q - face.normal * from_plane))
-      add(n, from_plane - shape.radius, name_of(BodyFeature::Face, static_cast<int>(f)));
+      add(n, from_plane - shape.rounding, name_of(BodyFeature::Face, static_cast<int>(f)));
   }
   if (inside) {
-    if (way >= 0 && least - shape.radius <= MUCH_SHORTER * (depth - shape.radius))
-      add(pose.turn * -core.faces[way].normal, depth - shape.radius, name_of(BodyFeature::Face, way));
+    if (way >= 0 && least - shape.rounding <= MUCH_SHORTER * (depth - shape.rounding))
+      add(pose.turn * -core.faces[way].normal, depth - shape.rounding, name_of(BodyFeature::Face, way));
     return;
   }
   for (std::size_t k = 0; k < core.edges.size(); ++k) {
@@ -70,10 +70,10 @@ void touch_peak(const Convex& shape, const Pose& pose, const Peak& peak, const P
     if (!(t > 0.0 && t < 1.0)) continue;
     const Vec3 away = a + (b - a) * t - q;
     const double distance = norm(away);
-    if (!(distance - shape.radius <= reach && distance > 1e-9)) continue;
+    if (!(distance - shape.rounding <= reach && distance > 1e-9)) continue;
     const Vec3 n = away * (1.0 / distance), n_world = pose.turn * n;
     if (in_cone(edge, n) && in_cone(patch, peak, n_world))
-      add(n_world, distance - shape.radius, name_of(BodyFeature::Edge, static_cast<int>(k)));
+      add(n_world, distance - shape.rounding, name_of(BodyFeature::Edge, static_cast<int>(k)));
   }
 }
 

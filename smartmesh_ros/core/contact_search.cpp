@@ -12,13 +12,13 @@ class ShapeReach final : public Reach {
  public:
   ShapeReach(const Convex& shape, const Pose& pose, double grown)
       : shape_(shape), pose_(pose), centre_(pose.to_world(shape.centre)), grown_(grown) {
-    is_ball_ = !shape.cylinder && shape.core.vertices.size() == 1;
+    is_ball_ = shape.core.vertices.size() == 1;
   }
 
   bool touches(const Vec3& centre, double radius) const override {
     const double most = grown_ + radius;
     if (is_ball_) {
-      const double limit = shape_.radius + most;
+      const double limit = shape_.rounding + most;
       return norm2(centre - pose_.at) <= limit * limit;
     }
     const Vec3 q = pose_.to_local(centre);
@@ -27,7 +27,7 @@ class ShapeReach final : public Reach {
 
   bool is_clear_of(const Vec3 (&corners)[4]) const override {
     if (!is_ball_) return false;
-    const double limit = shape_.radius + grown_;
+    const double limit = shape_.rounding + grown_;
     Bounds bounds;
     for (const Vec3& p : corners)
       if (!std::isnan(p.z)) bounds.add(p);

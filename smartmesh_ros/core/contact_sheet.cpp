@@ -64,7 +64,6 @@ std::vector<Passage> passages_to(const Vec3& inside, const Vec3& at, const Patch
   return found;
 }
 
-
 // Returns true if a point is in the ground or behind a plate: the `passages` lead from `inside` to it.
 bool is_behind(const std::vector<Passage>& passages, const Vec3& inside, const Vec3& at, const Patch& patch) {
   const std::size_t count = passages.size();
@@ -98,21 +97,12 @@ const Facet* penetrated(const Vec3& inside, const Vec3& at, const Patch& patch) 
   return way_out;
 }
 
-bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, const Facet& facet,
-                const Patch& patch) {
-  if (!is_beside(point.at, facet, patch)) return true;
-  const double closing = -dot(n, point.velocity), gap = distance - point.radius;
-  if (!(gap >= 0.0 && closing * duration > gap)) return false;
-  return !is_beside(point.at + point.velocity * (gap / closing), facet, patch);
-}
-
 bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
   const auto add = [&](const Vec3& at, const Vec3& n, double from_core, const Facet& facet) {
     const double distance = from_core - point.radius;
     if (distance > point.reach) return;
-    contacts.push_back({at - n * from_core, n, distance, name,
-                        ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2])});
+    contacts.push_back({at - n * from_core, n, distance, name, ground_name(patch, facet)});
   };
   // The point is lifted out of the facets that it penetrates. Facets that are hidden below them are then not over it.
   MovingPoint lifted = point;
@@ -134,7 +124,7 @@ bool touch_sheets(const MovingPoint& point, int name, const Patch& patch, double
     const double distance = std::abs(dot(facet.normal, lifted.at - patch.points[facet.corner[0]]));
     if (distance > most || std::find(behind, behind + count, &facet) != behind + count) continue;
     const Vec3 n = normal_towards(lifted.at, facet, patch);
-    if (comes_over(lifted, n, distance, duration, facet, patch)) add(lifted.at, n, distance, facet);
+    if (comes_over(lifted, n, distance, duration, SLACK, facet, patch)) add(lifted.at, n, distance, facet);
   }
   return count == 0;
 }

@@ -65,6 +65,18 @@ int way_out(const Vec3& point, const Patch& patch, double& distance) {
   return facet;
 }
 
+bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double duration, double slack,
+                const Facet& facet, const Patch& patch) {
+  const auto& p = patch.points;
+  const auto& k = facet.corner;
+  const Vec3 foot = point.at - n * distance;
+  if (inside_triangle(foot, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * distance)) return true;
+  const double closing = -dot(n, point.velocity), gap = distance - point.radius;
+  if (!(gap >= 0.0 && closing * duration > gap)) return false;
+  const Vec3 then = foot + (point.velocity + n * closing) * (gap / closing);
+  return inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * point.radius);
+}
+
 bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double duration,
                   std::vector<Contact>& contacts) {
   const auto& p = patch.points;
@@ -79,15 +91,8 @@ bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double
       is_below |= is_over(point.at, a, b, c);
       return;
     }
-    const Vec3 foot = point.at - facet.normal * from_plane;
-    if (!inside_triangle(foot, a, b, c, facet.normal, 0.0)) {  // it may still come to the facet within the step
-      const double closing = -dot(facet.normal, point.velocity), gap = from_plane - point.radius;
-      if (!(gap >= 0.0 && closing * duration > gap)) return;
-      if (!inside_triangle(foot + (point.velocity + facet.normal * closing) * (gap / closing), a, b, c, facet.normal, 0.0))
-        return;
-    }
-    add_contact(point, name, facet.normal, from_plane,
-                ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]), contacts);
+    if (comes_over(point, facet.normal, from_plane, duration, 0.0, facet, patch))
+      add_contact(point, name, facet.normal, from_plane, ground_name(patch, facet), contacts);
   };
   const PatchCells& cells = patch.cells;
   const CellRange near = cells.near(point.at.x, point.at.y, most + ROUNDING, most + ROUNDING);
@@ -98,8 +103,7 @@ bool touch_facets(const MovingPoint& point, int name, const Patch& patch, double
   contacts.resize(first);
   double distance;
   const Facet& facet = patch.facets[way_out(point.at, patch, distance)];
-  add_contact(point, name, facet.normal, distance,
-              ground_name(patch, facet.corner[0], facet.corner[1], facet.corner[2]), contacts);
+  add_contact(point, name, facet.normal, distance, ground_name(patch, facet), contacts);
   return false;
 }
 
@@ -107,7 +111,7 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
                   std::vector<Contact>& contacts) {
   const Polytope& core = shape.core;
   const Vec3 at = pose.to_world(core.vertices[vertex]), velocity = approach.velocity_at(at);
-  const MovingPoint point{at, velocity, shape.radius, approach.margin + norm(velocity) * approach.duration,
+  const MovingPoint point{at, velocity, shape.rounding, approach.margin + norm(velocity) * approach.duration,
                           pose.to_world(shape.centre)};
   if (at.z - point.radius - point.reach > patch.highest) return;
   const int name = name_of(BodyFeature::Vertex, vertex);
@@ -125,13 +129,13 @@ void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch
   };
   // What a ball only comes to within the step: from `start` along `side`, which is zero for a peak.
   const auto meet = [&](const Vec3& start, const Vec3& side, const auto& feature, int one, int other) {
-    if (shape.radius == 0.0) return;
+    if (shape.rounding == 0.0) return;
     const Vec3 along = unit(side);
     const double time = time_of_touch(point, at - start, along, approach.duration);
     const Vec3 then = at + velocity * time - start;
     const double s = dot(then, along), length = norm(side);
     if (time < 0.0 || (length > 0.0 && !(s > 0.0 && s < length))) return;
-    const Vec3 n = (then - along * s) * (1.0 / shape.radius);
+    const Vec3 n = (then - along * s) * (1.0 / shape.rounding);
     add(n, dot(n, at - start), feature, one, other);
   };
   const PatchCells& cells = patch.cells;

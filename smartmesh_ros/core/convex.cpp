@@ -4,26 +4,50 @@
 #include <map>
 #include <utility>
 
+#include "hull_faces.h"
+
 namespace smartmesh {
 
 namespace {
 
 // Sine of the angle between two faces below which they count as one plane.
 constexpr double SAME_PLANE = 1e-4;
+// Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the rounding of
+// meshes in single precision, below what contacts notice.
+constexpr double SAME = 1e-6;
 
-void set_bounds(Convex& shape) {
-  shape.core.neighbours.resize(shape.core.vertices.size());
-  for (const PolyEdge& edge : shape.core.edges) {
+std::vector<Vec3> without_doubles(std::vector<Vec3> points, double tolerance) {
+  std::sort(points.begin(), points.end(), [](const Vec3& a, const Vec3& b) { return a.x < b.x; });
+  std::vector<Vec3> found;
+  for (const Vec3& point : points) {
+    bool is_new = true;
+    for (auto k = found.rbegin(); is_new && k != found.rend() && point.x - k->x <= tolerance; ++k)
+      is_new = norm2(point - *k) > tolerance * tolerance;
+    if (is_new) found.push_back(point);
+  }
+  return found;
+}
+
+// Returns a shape with the features of its core, or a cylinder.
+Convex with_features(ShapeKind kind, const Vec3& half, double rounding, const Polytope& core) {
+  Convex shape;
+  shape.kind = kind, shape.half = half, shape.rounding = rounding, shape.core = core;
+  if (kind == ShapeKind::Cylinder) {
+    shape.bounds = {-half, half};
+    shape.reach = std::hypot(half.x, half.z);
+  }
+  shape.core.neighbours.resize(core.vertices.size());
+  for (const PolyEdge& edge : core.edges) {
     shape.core.neighbours[edge.end[0]].push_back(edge.end[1]);
     shape.core.neighbours[edge.end[1]].push_back(edge.end[0]);
   }
-  for (const Vec3& corner : shape.core.vertices) {
+  for (const Vec3& corner : core.vertices) {
     shape.bounds.add(corner);
-    shape.centre = shape.centre + corner * (1.0 / static_cast<double>(shape.core.vertices.size()));
+    shape.centre = shape.centre + corner * (1.0 / static_cast<double>(core.vertices.size()));
+    shape.reach = std::max(shape.reach, norm(corner) + rounding);
   }
-  shape.bounds = shape.bounds.grown(shape.radius);
-  shape.reach = 0.0;
-  for (const Vec3& corner : shape.core.vertices) shape.reach = std::max(shape.reach, norm(corner) + shape.radius);
+  shape.bounds = shape.bounds.grown(rounding);
+  return shape;
 }
 
 // Returns the vector area of a loop, whose direction is the normal of its face.
@@ -90,16 +114,23 @@ void add_edges(Polytope& core) {
   core.edges.erase(std::remove_if(core.edges.begin(), core.edges.end(), flat), core.edges.end());
 }
 
+// Returns a polytope from its corners and the loops of its faces, counterclockwise seen from outside. Faces of a loop
+// without area are left out, and edges between faces in one plane.
+Polytope polytope(const std::vector<Vec3>& corners, std::vector<std::vector<int>> loops) {
+  Polytope core;
+  add_corners(core, corners, loops);
+  add_faces(core, loops);
+  if (!loops.empty()) add_edges(core);
+  return core;
+}
+
 }  // namespace
 
 double lowest(const Convex& shape, const Vec3& n) {
-  if (shape.cylinder) {
-    const double along = dot(n, shape.axis);
-    return -std::abs(along) * shape.half - shape.radius * std::sqrt(std::max(0.0, 1.0 - along * along));
-  }
+  if (shape.kind != ShapeKind::Hull) return -shape.extent(n);
   double least = 1e300;
   for (const Vec3& corner : shape.core.vertices) least = std::min(least, dot(n, corner));
-  return least - shape.radius;
+  return least - shape.rounding;
 }
 
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
@@ -112,10 +143,10 @@ bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
     else if (start > 0.0) last = -1.0;
   };
   for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset);
-  if (!shape.cylinder) return first <= last;
-  clip(shape.axis, shape.half), clip(-shape.axis, shape.half);
-  const Vec3 w = p - shape.axis * dot(p, shape.axis), v = u - shape.axis * dot(u, shape.axis);
-  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.radius * shape.radius;
+  if (shape.kind != ShapeKind::Cylinder) return first <= last;
+  clip({0.0, 0.0, 1.0}, shape.half.z), clip({0.0, 0.0, -1.0}, shape.half.z);
+  const Vec3 w{p.x, p.y, 0.0}, v{u.x, u.y, 0.0};
+  const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - shape.half.x * shape.half.x;
   if (vv == 0.0) return outside <= 0.0 && first <= last;
   const double root = vw * vw - vv * outside;
   if (root < 0.0) return false;
@@ -123,52 +154,37 @@ bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
 }
 
 Convex ball(double radius) {
-  Convex shape;
-  shape.core.vertices = {{}};
-  shape.radius = radius;
-  set_bounds(shape);
-  return shape;
+  Polytope core;
+  core.vertices = {{}};
+  return with_features(ShapeKind::Ball, {}, radius, core);
 }
 
-Convex capsule(double radius, double half, const Vec3& axis) {
-  Convex shape;
-  shape.core.vertices = {axis * -half, axis * half};
-  shape.core.edges = {{{0, 1}, {-1, -1}, {}}};
-  shape.radius = radius;
-  shape.axis = axis;
-  set_bounds(shape);
-  return shape;
+Convex capsule(double radius, double half) {
+  Polytope core;
+  core.vertices = {{0.0, 0.0, -half}, {0.0, 0.0, half}};
+  core.edges = {{{0, 1}, {-1, -1}, {}}};
+  return with_features(ShapeKind::Capsule, {0.0, 0.0, half}, radius, core);
 }
 
-Convex cylinder(double radius, double half, const Vec3& axis) {
-  Convex shape;
-  shape.radius = radius;
-  shape.half = half;
-  shape.axis = axis;
-  shape.cylinder = true;
-  const auto side = [&](double along) { return std::abs(along) * half + radius * std::sqrt(1.0 - along * along); };
-  const Vec3 size{side(axis.x), side(axis.y), side(axis.z)};
-  shape.bounds = {-size, size};
-  shape.reach = std::hypot(radius, half);
-  return shape;
+Convex cylinder(double radius, double half) {
+  return with_features(ShapeKind::Cylinder, {radius, radius, half}, 0.0, {});
 }
 
 Convex box(const Vec3& half) {
   std::vector<Vec3> corners;
   for (int k = 0; k < 8; ++k)
     corners.push_back({k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z});
-  return hull(corners, {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}}, 0.0);
+  const Polytope core =
+      polytope(corners, {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}});
+  return with_features(ShapeKind::Box, half, 0.0, core);
 }
 
-Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius) {
-  Convex shape;
-  shape.radius = radius;
-  std::vector<std::vector<int>> numbered = loops;
-  add_corners(shape.core, corners, numbered);
-  add_faces(shape.core, numbered);
-  if (!numbered.empty()) add_edges(shape.core);
-  set_bounds(shape);
-  return shape;
+Convex hull(const std::vector<Vec3>& points, double margin) {
+  Bounds bounds;
+  for (const Vec3& point : points) bounds.add(point);
+  const double tolerance = SAME * norm(bounds.high - bounds.low);
+  const std::vector<Vec3> corners = without_doubles(points, tolerance);
+  return with_features(ShapeKind::Hull, {}, margin, polytope(corners, hull_faces(corners, tolerance)));
 }
 
 }  // namespace smartmesh

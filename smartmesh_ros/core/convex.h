@@ -1,11 +1,9 @@
-// Convex shapes of bodies: a polytope grown by a radius, or a cylinder.
-//
-// A ball is a point grown by its radius, a capsule a segment. Bullet's hulls are polytopes grown by a margin.
+// Convex shapes with the features that contacts need: corners, edges and faces of their cores.
 #pragma once
 
 #include <vector>
 
-#include "vec3.h"
+#include "shape.h"
 
 namespace smartmesh {
 
@@ -34,17 +32,12 @@ struct Polytope {
   std::vector<std::vector<int>> neighbours;  // of each vertex, along the edges
 };
 
-// Shape of a body in its own frame. `radius`: by which `core` is grown; of a cylinder its radius. `half`: half the length
-// of a cylinder along `axis`, whose core is empty.
-struct Convex {
+// A convex shape in its own frame, with the features of its `core`; that of a cylinder is empty. The middle of a hull is
+// anywhere: its `reach` is about the origin, and it has no `half` extents.
+struct Convex : Shape {
   Polytope core;
-  double radius = 0.0;
-  bool cylinder = false;
-  Vec3 axis{0.0, 0.0, 1.0};
-  double half = 0.0;
-  Bounds bounds;      // in the shape's frame, grown by the radius
-  double reach = 0.0; // largest distance of a point of the shape from its origin
-  Vec3 centre;        // a point inside, the mean of the core's vertices
+  Bounds bounds;  // of the shape
+  Vec3 centre;    // a point inside, the mean of the core's vertices
 };
 
 // Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
@@ -55,12 +48,11 @@ double lowest(const Convex& shape, const Vec3& n);
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 
 Convex ball(double radius);
-Convex capsule(double radius, double half, const Vec3& axis);
-Convex cylinder(double radius, double half, const Vec3& axis);
+Convex capsule(double radius, double half);
+Convex cylinder(double radius, double half);
 Convex box(const Vec3& half);
 
-// Returns a polytope grown by `radius` from its corners and the loops of its faces, counterclockwise seen from outside.
-// Faces of a loop without area are left out, and edges between faces in one plane.
-Convex hull(const std::vector<Vec3>& corners, const std::vector<std::vector<int>>& loops, double radius);
+// Returns the convex hull of some points, at least one, grown by a margin.
+Convex hull(const std::vector<Vec3>& points, double margin);
 
 }  // namespace smartmesh

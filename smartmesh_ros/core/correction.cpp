@@ -44,12 +44,13 @@ bool is_round(ShapeKind kind) {
 
 // Returns the two most level axes of a solid, as long as the half extents of the sampling grid along them [m].
 void level_axes(const Solid& solid, Vec3 (&level)[2]) {
-  const double wider = ROUNDED_SHARE * solid.rounding;
+  const double wider = ROUNDED_SHARE * solid.shape->rounding;
   Vec3 u = solid.axes.row[0], v = solid.axes.row[1];
   const Vec3 w = solid.axes.row[2];
   const double aside = std::hypot(w.x, w.y);
-  if (is_round(solid.kind) && aside > UPRIGHT) u = {-w.y / aside, w.x / aside, 0.0}, v = cross(w, u);
-  const Vec3 along[3] = {u * (solid.half.x + wider), v * (solid.half.y + wider), w * (solid.half.z + wider)};
+  if (is_round(solid.shape->kind) && aside > UPRIGHT) u = {-w.y / aside, w.x / aside, 0.0}, v = cross(w, u);
+  const Vec3 half = solid.shape->half;
+  const Vec3 along[3] = {u * (half.x + wider), v * (half.y + wider), w * (half.z + wider)};
   int steepest = 2;
   if (std::abs(u.z) > std::abs(v.z) && std::abs(u.z) > std::abs(w.z)) steepest = 0;
   else if (std::abs(v.z) > std::abs(w.z)) steepest = 1;

@@ -17,12 +17,6 @@ struct CorrectionSums {
   void add(double weight, double x_, double y_, double height_, double rise_);
 };
 
-// Position and orientation of a body.
-struct BodyPose {
-  Vec3 at;
-  Turn turn;
-};
-
 // Adds the points under a solid on a corrected grid. `before`, `after`: the grid as shown before and after the correction.
 // Solids that do not stand on the ground count little, and only near it.
 void add_points_under(const HeightGrid& before, const HeightGrid& after, double time, const BodySolid& solid, bool stands,

@@ -45,12 +45,11 @@ std::vector<Vec3> points_of(const FieldSamples& samples, const GridPose& pose, d
                             const SupportRecord& support) {
   std::vector<Vec3> points;
   points.reserve(static_cast<std::size_t>(samples.rows) * samples.columns);
+  const auto stride = static_cast<double>(support.stride);
   for (int r = 0; r < samples.rows; ++r) {
     for (int c = 0; c < samples.columns; ++c) {
-      const double v = (static_cast<double>(support.row) + r * static_cast<double>(support.stride)) * resolution;
-      const double u = (static_cast<double>(support.column) + c * static_cast<double>(support.stride)) * resolution;
-      points.push_back({pose.x + u * pose.cos - v * pose.sin, pose.y + u * pose.sin + v * pose.cos,
-                        samples.heights[points.size()]});
+      const GridPoint place{static_cast<double>(support.row) + r * stride, static_cast<double>(support.column) + c * stride};
+      points.push_back(pose.point(place, resolution, samples.heights[points.size()]));
     }
   }
   return points;
@@ -86,7 +85,7 @@ void find_foot(const FieldSamples& samples, const GridPose& pose, double resolut
   if (!std::isfinite(nearest.rank)) return;
   support.state = Support::Field;
   const Vec3 normal = nearest.normal(), first = nearest.triangle.a, centre = body.whole.centre;
-  const bool is_ball = body.whole.kind == ShapeKind::Ball;
+  const bool is_ball = body.whole.shape->kind == ShapeKind::Ball;
   const Vec3 foot = is_ball ? nearest.gap.nearest : centre - normal * dot(centre - first, normal);
   const Rise rise = rise_of(samples, nearest);
   support.gap = nearest.gap.distance;
@@ -94,8 +93,8 @@ void find_foot(const FieldSamples& samples, const GridPose& pose, double resolut
   support.rise = rise.first + rise.x * (foot.x - first.x) + rise.y * (foot.y - first.y);
   // A point (x, y) of ground with angular velocity w rises at w_x y - w_y x.
   write({rise.y, -rise.x, pose.spin}, support.turn);
-  support.slide[0] = pose.slide_x - pose.spin * (foot.y - pose.y);
-  support.slide[1] = pose.slide_y + pose.spin * (foot.x - pose.x);
+  const Vec3 slide = pose.slide(foot.x, foot.y);
+  support.slide[0] = slide.x, support.slide[1] = slide.y;
 }
 
 void find_foot(const std::vector<Vec3>& corners, const BodySolid& body, SupportRecord& support) {

@@ -35,7 +35,7 @@ double overlap(const Triangle& t, const Solid& solid, const Vec3& outward, const
   };
   try_axis(cross(t.b - t.a, t.c - t.a), 0.0);
   try_axis(outward, 0.0), try_axis(last, 0.0);
-  if (solid.kind == ShapeKind::Ball) return most > -INFINITE ? most : -solid.rounding;
+  if (solid.shape->kind == ShapeKind::Ball) return most > -INFINITE ? most : -solid.shape->rounding;
   for (const Vec3& axis : solid.axes.row) {
     try_axis(axis, 0.0);
     for (const Vec3& edge : {t.b - t.a, t.c - t.b, t.a - t.c}) try_axis(cross(axis, edge), PARALLEL);
@@ -45,8 +45,8 @@ double overlap(const Triangle& t, const Solid& solid, const Vec3& outward, const
 
 double distance_to(const Triangle& t, const Solid& solid, const Vec3& nearest, double limit) {
   const Triangle own{solid.to_own(t.a), solid.to_own(t.b), solid.to_own(t.c)};
-  const Separation core = separation_of(own, solid, std::max(limit, 0.0) + solid.rounding);
-  if (core.distance > 0.0) return core.distance - solid.rounding;
+  const Separation core = separation_of(own, solid, std::max(limit, 0.0) + solid.shape->rounding);
+  if (core.distance > 0.0) return core.distance - solid.shape->rounding;
   return overlap(t, solid, solid.centre - nearest, transposed(solid.axes, core.normal));
 }
 
@@ -72,14 +72,14 @@ Vec3 closest_point(const Triangle& t, const Vec3& p) {
 
 double distance_of_point(const Vec3& p, const Solid& solid) {
   const Vec3 own = solid.to_own(p);
-  return std::max(0.0, separation_of({own, own, own}, solid, INFINITE).distance - solid.rounding);
+  return std::max(0.0, separation_of({own, own, own}, solid, INFINITE).distance - solid.shape->rounding);
 }
 
 Gap gap_between(const Triangle& triangle, const BodySolid& body, double limit) {
   Gap best{INFINITE, body.whole.centre};
   for (const Solid& part : body.parts) {
     const Vec3 nearest = closest_point(triangle, part.centre);
-    const double least = std::min(limit, best.distance), around = norm(nearest - part.centre) - part.reach;
+    const double least = std::min(limit, best.distance), around = norm(nearest - part.centre) - part.shape->reach;
     const double distance = around > least ? around : distance_to(triangle, part, nearest, least);
     if (distance < best.distance) best = {distance, nearest};
   }

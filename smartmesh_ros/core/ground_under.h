@@ -1,4 +1,4 @@
-// Samples of a height map under the boxes (6,) of bodies: lowest and highest x, y, z [m].
+// Samples of a height map under the boxes of bodies.
 #pragma once
 
 #include "map_arrays.h"
@@ -6,13 +6,10 @@
 namespace smartmesh {
 
 // Returns the samples around a box on a map in a pose, without rows or columns if the box is beside the map.
-Region samples_around(const HeightGrid& grid, const GridPose& pose, const double* box);
-
-// Returns true if the map moves horizontally.
-bool slides(const GridPose& pose);
+Region samples_around(const HeightGrid& grid, const GridPose& pose, const Bounds& box);
 
 // Returns the number of updates so far of the blocks under a box; -1 if the ground may move there at `time` [s].
-std::int64_t updates_under(const HeightGrid& grid, const GridPose& pose, const double* box, double time);
+std::int64_t updates_under(const HeightGrid& grid, const GridPose& pose, const Bounds& box, double time);
 
 // Writes the positions (x, y) [m] of the samples of a rectangle, row by row.
 void write_positions(const HeightGrid& grid, const GridPose& pose, const Region& samples, double* positions);

@@ -17,10 +17,35 @@ struct GridTrack {
   double time = 0.0, interval = 0.0, x = 0.0, y = 0.0, spin = 0.0;
 };
 
+// Fractional row and column of a point.
+struct GridPoint {
+  double row, column;
+};
+
 // Pose of a grid at one instant. `x`, `y` [m]: of sample (0, 0). `slide_x`, `slide_y` [m/s], `spin` [rad/s]: velocity.
 struct GridPose {
   double x = 0.0, y = 0.0, cos = 1.0, sin = 0.0, slide_x = 0.0, slide_y = 0.0, spin = 0.0;
+
+  // Returns the point at a place of a grid, at the height `z` [m].
+  Vec3 point(const GridPoint& place, double resolution, double z = 0.0) const {
+    const double u = place.column * resolution, v = place.row * resolution;
+    return {x + u * cos - v * sin, y + u * sin + v * cos, z};
+  }
+  // Returns the pose of a window of the grid that starts at a place.
+  GridPose from(const GridPoint& place, double resolution) const {
+    const Vec3 corner = point(place, resolution);
+    return {corner.x, corner.y, cos, sin, slide_x, slide_y, spin};
+  }
+  // Returns true if the grid moves horizontally.
+  bool slides() const { return slide_x != 0.0 || slide_y != 0.0 || spin != 0.0; }
+  // Returns the horizontal velocity [m/s] and the spin [rad/s] of the grid at a point.
+  Vec3 slide(double at_x, double at_y) const { return {slide_x - spin * (at_y - y), slide_y + spin * (at_x - x), spin}; }
 };
+
+inline GridPoint to_grid(const GridPose& pose, double resolution, double x, double y) {
+  const double dx = (x - pose.x) / resolution, dy = (y - pose.y) / resolution;
+  return {dy * pose.cos - dx * pose.sin, dx * pose.cos + dy * pose.sin};
+}
 
 // Height [m] of a sample at an instant, NaN = no ground, and its rise [m] within a duration.
 struct Sample {

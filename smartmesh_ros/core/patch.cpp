@@ -48,8 +48,7 @@ class CellAdder {
     // Edges and peaks belong to the cells at all their sides.
     const CellRange range{active_cells_.top, active_cells_.left, active_cells_.bottom + 1, active_cells_.right + 1};
     cells.rows = range.bottom - range.top, cells.columns = range.right - range.left;
-    const Vec3 corner = window_.point(range.top, range.left);
-    cells.pose = window_.pose, cells.pose.x = corner.x, cells.pose.y = corner.y;
+    cells.pose = window_.pose.from({static_cast<double>(range.top), static_cast<double>(range.left)}, window_.resolution);
     patch_.steepest = 1.0;
     for (int r = range.top; r < range.bottom; ++r) {
       for (int c = range.left; c < range.right; ++c) {
@@ -97,9 +96,7 @@ class CellAdder {
       if (!std::isnan(z)) low = std::min(low, z), high = std::max(high, z);
     if (high < low) return false;
     const double size = window_.resolution, half = 0.5 * (high - low);
-    const double u = (c + 0.5) * size, v = (r + 0.5) * size;
-    const GridPose& pose = window_.pose;
-    const Vec3 centre{pose.x + u * pose.cos - v * pose.sin, pose.y + u * pose.sin + v * pose.cos, low + half};
+    const Vec3 centre = window_.pose.point({r + 0.5, c + 0.5}, size, low + half);
     if (!reach_.touches(centre, std::sqrt(0.5 * size * size + half * half))) return false;
     return !reach_.is_clear_of({window_.point(r, c), window_.point(r, c + 1), window_.point(r + 1, c), window_.point(r + 1, c + 1)});
   }

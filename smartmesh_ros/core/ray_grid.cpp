@@ -153,10 +153,9 @@ class Walk {
   // Returns false for a hit on the padding where another map, or the padding of another one, is the ground.
   bool counts(int row, int column, double s) {
     if (!tiles_.is_padding(row, column)) return true;
-    const double u = (column_.at(s) - tiles_.pad()) * tile_.grid->resolution;
-    const double v = (row_.at(s) - tiles_.pad()) * tile_.grid->resolution;
-    return maps_.continues(number_, tile_.pose.x + u * tile_.pose.cos - v * tile_.pose.sin,
-                           tile_.pose.y + u * tile_.pose.sin + v * tile_.pose.cos);
+    const GridPoint place{row_.at(s) - tiles_.pad(), column_.at(s) - tiles_.pad()};
+    const Vec3 at = tile_.pose.point(place, tile_.grid->resolution);
+    return maps_.continues(number_, at.x, at.y);
   }
 
   RayTiles& tiles_;

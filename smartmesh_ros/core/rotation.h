@@ -17,6 +17,8 @@ inline Turn operator*(const Turn& a, const Turn& b) {
           a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
 }
 
+inline double dot(const Turn& a, const Turn& b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
+
 inline Vec3 rotated(const Turn& q, const Vec3& v) {
   const Vec3 axis{q.x, q.y, q.z}, twice = cross(axis, v) * 2.0;
   return v + twice * q.w + cross(axis, twice);

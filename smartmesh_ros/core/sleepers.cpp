@@ -2,51 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace smartmesh {
 
-namespace {
-
-Vec3 row_of(const double* row) { return {row[0], row[1], row[2]}; }
-
-}  // namespace
-
-double strayed(const double* state, const double* anchor, double radius) {
-  double cosine = 0.0;
-  for (int k = 3; k < 7; ++k) cosine += state[k] * anchor[k];
+double strayed(const BodyPose& pose, const BodyPose& anchor, double radius) {
+  const double cosine = dot(pose.turn, anchor.turn);
   const double sine = std::sqrt(std::max(1.0 - cosine * cosine, 0.0));  // of half the angle between the orientations
-  return norm(row_of(state) - row_of(anchor)) + 2.0 * sine * radius;
-}
-
-void move_anchor(const double* state, double radius, double time, double distance, double* anchor) {
-  if (strayed(state, anchor, radius) <= distance) return;
-  std::copy_n(state, ANCHOR_COLUMNS - 1, anchor);
-  anchor[ANCHOR_COLUMNS - 1] = time;
+  return norm(pose.at - anchor.at) + 2.0 * sine * radius;
 }
 
 Sleepers::Sleepers(const BodyBoxes& bodies, std::vector<std::int64_t> slots) : bodies_(bodies), order_(std::move(slots)) {
-  const auto low_x = [&](std::int64_t slot) {  // unknown boxes come last
-    const double x = bodies_.box(slot)[0];
-    return std::isnan(x) ? std::numeric_limits<double>::infinity() : x;
-  };
-  std::stable_sort(order_.begin(), order_.end(), [&](std::int64_t a, std::int64_t b) { return low_x(a) < low_x(b); });
+  bodies_.sort(order_, [](std::int64_t slot) { return slot; });
   double extent = 0.0, radius = 0.0;
   for (std::int64_t slot : order_) {
-    extent = std::max(extent, bodies_.box(slot)[3] - bodies_.box(slot)[0]);
+    extent = std::max(extent, bodies_.boxes[slot].high.x - bodies_.boxes[slot].low.x);
     radius = std::max(radius, bodies_.radii[slot]);
   }
   widest_ = extent + bodies_.share * radius;
 }
 
-bool Sleepers::mark_near(const double* box, double reach, double radius, bool* found) const {
+bool Sleepers::mark_near(const Bounds& box, double reach, double radius, bool* found) const {
   reach += bodies_.share * radius;
-  const double low = box[0] - reach - widest_, high = box[3] + reach + widest_;
+  const double low = box.low.x - reach - widest_, high = box.high.x + reach + widest_;
   bool any_new = false;
   const auto first = std::partition_point(order_.begin(), order_.end(),
-                                          [&](std::int64_t slot) { return bodies_.box(slot)[0] < low; });
-  for (auto slot = first; slot != order_.end() && !(bodies_.box(*slot)[0] > high); ++slot)
-    if (!found[*slot] && apart(box, bodies_.box(*slot)) <= reach + bodies_.share * bodies_.radii[*slot])
+                                          [&](std::int64_t slot) { return bodies_.boxes[slot].low.x < low; });
+  for (auto slot = first; slot != order_.end() && !(bodies_.boxes[*slot].low.x > high); ++slot)
+    if (!found[*slot] && box.apart_from(bodies_.boxes[*slot]) <= reach + bodies_.share * bodies_.radii[*slot])
       found[*slot] = any_new = true;
   return any_new;
 }
@@ -61,24 +43,24 @@ void Sleepers::mark_connected(bool* found) const {
   for (list_marked(); !open.empty();) {
     const std::int64_t slot = open.back();
     open.pop_back();
-    if (mark_near(bodies_.box(slot), bodies_.near, bodies_.radii[slot], found)) list_marked();
+    if (mark_near(bodies_.boxes[slot], bodies_.near, bodies_.radii[slot], found)) list_marked();
   }
 }
 
 bool Sleepers::mark_reached(const Movers& movers, const Stillness& stillness, double elapsed, bool* found) const {
   bool any_new = false;
   for (std::int64_t slot : movers.slots) {
-    const double *state = movers.states + BODY_COLUMNS * slot, *anchor = movers.anchors + ANCHOR_COLUMNS * slot;
-    const Vec3 position = row_of(movers.positions + 3 * slot), step = row_of(movers.moved + 3 * slot);
+    const BodyState& state = movers.states[slot];
+    const Anchor& anchor = movers.anchors[slot];
+    const Vec3 &position = movers.positions[slot], &step = movers.moved[slot];
     const double farthest = stillness.distance * stillness.distance;
-    if (stillness.time - anchor[ANCHOR_COLUMNS - 1] >= stillness.after && norm2(position - row_of(anchor)) <= farthest &&
+    if (stillness.time - anchor.time >= stillness.after && norm2(position - anchor.pose.at) <= farthest &&
         norm2(step) <= farthest)
       continue;
-    const double turned = std::min(norm(row_of(state + 10)) * elapsed, 2.0) * bodies_.radii[slot];
-    const Vec3 went = position - row_of(state), margin{turned, turned, turned};
-    const double* known = bodies_.box(slot);
-    const Vec3 low = row_of(known) + went - margin, high = row_of(known + 3) + went + margin;
-    const double box[BOX_COLUMNS] = {low.x, low.y, low.z, high.x, high.y, high.z};
+    const double turned = std::min(norm(state.angular) * elapsed, 2.0) * bodies_.radii[slot];
+    const Vec3 went = position - state.pose.at;
+    const Bounds& known = bodies_.boxes[slot];
+    const Bounds box = Bounds{known.low + went, known.high + went}.grown(turned);
     any_new |= mark_near(box, bodies_.near + norm(step), bodies_.radii[slot], found);
   }
   return any_new;

@@ -7,15 +7,22 @@
 
 namespace smartmesh {
 
-// Bodies that are awake, by their `slots`. Tables by slot: `states` (S, 13) at the last update, `positions` now and
-// `moved` in the coming step (S, 3) [m], and `anchors` (S, 8): the pose that a still body stays near, and the time since
-// when [s].
+// The pose that a still body stays near, and the time since when [s].
+struct Anchor {
+  BodyPose pose;
+  double time;
+};
+constexpr int ANCHOR_COLUMNS = 8;
+static_assert(sizeof(Anchor) == ANCHOR_COLUMNS * sizeof(double), "the columns of a table of anchors");
+
+// Bodies that are awake, by their `slots`. Tables by slot: `states` at the last update, `positions` now and `moved` in the
+// coming step [m], and `anchors`.
 struct Movers {
   std::vector<std::int64_t> slots;
-  const double *states, *positions, *moved, *anchors;
+  const BodyState* states;
+  const Vec3 *positions, *moved;
+  const Anchor* anchors;
 };
-
-constexpr int ANCHOR_COLUMNS = 8;
 
 // A body is still at a `time` [s] if it has not gone farther than a `distance` [m] for the time `after` [s].
 struct Stillness {
@@ -24,10 +31,7 @@ struct Stillness {
 
 // Returns a bound on the distance [m] of any point of a body, with a bounding `radius` [m], from its place at the anchor;
 // NaN if there is none.
-double strayed(const double* state, const double* anchor, double radius);
-
-// Sets the anchor of a body to its state at `time` [s], if it has gone farther than a `distance` [m] from it.
-void move_anchor(const double* state, double radius, double time, double distance, double* anchor);
+double strayed(const BodyPose& pose, const BodyPose& anchor, double radius);
 
 // Sleeping bodies, in ascending order of their lowest x. Functions mark bodies by slot in `found`, and return true if any
 // are new.
@@ -36,7 +40,7 @@ class Sleepers {
   Sleepers(const BodyBoxes& bodies, std::vector<std::int64_t> slots);
 
   // Marks the bodies whose boxes are within `reach` [m], plus a share of both radii, of the `box` of a body.
-  bool mark_near(const double* box, double reach, double radius, bool* found) const;
+  bool mark_near(const Bounds& box, double reach, double radius, bool* found) const;
 
   // Marks all bodies that are connected to marked ones.
   void mark_connected(bool* found) const;

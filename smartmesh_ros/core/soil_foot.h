@@ -3,7 +3,6 @@
 
 #include <cstdint>
 
-#include "rotation.h"
 #include "soil_layer.h"
 #include "soil_shape.h"
 
@@ -17,15 +16,8 @@ struct FootLoad {
 
 // A body that presses the soil, with the layout of FOOT in soil/feet.py.
 struct Foot {
-  // Its shape: the number of a FootKind; half lengths x, y, z of a box, else radius, radius, half height [m]; place in
-  // the body's frame.
-  double kind, half[3];
-  Vec3 centre;
-  Turn turn;
-  // Pose and velocity of the body's frame in the world.
-  Vec3 position;
-  Turn attitude;
-  Vec3 linear, angular;
+  Shape shape;
+  BodyState body;
   FootLoad given, load;  // of the last update, and filtered
   // Height of the shape's middle without the map's z [m], at which the soil carries the load, NaN = without load; slope
   // of the pressed plane.
@@ -36,7 +28,7 @@ struct Foot {
   // force; volume displaced in the last update [m^3].
   double sinkage, area, carried, grip, displaced;
 };
-static_assert(sizeof(Foot) == 336, "the layout of FOOT in soil/feet.py");
+static_assert(sizeof(Foot) == 376, "the layout of FOOT in soil/feet.py");
 
 // Settings of an update. `number`: of the update. The others follow from SoilConfig in soil/config.py: `drop` [m],
 // largest difference of neighbouring samples at the angle of repose; `still`, `farthest` [m], smallest change, and

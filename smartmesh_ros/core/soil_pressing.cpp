@@ -16,38 +16,24 @@ constexpr double UNKNOWN = std::numeric_limits<double>::quiet_NaN();
 // A shape in its place: `middle`, fractional column and row, and height [m] without the grid's z; velocity [m/s] of the
 // middle, and spin [rad/s], in axes of the grid; `size` [m], more than half its length along columns and rows.
 struct PlacedShape {
-  FootShape shape;
+  Underside shape;
   Vec3 middle, linear, angular;
   double size;
 };
-
-Mat3 rotation_of(const Turn& q) {
-  const double x = q.x, y = q.y, z = q.z, w = q.w;
-  return {{{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
-           {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
-           {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}}};
-}
 
 Vec3 to_grid_axes(const GridPose& pose, const Vec3& v) {
   return {pose.cos * v.x + pose.sin * v.y, pose.cos * v.y - pose.sin * v.x, v.z};
 }
 
 PlacedShape place(const SoilGround& ground, const Foot& foot) {
-  const Mat3 body = rotation_of(foot.attitude), own = rotation_of(foot.turn);
-  const Vec3 offset = body * foot.centre;
-  const Vec3 columns[3] = {{own.row[0].x, own.row[1].x, own.row[2].x},
-                           {own.row[0].y, own.row[1].y, own.row[2].y},
-                           {own.row[0].z, own.row[1].z, own.row[2].z}};
-  Vec3 axis[3];
-  for (int k = 0; k < 3; ++k) axis[k] = to_grid_axes(ground.pose, body * columns[k]);
-  const Vec3 at = foot.position + offset;
+  Solid solid(foot.shape, foot.body.pose);
+  const Vec3 offset = rotated(foot.body.pose.turn, foot.shape.offset), at = solid.centre;
+  for (Vec3& axis : solid.axes.row) axis = to_grid_axes(ground.pose, axis);
   const GridPoint point = to_grid(ground.pose, ground.spacing, at.x, at.y);
-  PlacedShape placed{foot_shape(static_cast<FootKind>(static_cast<int>(foot.kind)), foot.half, axis, ground.spacing),
+  PlacedShape placed{underside(solid, ground.spacing),
                      {point.column, point.row, at.z - ground.z},
-                     to_grid_axes(ground.pose, {foot.linear.x + foot.angular.y * offset.z - foot.angular.z * offset.y,
-                                                foot.linear.y + foot.angular.z * offset.x - foot.angular.x * offset.z,
-                                                foot.linear.z + foot.angular.x * offset.y - foot.angular.y * offset.x}),
-                     to_grid_axes(ground.pose, foot.angular), 0.0};
+                     to_grid_axes(ground.pose, foot.body.linear + cross(foot.body.angular, offset)),
+                     to_grid_axes(ground.pose, foot.body.angular), 0.0};
   placed.size = std::max(half_length(placed.shape, 0), half_length(placed.shape, 1)) + 2.0 * ground.spacing;
   return placed;
 }
@@ -127,10 +113,10 @@ void keep_within(SoilGround& ground, double deepest, double most, const std::vec
 // Returns the velocity at which the body's surface shears the soil at a sample, along columns and rows [m/s]: its size
 // is that of the velocity along the surface.
 Slope slip_at(const PlacedShape& placed, const UnderSample& sample) {
-  const Vec3 &middle = placed.middle, &v = placed.linear, &w = placed.angular;
+  const Vec3& middle = placed.middle;
   const double spacing = placed.shape.spacing;
   const Vec3 p{(sample.column - middle.x) * spacing, (sample.row - middle.y) * spacing, sample.low - middle.z};
-  const Vec3 velocity{v.x + w.y * p.z - w.z * p.y, v.y + w.z * p.x - w.x * p.z, v.z + w.x * p.y - w.y * p.x};
+  const Vec3 velocity = placed.linear + cross(placed.angular, p);
   const Vec3 normal = normal_at(placed.shape, p);
   const Vec3 along = velocity - dot(velocity, normal) * normal;
   const double level = std::sqrt(along.x * along.x + along.y * along.y);
@@ -192,7 +178,7 @@ Lean find_lean(const SoilGround& ground, const Foot& foot, const PlacedShape& pl
   const Slope own = slope_of(placed.shape);
   Lean lean{touch, 0.0, 0.0};
   if (was_carried) lean.down = std::min(placed.middle.z - foot.seat, deepest);
-  if (placed.shape.kind != FootKind::Sphere && !std::isnan(foot.load.x)) {  // a ball does not lean
+  if (placed.shape.kind != ShapeKind::Ball && !std::isnan(foot.load.x)) {  // a ball does not lean
     if (was_carried) {
       const double most = update.deepest;
       lean.x = std::min(std::max((own.x - foot.slope.x) * placed.size, -most), most);

@@ -46,14 +46,14 @@ double under_sphere(double radius, double x, double y) {
 }
 
 // A vertical line enters a box where it is between all three pairs of faces.
-void look_up_box(const FootShape& shape, FootRow& row) {
+void look_up_box(const Underside& shape, FootRow& row) {
   const std::size_t count = row.x.size();
   const double* x = row.x.data();
   double *low = row.low.data(), *high = row.high.data();
   for (std::size_t k = 0; k < count; ++k) low[k] = -INFINITE, high[k] = INFINITE;
   for (int pair = 0; pair < 3; ++pair) {
-    const double along_x = shape.axis[pair].x, rest = shape.axis[pair].y * row.y;
-    const double slope = shape.axis[pair].z, half = shape.grown[pair];
+    const double along_x = shape.axis(pair).x, rest = shape.axis(pair).y * row.y;
+    const double slope = shape.axis(pair).z, half = shape.grown[pair];
     if (std::abs(slope) < LEVEL) {
       for (std::size_t k = 0; k < count; ++k) low[k] = std::abs(along_x * x[k] + rest) <= half ? low[k] : INFINITE;
       continue;
@@ -67,8 +67,8 @@ void look_up_box(const FootShape& shape, FootRow& row) {
   for (std::size_t k = 0; k < count; ++k) low[k] = low[k] <= high[k] ? low[k] : INFINITE;
 }
 
-double under_cylinder(const FootShape& shape, double x, double y) {
-  const Vec3 *u = &shape.axis[0], *v = &shape.axis[1], *w = &shape.axis[2];
+double under_cylinder(const Underside& shape, double x, double y) {
+  const Vec3 *u = &shape.axis(0), *v = &shape.axis(1), *w = &shape.axis(2);
   const double radius = shape.grown[0];
   const double px = u->x * x + u->y * y, py = v->x * x + v->y * y;
   const double a = u->z * u->z + v->z * v->z, b = px * u->z + py * v->z, c = px * px + py * py - radius * radius;
@@ -81,17 +81,17 @@ double under_cylinder(const FootShape& shape, double x, double y) {
   return inside.first();
 }
 
-double under_capsule(const FootShape& shape, double x, double y) {
+double under_capsule(const Underside& shape, double x, double y) {
   double low = under_cylinder(shape, x, y);
   for (const double side : {-shape.half[2], shape.half[2]}) {
-    const Vec3 end = shape.axis[2] * side;
+    const Vec3 end = shape.axis(2) * side;
     low = std::min(low, end.z + under_sphere(shape.half[0], x - end.x, y - end.y));
   }
   return low;
 }
 
 // Writes the shares of a row that a standing cylinder covers.
-void cover_round(const FootShape& shape, FootRow& row) {
+void cover_round(const Underside& shape, FootRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) {
     const double inside = shape.half[0] - std::hypot(row.x[k], row.y);
     row.share[k] = std::min(std::max(0.5 + inside / shape.spacing, 0.0), 1.0);
@@ -99,8 +99,8 @@ void cover_round(const FootShape& shape, FootRow& row) {
 }
 
 // Multiplies the shares of a row by those that the shape covers along one of its axes, seen from above.
-void cover_along(const FootShape& shape, int axis, FootRow& row) {
-  const double along_x = shape.axis[axis].x, rest = shape.axis[axis].y * row.y, level = shape.level[axis];
+void cover_along(const Underside& shape, int axis, FootRow& row) {
+  const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, level = shape.level[axis];
   const double half = shape.half[axis] * level, spacing = shape.spacing, reach = 0.5 * spacing;
   const double* x = row.x.data();
   double* share = row.share.data();
@@ -113,22 +113,24 @@ void cover_along(const FootShape& shape, int axis, FootRow& row) {
 
 }  // namespace
 
-FootShape foot_shape(FootKind kind, const double (&half)[3], const Vec3 (&axis)[3], double spacing) {
-  FootShape shape{kind, {}, {}, spacing, most_vertical(axis), {}, {}, {}};
-  const bool is_cylinder = kind == FootKind::Cylinder, stands = shape.upright == 2;
+Underside underside(const Solid& solid, double spacing) {
+  const Shape& own = *solid.shape;
+  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, most_vertical(solid.axes.row), {}, {}, {}};
+  const bool is_cylinder = own.kind == ShapeKind::Cylinder, stands = shape.upright == 2;
   for (int k = 0; k < 3; ++k) {
-    shape.half[k] = half[k], shape.axis[k] = axis[k];
-    shape.margin[k] = spacing * (std::abs(axis[k].x) + std::abs(axis[k].y));
-    shape.level[k] = std::sqrt(axis[k].x * axis[k].x + axis[k].y * axis[k].y);
-    shape.grown[k] = half[k];
-    if (kind == FootKind::Box && k != shape.upright) shape.grown[k] += shape.margin[k];
+    const Vec3& axis = shape.axis(k);
+    if (k < 2) shape.half[k] += own.rounding;
+    shape.margin[k] = spacing * (std::abs(axis.x) + std::abs(axis.y));
+    shape.level[k] = std::sqrt(axis.x * axis.x + axis.y * axis.y);
+    shape.grown[k] = shape.half[k];
+    if (own.kind == ShapeKind::Box && k != shape.upright) shape.grown[k] += shape.margin[k];
     if (is_cylinder && stands && k < 2) shape.grown[k] += SQRT2 * spacing;
     if (is_cylinder && !stands && k == 2) shape.grown[k] += shape.margin[k];
   }
   return shape;
 }
 
-void look_up(const FootShape& shape, FootRow& row) {
+void look_up(const Underside& shape, FootRow& row) {
   const std::size_t count = row.x.size();
   row.low.resize(count), row.high.resize(count);
   row.share.assign(count, 1.0);
@@ -136,75 +138,71 @@ void look_up(const FootShape& shape, FootRow& row) {
     for (std::size_t k = 0; k < count; ++k) row.low[k] = under(row.x[k]);
   };
   switch (shape.kind) {
-    case FootKind::Sphere: fill([&](double x) { return under_sphere(shape.half[0], x, row.y); }); break;
-    case FootKind::Capsule: fill([&](double x) { return under_capsule(shape, x, row.y); }); break;
-    case FootKind::Cylinder:
+    case ShapeKind::Ball: fill([&](double x) { return under_sphere(shape.half[0], x, row.y); }); break;
+    case ShapeKind::Capsule: fill([&](double x) { return under_capsule(shape, x, row.y); }); break;
+    case ShapeKind::Cylinder:
       fill([&](double x) { return under_cylinder(shape, x, row.y); });
       if (shape.upright != 2) cover_along(shape, 2, row);
       else cover_round(shape, row);
       break;
-    case FootKind::Box:
+    case ShapeKind::Box:
       look_up_box(shape, row);
       for (int k = 0; k < 3; ++k)
         if (k != shape.upright) cover_along(shape, k, row);
       break;
+    default: break;  // hulls and compounds have no underside here
   }
 }
 
-Vec3 normal_at(const FootShape& shape, const Vec3& point) {
-  if (shape.kind == FootKind::Box) {
+Vec3 normal_at(const Underside& shape, const Vec3& point) {
+  if (shape.kind == ShapeKind::Box) {
     int face = 0;
     double farthest = -1.0;
     for (int k = 0; k < 3; ++k) {
-      const double out = std::abs(dot(shape.axis[k], point)) / shape.grown[k];
+      const double out = std::abs(dot(shape.axis(k), point)) / shape.grown[k];
       if (out > farthest) face = k, farthest = out;
     }
-    return shape.axis[face];
+    return shape.axis(face);
   }
-  const Vec3& axis = shape.axis[2];
-  double along = shape.kind == FootKind::Sphere ? 0.0 : dot(axis, point);
-  if (shape.kind == FootKind::Cylinder && std::abs(along) > (1.0 - 1e-6) * shape.grown[2]) return axis;  // a flat end
-  if (shape.kind == FootKind::Capsule) along = std::min(std::max(along, -shape.half[2]), shape.half[2]);
+  const Vec3& axis = shape.axis(2);
+  double along = shape.kind == ShapeKind::Ball ? 0.0 : dot(axis, point);
+  if (shape.kind == ShapeKind::Cylinder && std::abs(along) > (1.0 - 1e-6) * shape.grown[2]) return axis;  // a flat end
+  if (shape.kind == ShapeKind::Capsule) along = std::min(std::max(along, -shape.half[2]), shape.half[2]);
   const Vec3 out = point - along * axis;
   const double length = norm(out);
   return {out.x / length, out.y / length, out.z / length};
 }
 
-double patch_width(const FootShape& shape) {
+double patch_width(const Underside& shape) {
   const double* half = shape.half;
-  if (shape.kind == FootKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
-  if (shape.kind == FootKind::Cylinder) return 2.0 * (shape.upright == 2 ? half[0] : half[2]);
+  if (shape.kind == ShapeKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
+  if (shape.kind == ShapeKind::Cylinder) return 2.0 * (shape.upright == 2 ? half[0] : half[2]);
   return half[0];
 }
 
-Slope slope_of(const FootShape& shape) {
-  if (shape.kind == FootKind::Sphere) return {0.0, 0.0};
-  if (shape.kind == FootKind::Box || shape.upright == 2) {
-    const Vec3& axis = shape.axis[shape.upright];
+Slope slope_of(const Underside& shape) {
+  if (shape.kind == ShapeKind::Ball) return {0.0, 0.0};
+  if (shape.kind == ShapeKind::Box || shape.upright == 2) {
+    const Vec3& axis = shape.axis(shape.upright);
     return {-axis.x / axis.z, -axis.y / axis.z};
   }
-  const Vec3& axis = shape.axis[2];
+  const Vec3& axis = shape.axis(2);
   const double rise = axis.z / (1.0 - axis.z * axis.z);
   return {axis.x * rise, axis.y * rise};
 }
 
-double half_length(const FootShape& shape, int along) {
-  const double* half = shape.half;
-  double share[3];
-  for (int k = 0; k < 3; ++k) share[k] = std::abs(along_grid(shape.axis[k], along));
-  if (shape.kind == FootKind::Box) return half[0] * share[0] + half[1] * share[1] + half[2] * share[2];
-  const bool flat_ends = shape.kind == FootKind::Cylinder;
-  return half[2] * share[2] + half[0] * (flat_ends ? std::sqrt(std::max(1.0 - share[2] * share[2], 0.0)) : 1.0);
+double half_length(const Underside& shape, int along) {
+  return shape.solid.reach_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
 }
 
-double reach(const FootShape& shape, int along) {
+double reach(const Underside& shape, int along) {
   const double half = half_length(shape, along);
-  if (shape.kind == FootKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
-  if (shape.kind == FootKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis[2], along));
+  if (shape.kind == ShapeKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
+  if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis(2), along));
   double found = half;
-  if (shape.kind == FootKind::Box)
+  if (shape.kind == ShapeKind::Box)
     for (int k = 0; k < 3; ++k)
-      if (k != shape.upright) found += shape.margin[k] * std::abs(along_grid(shape.axis[k], along));
+      if (k != shape.upright) found += shape.margin[k] * std::abs(along_grid(shape.axis(k), along));
   return found;
 }
 

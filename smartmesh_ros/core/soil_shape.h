@@ -1,33 +1,30 @@
 // Undersides of the bodies that press the soil: boxes, spheres, cylinders and capsules.
 //
-// Contacts know a body as a `Convex`. Soil asks other questions: its flat faces go on beyond their edges by up to a
-// cell of the grid, because the corners of all cells that a body touches must go down with it (between samples the
-// ground is interpolated), and Bekker's law needs the width of the patch. Both follow from half lengths along the
-// body's axes.
+// Flat faces go on beyond their edges by up to a cell of the grid, because the corners of all cells that a body touches
+// must go down with it: between samples the ground is interpolated.
 #pragma once
 
 #include <vector>
 
-#include "vec3.h"
+#include "solid.h"
 
 namespace smartmesh {
 
-// Numbered as in smartmesh_msgs/TrackedBody.
-enum class FootKind : int { Box = 1, Sphere = 2, Cylinder = 3, Capsule = 4 };
-
-// A shape above a grid. All coordinates are relative to its middle, in axes of the grid: x along columns, y along rows.
-struct FootShape {
-  FootKind kind;
+// A solid above a grid. All coordinates are relative to its middle, in axes of the grid: x along columns, y along rows.
+struct Underside {
+  Solid solid;
+  ShapeKind kind;
   double half[3];   // half lengths of a box along its own axes; else radius, radius, half height [m]
-  Vec3 axis[3];     // its own axes
   double spacing;   // of the samples [m]
   int upright;      // its most vertical axis
   double margin[3]; // farthest distance along an axis of a corner of a cell that the shape's edge touches [m]
   double grown[3];  // half lengths with the margins of flat faces [m]
   double level[3];  // lengths of the axes seen from above
+
+  const Vec3& axis(int k) const { return solid.axes.row[k]; }
 };
 
-FootShape foot_shape(FootKind kind, const double (&half)[3], const Vec3 (&axis)[3], double spacing);
+Underside underside(const Solid& solid, double spacing);
 
 // Samples of a row of the grid at (x, y) [m] and what is above them. `low`: height of the underside [m], infinity
 // beside it. `share`: of a sample's cell that the shape covers. It is exact for rectangles along the grid. In other
@@ -39,14 +36,14 @@ struct FootRow {
 };
 
 // Fills `low` and `share`; a row at once, because a processor divides two numbers in the time of one.
-void look_up(const FootShape& shape, FootRow& row);
+void look_up(const Underside& shape, FootRow& row);
 
 // Returns the unit normal, of either sign, of the underside at a point on it [m].
-Vec3 normal_at(const FootShape& shape, const Vec3& point);
+Vec3 normal_at(const Underside& shape, const Vec3& point);
 
 // Returns the smaller dimension b of the contact patch [m], for Bekker's Kc / b: of a box its narrower side, of a lying
 // cylinder its height, of round shapes the radius.
-double patch_width(const FootShape& shape);
+double patch_width(const Underside& shape);
 
 // Slope along columns and rows.
 struct Slope {
@@ -54,12 +51,12 @@ struct Slope {
 };
 
 // Returns the slope of a flat underside; of a lying cylinder or capsule, that of its axis; of a sphere zero.
-Slope slope_of(const FootShape& shape);
+Slope slope_of(const Underside& shape);
 
 // Returns half the length of the shape along columns (`along` = 0) or rows (1) [m].
-double half_length(const FootShape& shape, int along);
+double half_length(const Underside& shape, int along);
 
 // Returns half the length of the rectangle around all places with an underside [m].
-double reach(const FootShape& shape, int along);
+double reach(const Underside& shape, int along);
 
 }  // namespace smartmesh

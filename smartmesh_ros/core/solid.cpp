@@ -8,49 +8,42 @@ namespace smartmesh {
 
 namespace {
 
-bool has_rows(const ShapeRecord& shape, std::int64_t count) {
+bool has_rows(const Shape& shape, std::int64_t count) {
   return shape.rows >= 1 && shape.first >= 0 && shape.rows <= count && shape.first <= count - shape.rows;
 }
 
-// Returns the row of the hull's vertex that is farthest along a direction in its own frame.
-std::int64_t farthest_vertex(const Solid& solid, const Vec3& direction) {
+// Returns the vertex of a hull that is farthest along a direction in its own frame.
+const Vec3& farthest_vertex(const Solid& solid, const Vec3& direction) {
   double most = -std::numeric_limits<double>::infinity();
-  std::int64_t found = 0;
-  for (std::int64_t k = 0; k < solid.rows; ++k) {
-    const double far = dot(solid.vertex(k), direction);
-    if (far > most) most = far, found = k;
+  const Vec3* found = solid.vertices;
+  for (const Vec3* vertex = solid.vertices; vertex != solid.vertices + solid.shape->rows; ++vertex) {
+    const double far = dot(*vertex, direction);
+    if (far > most) most = far, found = vertex;
   }
-  return found;
-}
-
-Turn own_turn(const ShapeRecord& shape) { return {shape.turn[0], shape.turn[1], shape.turn[2], shape.turn[3]}; }
-
-Solid solid_at(const ShapeTable& table, const ShapeRecord& shape, const Vec3& at, const Turn& turn) {
-  Solid solid;
-  solid.kind = shape.kind;
-  solid.centre = at + rotated(turn, {shape.offset[0], shape.offset[1], shape.offset[2]});
-  if (shape.kind != ShapeKind::Ball) solid.axes = axes_of(turn * own_turn(shape));
-  solid.half = {shape.half[0], shape.half[1], shape.half[2]};
-  solid.rounding = shape.rounding, solid.reach = shape.reach;
-  if (shape.kind == ShapeKind::Hull) solid.vertices = table.vertices + 3 * shape.first, solid.rows = shape.rows;
-  return solid;
+  return *found;
 }
 
 }  // namespace
 
-bool ShapeTable::has_all_of(const ShapeRecord& shape) const {
-  if (shape.kind < ShapeKind::Ball || shape.kind > ShapeKind::Compound) return false;
+bool ShapeTable::has_all_of(const Shape& shape) const {
+  if (shape.kind < ShapeKind::Box || shape.kind > ShapeKind::Compound) return false;
   if (shape.kind == ShapeKind::Hull) return has_rows(shape, vertex_count);
   if (shape.kind != ShapeKind::Compound) return true;
   if (!has_rows(shape, part_count)) return false;
-  return std::all_of(parts + shape.first, parts + shape.first + shape.rows, [&](const ShapeRecord& part) {
+  return std::all_of(parts + shape.first, parts + shape.first + shape.rows, [&](const Shape& part) {
     return part.kind != ShapeKind::Compound && has_all_of(part);
   });
 }
 
+Solid::Solid(const Shape& placed, const BodyPose& frame, const Vec3* of_hull)
+    : shape(&placed), centre(frame.at + rotated(frame.turn, placed.offset)), vertices(of_hull) {
+  if (shape->kind != ShapeKind::Ball) axes = axes_of(frame.turn * shape->turn);
+}
+
 Vec3 Solid::core_support(const Vec3& d) const {
-  if (kind == ShapeKind::Hull) return vertex(farthest_vertex(*this, d));
-  if (kind == ShapeKind::Cylinder) {
+  if (shape->kind == ShapeKind::Hull) return farthest_vertex(*this, d);
+  const Vec3& half = shape->half;
+  if (shape->kind == ShapeKind::Cylinder) {
     const double aside = std::sqrt(d.x * d.x + d.y * d.y), share = aside > 0.0 ? half.x / aside : 0.0;
     return {share * d.x, share * d.y, std::copysign(half.z, d.z)};
   }
@@ -58,11 +51,8 @@ Vec3 Solid::core_support(const Vec3& d) const {
 }
 
 double Solid::reach_along(const Vec3& direction) const {
-  if (kind == ShapeKind::Ball) return rounding;
   const Vec3 d = axes * direction;
-  if (kind == ShapeKind::Hull) return dot(vertex(farthest_vertex(*this, d)), d) + rounding;
-  if (kind == ShapeKind::Cylinder) return half.x * std::sqrt(d.x * d.x + d.y * d.y) + half.z * std::abs(d.z) + rounding;
-  return half.x * std::abs(d.x) + half.y * std::abs(d.y) + half.z * std::abs(d.z) + rounding;
+  return shape->kind == ShapeKind::Hull ? dot(farthest_vertex(*this, d), d) + shape->rounding : shape->extent(d);
 }
 
 double BodySolid::lowest() const {
@@ -71,17 +61,19 @@ double BodySolid::lowest() const {
   return least;
 }
 
-void place_shape(const ShapeTable& table, const ShapeRecord& shape, const double* body, BodySolid& placed) {
-  const Turn turn{body[3], body[4], body[5], body[6]};
-  placed.whole = solid_at(table, shape, {body[0], body[1], body[2]}, turn);
+void place_shape(const ShapeTable& table, const Shape& shape, const BodyPose& body, BodySolid& placed) {
+  const auto place = [&](const Shape& each, const BodyPose& frame) {
+    return Solid(each, frame, each.kind == ShapeKind::Hull ? table.vertices + each.first : nullptr);
+  };
+  placed.whole = place(shape, body);
   placed.parts.clear();
   if (shape.kind != ShapeKind::Compound) {
     placed.parts.push_back(placed.whole);
     return;
   }
-  const Turn own = turn * own_turn(shape);
+  const BodyPose own{placed.whole.centre, body.turn * shape.turn};
   for (std::int64_t k = shape.first; k < shape.first + shape.rows; ++k)
-    placed.parts.push_back(solid_at(table, table.parts[k], placed.whole.centre, own));
+    placed.parts.push_back(place(table.parts[k], own));
 }
 
 }  // namespace smartmesh

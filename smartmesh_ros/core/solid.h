@@ -1,53 +1,46 @@
-// Shapes of bodies as Python keeps them, and the convex solids that they are at the poses of bodies.
-//
-// A convex solid is a core (point, segment, box, cylinder, or hull of vertices), grown by a rounding radius.
+// Shapes of bodies at their poses.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
-#include "rotation.h"
+#include "shape.h"
 
 namespace smartmesh {
 
-enum class ShapeKind : std::int64_t { Ball = 0, Capsule = 1, Box = 2, Cylinder = 3, Hull = 4, Compound = 5 };
-
-// A shape, with the layout of the NumPy type SHAPE in patches/shapes.py, which explains the fields.
-struct ShapeRecord {
-  ShapeKind kind;
-  double half[3], rounding, offset[3], turn[4], reach, radius;
-  std::int64_t first, rows;
+struct BodyPose {
+  Vec3 at;  // [m]
+  Turn turn;
 };
-static_assert(sizeof(ShapeRecord) == 128, "the layout of SHAPE in patches/shapes.py");
 
-// Position, orientation (x, y, z, w), velocity and angular velocity of a body: its row in a table.
+// State of a body: its row in a table.
+struct BodyState {
+  BodyPose pose;
+  Vec3 linear, angular;  // [m/s], [rad/s]
+};
 constexpr int BODY_COLUMNS = 13;
+static_assert(sizeof(BodyState) == BODY_COLUMNS * sizeof(double), "the columns of a table of bodies");
 
 // Shapes of bodies by slot, parts of compounds, and vertices of hulls, (x, y, z) each [m]. The arrays belong to Python.
 struct ShapeTable {
-  const ShapeRecord *shapes = nullptr, *parts = nullptr;
-  const double* vertices = nullptr;
+  const Shape *shapes = nullptr, *parts = nullptr;
+  const Vec3* vertices = nullptr;
   std::int64_t shape_count = 0, part_count = 0, vertex_count = 0;
 
   // Returns true if the table has all parts and vertices that a shape names.
-  bool has_all_of(const ShapeRecord& shape) const;
+  bool has_all_of(const Shape& shape) const;
 };
 
-// A convex solid, or the frame of a compound, in the world. `axes`: its rows are the solid's axes. `half` extents of the
-// core along them, and `rounding` radius [m]; `reach` [m]: bounding radius about the centre. `vertices`: of a hull, in its
-// own frame.
+// A shape in the world, or in another frame. `axes`: its rows are the shape's axes. `vertices`: of a hull, in its own frame.
 struct Solid {
-  ShapeKind kind = ShapeKind::Ball;
+  const Shape* shape = nullptr;
   Vec3 centre;
   Mat3 axes;
-  Vec3 half;
-  double rounding = 0.0, reach = 0.0;
-  const double* vertices = nullptr;
-  std::int64_t rows = 0;
+  const Vec3* vertices = nullptr;
+
+  Solid() = default;
+  Solid(const Shape& placed, const BodyPose& frame, const Vec3* of_hull = nullptr);
 
   Vec3 to_own(const Vec3& p) const { return axes * (p - centre); }
-  Vec3 vertex(std::int64_t k) const { return {vertices[3 * k], vertices[3 * k + 1], vertices[3 * k + 2]}; }
-
   // Returns the farthest point of the core along a direction, both in the solid's own frame.
   Vec3 core_support(const Vec3& direction) const;
   // Returns the distance from the centre to the farthest point along a unit direction of the world.
@@ -62,7 +55,7 @@ struct BodySolid {
   double lowest() const;  // height of the lowest point [m]
 };
 
-// Places a shape, which the table has all of, on a body (13,).
-void place_shape(const ShapeTable& table, const ShapeRecord& shape, const double* body, BodySolid& placed);
+// Places a shape, which the table has all of, on a body.
+void place_shape(const ShapeTable& table, const Shape& shape, const BodyPose& body, BodySolid& placed);
 
 }  // namespace smartmesh

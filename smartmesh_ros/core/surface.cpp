@@ -33,6 +33,23 @@ GroundPoint SurfaceReader::at(double x, double y, double z) {
   return is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity.z} : GroundPoint{tile.height, tile.velocity};
 }
 
+GroundSample SurfaceReader::below(const Vec3& p) {
+  GroundSample found;
+  if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
+    const HeightGrid& grid = *here.tile->grid;
+    const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
+    const Vec3 slide = here.tile->pose.slide(p.x, p.y);
+    const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
+    found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
+             {slide.x, slide.y, here.facet.velocity}, tiles.time() - clock.time};
+  }
+  const MeshReader* mesh = nullptr;
+  const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
+  if (mesh != nullptr && !(ground.height <= found.height))
+    found = {ground.height, ground.normal, ground.velocity, mesh->age()};
+  return found;
+}
+
 void SurfaceReader::prepare(std::size_t count) {
   for (MeshReader& mesh : meshes) mesh.prepare(count);
 }
@@ -75,7 +92,7 @@ void Surface::heights_under(const Bounds& bounds, double time, std::vector<doubl
   heights.clear();
   const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown);
+    const CellRange cells = cells_under(*grid, time, grown);
     if (cells.empty()) continue;
     read_window(*grid, cells, time, window_);
     for (double height : window_.heights) heights.push_back(std::isnan(height) ? 1e300 : height);
@@ -97,7 +114,7 @@ double Surface::highest_under(const Bounds& bounds, double time) {
   double highest = -1e300;
   const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
-    const CellRange cells = cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown);
+    const CellRange cells = cells_under(*grid, time, grown);
     if (cells.empty()) continue;
     read_window(*grid, cells, time, window_);
     highest = std::max(highest, window_.highest());
@@ -111,7 +128,7 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
   int met = 0;
   const Bounds grown = with_gaps(bounds);
   for (const HeightGrid* grid : tiles_) {
-    if (cells_under(grid->pose_at(time), grid->resolution, grid->rows, grid->columns, grown).empty()) continue;
+    if (cells_under(*grid, time, grown).empty()) continue;
     ++met;
     if (finest == nullptr || grid->resolution < finest->resolution) finest = grid;
   }
@@ -121,7 +138,7 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
     add_cells(window_, 0, 0, reach, patch);
     return;
   }
-  const CellRange cells = cells_under(finest->pose_at(time), finest->resolution, finest->rows, finest->columns, bounds);
+  const CellRange cells = cells_under(*finest, time, bounds);
   if (cells.empty()) return;
   read_window(*finest, cells, time, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
@@ -129,22 +146,13 @@ void Surface::gather(const Bounds& bounds, double time, const Reach& reach, Patc
 
 // Samples all tiles on the lattice of the finest one, which may go on beyond its edge.
 void Surface::sample_across(const HeightGrid& finest, const Bounds& bounds, double time) {
-  GridPose pose = finest.pose_at(time);
-  double low_row = 1e300, high_row = -1e300, low_column = 1e300, high_column = -1e300;
-  for (int corner = 0; corner < 4; ++corner) {
-    const GridPoint p = to_grid(pose, finest.resolution, corner & 1 ? bounds.high.x : bounds.low.x,
-                                corner & 2 ? bounds.high.y : bounds.low.y);
-    low_row = std::min(low_row, p.row), high_row = std::max(high_row, p.row);
-    low_column = std::min(low_column, p.column), high_column = std::max(high_column, p.column);
-  }
-  const double top = std::floor(low_row) - 1.0, left = std::floor(low_column) - 1.0;
-  window_.rows = static_cast<int>(std::ceil(high_row) - top) + 2;
-  window_.columns = static_cast<int>(std::ceil(high_column) - left) + 2;
+  const GridPose pose = finest.pose_at(time);
+  const auto [low, high] = extent_of(pose, finest.resolution, bounds);
+  const double top = std::floor(low.row) - 1.0, left = std::floor(low.column) - 1.0;
+  window_.rows = static_cast<int>(std::ceil(high.row) - top) + 2;
+  window_.columns = static_cast<int>(std::ceil(high.column) - left) + 2;
   window_.resolution = finest.resolution;
-  const double u = left * finest.resolution, v = top * finest.resolution;
-  pose.x += u * pose.cos - v * pose.sin;
-  pose.y += u * pose.sin + v * pose.cos;
-  window_.pose = pose;
+  window_.pose = pose.from({top, left}, finest.resolution);
   window_.heights.resize(static_cast<std::size_t>(window_.rows) * window_.columns);
   TileReader tiles(tiles_, time, INSTANT);
   for (int r = 0; r < window_.rows; ++r) {
@@ -168,7 +176,7 @@ GroundMotion Surface::motion_at(double x, double y, double half, double time, do
     if (low.tile == nullptr || high.tile == nullptr) return 0.0;
     return (high.facet.velocity - low.facet.velocity) / (2.0 * half);
   };
-  const Vec3 slide = here.tile->slide(x, y);
+  const Vec3 slide = here.tile->pose.slide(x, y);
   return {true,
           {x, y, here.facet.height},
           {slide.x, slide.y, here.facet.velocity},

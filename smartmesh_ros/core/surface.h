@@ -17,6 +17,14 @@ struct GroundMotion {
   Vec3 foot, linear, angular;
 };
 
+// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with horizontal
+// motion, and age [s], the time since the last map of the place, negative before it.
+struct GroundSample {
+  double height = std::numeric_limits<double>::quiet_NaN();
+  Vec3 normal, velocity;
+  double age = std::numeric_limits<double>::quiet_NaN();
+};
+
 // The height maps and the meshes of a surface at one instant.
 struct SurfaceReader {
   TileReader tiles;
@@ -26,6 +34,9 @@ struct SurfaceReader {
   MeshPoint meshes_at(double x, double y, double z, const MeshReader*& highest);
   // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count.
   GroundPoint at(double x, double y, double z = ABOVE_ALL);
+
+  // Returns the highest ground of maps and meshes that is not above `p`, as sensors see it.
+  GroundSample below(const Vec3& p);
 
   // Computes what pays for `count` points or rays.
   void prepare(std::size_t count);

@@ -34,10 +34,6 @@ struct Tile {
     const double up = 1.0 / std::sqrt(1.0 + east * east + north * north);
     return {(east * pose.cos - north * pose.sin) * up, (east * pose.sin + north * pose.cos) * up, up};
   }
-  // Returns the horizontal velocity [m/s] and the spin [rad/s] of the map at a point.
-  Vec3 slide(double x, double y) const {
-    return {pose.slide_x - pose.spin * (y - pose.y), pose.slide_y + pose.spin * (x - pose.x), pose.spin};
-  }
 };
 
 // A facet and the map whose lattice it belongs to; null = no ground.

@@ -19,6 +19,7 @@ inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y +
 inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
 inline double norm2(const Vec3& a) { return dot(a, a); }
 inline double norm(const Vec3& a) { return std::sqrt(norm2(a)); }
 
@@ -53,6 +54,11 @@ struct Bounds {
   void add(const Vec3& p) {
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+  }
+  // Returns the largest distance from another box along an axis, negative if they overlap.
+  double apart_from(const Bounds& other) const {
+    return std::max({-1e300, low.x - other.high.x, other.low.x - high.x, low.y - other.high.y, other.low.y - high.y,
+                     low.z - other.high.z, other.low.z - high.z});
   }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
   // All comparisons are made, because which one fails first is anybody's guess, also the processor's.

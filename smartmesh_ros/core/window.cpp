@@ -14,19 +14,23 @@ int floor_within(double value, int low, int high) {
 
 }  // namespace
 
-CellRange cells_under(const GridPose& pose, double resolution, int rows, int columns, const Bounds& bounds) {
-  double low_row = 1e300, high_row = -1e300, low_column = 1e300, high_column = -1e300;
+GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& bounds) {
+  GridExtent extent{{1e300, 1e300}, {-1e300, -1e300}};
   for (int corner = 0; corner < 4; ++corner) {
     const GridPoint p = to_grid(pose, resolution, corner & 1 ? bounds.high.x : bounds.low.x,
                                 corner & 2 ? bounds.high.y : bounds.low.y);
-    low_row = std::min(low_row, p.row);
-    high_row = std::max(high_row, p.row);
-    low_column = std::min(low_column, p.column);
-    high_column = std::max(high_column, p.column);
+    extent.low = {std::min(extent.low.row, p.row), std::min(extent.low.column, p.column)};
+    extent.high = {std::max(extent.high.row, p.row), std::max(extent.high.column, p.column)};
   }
-  if (!(high_row >= 0.0 && high_column >= 0.0 && low_row <= rows - 1 && low_column <= columns - 1)) return {};
-  return {floor_within(low_row, 0, rows - 2), floor_within(low_column, 0, columns - 2),
-          floor_within(high_row, 0, rows - 2) + 1, floor_within(high_column, 0, columns - 2) + 1};
+  return extent;
+}
+
+CellRange cells_under(const HeightGrid& grid, double time, const Bounds& bounds) {
+  const GridExtent extent = extent_of(grid.pose_at(time), grid.resolution, bounds);
+  if (!extent.meets(grid)) return {};
+  const int last_row = grid.rows - 2, last_column = grid.columns - 2;
+  return {floor_within(extent.low.row, 0, last_row), floor_within(extent.low.column, 0, last_column),
+          floor_within(extent.high.row, 0, last_row) + 1, floor_within(extent.high.column, 0, last_column) + 1};
 }
 
 void read_window(const HeightGrid& grid, const CellRange& cells, double time, Window& window) {
@@ -34,10 +38,7 @@ void read_window(const HeightGrid& grid, const CellRange& cells, double time, Wi
   window.rows = cells.bottom - cells.top + 3;
   window.columns = cells.right - cells.left + 3;
   window.resolution = grid.resolution;
-  window.pose = grid.pose_at(time);
-  const double u = left * grid.resolution, v = top * grid.resolution;
-  window.pose.x += u * window.pose.cos - v * window.pose.sin;
-  window.pose.y += u * window.pose.sin + v * window.pose.cos;
+  window.pose = grid.pose_at(time).from({static_cast<double>(top), static_cast<double>(left)}, grid.resolution);
   window.heights.resize(static_cast<std::size_t>(window.rows) * window.columns);
   GridReader reader(grid, time, 0.0);
   for (int r = 0; r < window.rows; ++r) reader.read_row(top + r, left, window.columns, &window.at(r, 0));

@@ -23,8 +23,7 @@ struct Window {
   }
   double at(int row, int column) const { return heights[static_cast<std::size_t>(row) * columns + column]; }
   Vec3 point(int row, int column) const {
-    const double u = column * resolution, v = row * resolution;
-    return {pose.x + u * pose.cos - v * pose.sin, pose.y + u * pose.sin + v * pose.cos, at(row, column)};
+    return pose.point({static_cast<double>(row), static_cast<double>(column)}, resolution, at(row, column));
   }
 };
 
@@ -34,18 +33,21 @@ struct CellRange {
   bool empty() const { return bottom <= top || right <= left; }
 };
 
-// Fractional row and column of a point.
-struct GridPoint {
-  double row, column;
+// Range of places of a grid.
+struct GridExtent {
+  GridPoint low, high;
+
+  // Returns true if some of it lies on a map.
+  bool meets(const HeightGrid& grid) const {
+    return high.row >= 0.0 && high.column >= 0.0 && low.row <= grid.rows - 1 && low.column <= grid.columns - 1;
+  }
 };
 
-inline GridPoint to_grid(const GridPose& pose, double resolution, double x, double y) {
-  const double dx = (x - pose.x) / resolution, dy = (y - pose.y) / resolution;
-  return {dy * pose.cos - dx * pose.sin, dx * pose.cos + dy * pose.sin};
-}
+// Returns the rows and columns between which the horizontal extent of `bounds` lies.
+GridExtent extent_of(const GridPose& pose, double resolution, const Bounds& bounds);
 
-// Returns the cells of a grid of `rows` x `columns` samples that the horizontal extent of `bounds` meets.
-CellRange cells_under(const GridPose& pose, double resolution, int rows, int columns, const Bounds& bounds);
+// Returns the cells of a grid at `time` [s] that the horizontal extent of `bounds` meets.
+CellRange cells_under(const HeightGrid& grid, double time, const Bounds& bounds);
 
 // Reads the samples of some cells of a grid at `time` [s], with one more ring of samples around them, into `window`.
 void read_window(const HeightGrid& grid, const CellRange& cells, double time, Window& window);

@@ -11,23 +11,13 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.obj_parts import obj_parts
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.ground.shapes import Box, Capsule, Shape, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Quaternion, Vector
-from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, compound, cylinder, hull
+from smartmesh_ros.patches.shapes import BodyShape, ball, compound, hull, primitive
 from smartmesh_ros.terrain.grid import FloatArray
 
 # Margin by which PyBullet's loader grows the hulls of links [m]; ``changeDynamics`` changes that of base links only.
 HULL_MARGIN = 1e-3
-
-
-def body_shape(shape: Shape) -> BodyShape:
-    """A shape about the body's centre of mass."""
-    if isinstance(shape, Sphere):
-        return ball(shape.radius)
-    if isinstance(shape, Box):
-        return box((shape.x, shape.y, shape.z), shape.centre)
-    make = capsule if isinstance(shape, Capsule) else cylinder
-    return make(shape.radius, shape.height)
 
 
 def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
@@ -49,7 +39,8 @@ def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
             hulls = _hulls(client, body, link, index, (size, file, position, turn))
             known = [hull(points, margin) for points in hulls]
         else:
-            known = _simple(kind, size, position, turn)
+            simple = primitive(pb, kind, size, position, turn)
+            known = [] if simple is None else [simple]
         if not known:
             return ball(_radius_of_bounds(client, body, link))
         parts += known
@@ -64,7 +55,7 @@ def shape_of(client: Any, body: int, link: int, shape: Shape | BodyShape | None,
     if isinstance(shape, BodyShape):
         made = shape
     elif shape is not None:
-        made = body_shape(shape)
+        made = shape.body_shape
     else:
         made = read_shape(client, body, link) if radius is None else ball(radius)
     if not (math.isfinite(made.radius) and made.radius > 0.0):
@@ -103,18 +94,6 @@ def _has_shape(client: Any, body: int, link: int) -> bool:
 def _link_name(client: Any, body: int, link: int) -> str:
     name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
     return name.decode(errors="replace")
-
-
-def _simple(kind: int, size: Any, position: Vector, turn: Quaternion) -> list[BodyShape]:
-    """One of a link's shapes as PyBullet reports it; none if its kind is unknown."""
-    if kind == pb.GEOM_SPHERE:
-        return [ball(size[0], position)]
-    if kind == pb.GEOM_BOX:
-        return [box(size, position, turn)]
-    if kind in (pb.GEOM_CYLINDER, pb.GEOM_CAPSULE):
-        make = capsule if kind == pb.GEOM_CAPSULE else cylinder
-        return [make(size[1], size[0], position, turn)]
-    return []
 
 
 def _hulls(

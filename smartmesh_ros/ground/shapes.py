@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -14,13 +13,15 @@ import pybullet as pb
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind, ball, box, capsule, cylinder
 
 CENTRED: Vector = (0.0, 0.0, 0.0)
 
 
-class _Shape:
+class _Shape(ABC):
     """Checks that every dimension is within the limits [m]."""
 
+    kind: ClassVar[ShapeKind]
     centre: Vector = CENTRED
 
     def __post_init__(self) -> None:
@@ -33,17 +34,27 @@ class _Shape:
         names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # every shape is a dataclass
         return {name: getattr(self, name) for name in names if name != "centre"}
 
+    @property
+    @abstractmethod
+    def body_shape(self) -> BodyShape:
+        """The shape about the body's centre of mass."""
+
+    @property
+    def bounding_radius(self) -> float:
+        """Bounding radius about the centre of mass [m]."""
+        return self.body_shape.radius
+
 
 @dataclass(frozen=True)
 class Sphere(_Shape):
     """A sphere."""
 
+    kind: ClassVar[ShapeKind] = ShapeKind.BALL
     radius: float
 
     @property
-    def bounding_radius(self) -> float:
-        """Bounding radius about the centre [m]."""
-        return self.radius
+    def body_shape(self) -> BodyShape:
+        return ball(self.radius)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -54,6 +65,7 @@ class Sphere(_Shape):
 class Box(_Shape):
     """A box of edge lengths x, y, z; ``centre`` is the position of its middle relative to the centre of mass [m]."""
 
+    kind: ClassVar[ShapeKind] = ShapeKind.BOX
     x: float
     y: float
     z: float
@@ -66,9 +78,8 @@ class Box(_Shape):
         object.__setattr__(self, "centre", tuple(self.centre))
 
     @property
-    def bounding_radius(self) -> float:
-        """Bounding radius about the centre of mass [m]."""
-        return 0.5 * math.hypot(self.x, self.y, self.z) + math.hypot(*self.centre)
+    def body_shape(self) -> BodyShape:
+        return box((self.x, self.y, self.z), self.centre)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -80,13 +91,13 @@ class Box(_Shape):
 class Cylinder(_Shape):
     """A cylinder along z."""
 
+    kind: ClassVar[ShapeKind] = ShapeKind.CYLINDER
     radius: float
     height: float
 
     @property
-    def bounding_radius(self) -> float:
-        """Bounding radius about the centre [m]."""
-        return math.hypot(self.radius, 0.5 * self.height)
+    def body_shape(self) -> BodyShape:
+        return cylinder(self.radius, self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -97,13 +108,13 @@ class Cylinder(_Shape):
 class Capsule(_Shape):
     """A capsule along z; ``height`` is the distance between the centres of its two half spheres."""
 
+    kind: ClassVar[ShapeKind] = ShapeKind.CAPSULE
     radius: float
     height: float
 
     @property
-    def bounding_radius(self) -> float:
-        """Bounding radius about the centre [m]."""
-        return self.radius + 0.5 * self.height
+    def body_shape(self) -> BodyShape:
+        return capsule(self.radius, self.height)
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -111,24 +122,7 @@ class Capsule(_Shape):
 
 
 Shape = Sphere | Box | Cylinder | Capsule
-
-
-class SolidKind(IntEnum):
-    """Kinds of shapes as numbers, as used in messages."""
-
-    NONE = 0
-    BOX = 1
-    SPHERE = 2
-    CYLINDER = 3
-    CAPSULE = 4
-
-
-_KINDS: dict[SolidKind, type[Shape]] = {
-    SolidKind.BOX: Box,
-    SolidKind.SPHERE: Sphere,
-    SolidKind.CYLINDER: Cylinder,
-    SolidKind.CAPSULE: Capsule,
-}
+SHAPES: dict[ShapeKind, type[Shape]] = {made.kind: made for made in (Box, Sphere, Cylinder, Capsule)}
 # Number of dimensions of the shapes of each kind.
 DIMENSIONS = np.array([0, 3, 1, 2, 2])
 
@@ -137,21 +131,20 @@ class Form(NamedTuple):
     """A shape as numbers: its kind; its dimensions in the order of its class, padded with zeros (3,) [m]; the position
     of its middle relative to the centre of mass (3,) [m], zero except for boxes."""
 
-    kind: SolidKind
+    kind: ShapeKind
     dimensions: Sequence[float]
     centre: Sequence[float] = CENTRED
 
 
 def form_of(shape: Shape) -> Form:
     """Return a shape as numbers."""
-    [kind] = [kind for kind, made in _KINDS.items() if isinstance(shape, made)]
     dimensions = [float(value) for value in shape.dimensions.values()]
-    return Form(kind, dimensions + [0.0] * (3 - len(dimensions)), shape.centre)
+    return Form(shape.kind, dimensions + [0.0] * (3 - len(dimensions)), shape.centre)
 
 
 def shape_of(form: Form) -> Shape:
     """Return the shape of a form; the inverse of `form_of`."""
-    made, used = _KINDS[form.kind], form.dimensions[: int(DIMENSIONS[form.kind])]
+    made, used = SHAPES[form.kind], form.dimensions[: int(DIMENSIONS[form.kind])]
     if made is Box:
         x, y, z = form.centre
         return Box(*used, centre=(x, y, z))

@@ -19,15 +19,16 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 
 class ShapeKind(IntEnum):
-    """Kind of a shape, by its core: BALL, a point; CAPSULE, a segment along z; BOX; CYLINDER, about z; HULL, the convex
-    hull of vertices; COMPOUND, several of these."""
+    """Kind of a shape, by its core: BOX; BALL, a point; CYLINDER, about z; CAPSULE, a segment along z; HULL, the convex
+    hull of vertices; COMPOUND, several of these. Numbered as in smartmesh_msgs/TrackedBody."""
 
-    BALL = 0
-    CAPSULE = 1
-    BOX = 2
+    NONE = 0
+    BOX = 1
+    BALL = 2
     CYLINDER = 3
-    HULL = 4
-    COMPOUND = 5
+    CAPSULE = 4
+    HULL = 5
+    COMPOUND = 6
 
 
 # ``kind``: a `ShapeKind`; ``half`` extents of the core along the shape's axes and ``rounding`` radius [m]; ``offset``
@@ -117,6 +118,19 @@ def cylinder(
     """A cylinder along z."""
     half = (radius, radius, 0.5 * height)
     return _shape(ShapeKind.CYLINDER, half, 0.0, math.hypot(radius, 0.5 * height), offset, turn)
+
+
+def primitive(
+    client: Any, kind: int, size: Sequence[float], offset: Sequence[float], turn: Sequence[float]
+) -> BodyShape | None:
+    """The shape that a PyBullet ``client`` reports, by its kind and size; None for meshes and unknown kinds."""
+    if kind == client.GEOM_SPHERE:
+        return ball(size[0], offset)
+    if kind == client.GEOM_BOX:
+        return box(size, offset, turn)
+    if kind == client.GEOM_CYLINDER:
+        return cylinder(size[1], size[0], offset, turn)
+    return capsule(size[1], size[0], offset, turn) if kind == client.GEOM_CAPSULE else None
 
 
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:

@@ -3,70 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal, NamedTuple, Protocol, get_args
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE
+from smartmesh_ros.patches.shapes import BodyShape, ShapeKind, box, cylinder, primitive
 from smartmesh_ros.terrain.grid import FloatArray
 
-FootKind = Literal["box", "sphere", "cylinder", "capsule"]
-_CODES = {"box": BOX, "sphere": SPHERE, "cylinder": CYLINDER, "capsule": CAPSULE}
+# Kinds of shape that press the soil.
+PRESSING = (ShapeKind.BOX, ShapeKind.BALL, ShapeKind.CYLINDER, ShapeKind.CAPSULE)
 # Rotations of a cylinder's axis from z to x, y and z.
 _TURNS = ((0.0, 0.5**0.5, 0.0, 0.5**0.5), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5), (0.0, 0.0, 0.0, 1.0))
 # Share of a cylinder's radius at which vertices of its mesh count as on its rim; PyBullet gives URDF cylinders 32.
 ON_RIM = 0.97
 # Smaller changes of friction are not worth a call.
 LEAST_CHANGE = 0.01
-# Number of dimensions of each kind.
-_SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+# Largest bounding radius of a shape [m].
+LARGEST = 1e6
 
 
-@dataclass(frozen=True)
-class FootShape:
-    """Shape of a body.
-
-    ``size`` [m]: edge lengths x, y, z of a box; radius of a sphere; radius and height of a cylinder, or of a capsule
-    without its half spheres, both along z. ``centre`` [m], ``turn`` (quaternion x, y, z, w): place of the shape in the
-    frame of the body's centre of mass. Raises `InputError`.
-    """
-
-    kind: FootKind
-    size: tuple[float, ...]
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        if self.kind not in get_args(FootKind):
-            raise InputError("shape", f"there is no shape {self.kind!r}; choose {', '.join(get_args(FootKind))}")
-        if len(self.size) != _SIZES[self.kind] or not all(0.0 < value < 1e6 for value in self.size):
-            raise InputError(
-                "shape",
-                f"a {self.kind} has {_SIZES[self.kind]} dimensions above zero [m], not {self.size}",
-            )
-
-    @cached_property
-    def numbers(self) -> tuple[float, ...]:
-        """The shape as the field ``form`` of ``FOOT`` (11,)."""
-        x, y, z = self.size if self.kind == "box" else (2.0 * self.size[0], 2.0 * self.size[0], (*self.size, 0.0)[1])
-        return (float(_CODES[self.kind]), 0.5 * x, 0.5 * y, 0.5 * z, *self.centre, *self.turn)
+def require_pressing(shape: BodyShape) -> None:
+    """Raise `InputError` unless a shape can press the soil."""
+    if shape.kind not in PRESSING:
+        raise InputError(
+            "shape", f"a {shape.kind.name.lower()} cannot press the soil; a box, ball, cylinder or capsule can"
+        )
+    half = shape.record["half"]
+    if not (half.min() >= 0.0 and (half + shape.record["rounding"]).min() > 0.0 and shape.radius < LARGEST):
+        raise InputError("shape", f"the dimensions of a {shape.kind.name.lower()} must be above zero and finite [m]")
 
 
 class PressingBody(NamedTuple):
     """A body that presses the soil: its ``shape``, and its ``state`` (13,), position [m] and quaternion of its centre
     of mass, linear [m/s] and angular velocity [rad/s], all in the terrain's frame."""
 
-    shape: FootShape
+    shape: BodyShape
     state: tuple[float, ...]
 
 
 class ManyBodies(NamedTuple):
     """Bodies that press the soil: the ``shapes`` (n,), None = there is no such body, and ``states`` (n, 13)."""
 
-    shapes: list[FootShape | None]
+    shapes: list[BodyShape | None]
     states: FloatArray
 
 
@@ -100,18 +79,20 @@ class BulletBodies:
         self._client = client
         self._pose_of, self._velocity_of = client.getBasePositionAndOrientation, client.getBaseVelocity
         self._world = world
-        self._known: dict[str, tuple[int, int, FootShape]] = {}
+        self._known: dict[str, tuple[int, int, BodyShape]] = {}
         self._slots: dict[str, int] = {}  # in the world's tables, as of an epoch of these
         self._epoch = -1
         self._grips: dict[str, float] = {}
 
-    def add(self, name: str, body: int, link: int = -1, shape: FootShape | None = None) -> None:
+    def add(self, name: str, body: int, link: int = -1, shape: BodyShape | None = None) -> None:
         """Add a PyBullet body or link under a name; its shape is read from PyBullet unless it is given.
 
         PyBullet does not report shapes of bodies in maximal coordinates. Of several shapes of a link the first counts.
         A mesh counts as the cylinder or box around it. Raises `InputError`.
         """
-        self._known[name] = body, link, shape or self._shape_of(name, body, link)
+        known = shape or self._shape_of(name, body, link)
+        require_pressing(known)
+        self._known[name] = body, link, known
         self._slots.pop(name, None)
 
     def read(self, name: str) -> PressingBody | None:
@@ -167,8 +148,7 @@ class BulletBodies:
         if body is None:
             return False
         if not part:
-            known = None if body.shape is None else _shape_like(body.shape)
-            self.add(name, body.uid, -1, known)
+            self.add(name, body.uid, -1, None if body.shape is None else body.shape.body_shape)
             return True
         for link, called in body.links.items():
             if called == part:
@@ -176,23 +156,18 @@ class BulletBodies:
                 return True
         return False
 
-    def _shape_of(self, name: str, body: int, link: int) -> FootShape:
-        found = self._client.getCollisionShapeData(body, link)
-        kinds: dict[int, FootKind] = {
-            self._client.GEOM_SPHERE: "sphere", self._client.GEOM_BOX: "box", self._client.GEOM_CYLINDER: "cylinder",
-            self._client.GEOM_CAPSULE: "capsule",
-        }  # fmt: skip
-        for _, _, kind, size, _, centre, turn in found:
-            if kind in kinds:
-                sizes = {"sphere": size[:1], "box": size}.get(kinds[kind], (size[1], size[0]))
-                return FootShape(kinds[kind], tuple(sizes), tuple(centre), tuple(turn))
-            if kind == self._client.GEOM_MESH and (known := self._shape_of_mesh(body, link)) is not None:
+    def _shape_of(self, name: str, body: int, link: int) -> BodyShape:
+        for _, _, kind, size, _, centre, turn in self._client.getCollisionShapeData(body, link):
+            known = primitive(self._client, kind, size, centre, turn)
+            if known is None and kind == self._client.GEOM_MESH:
+                known = self._shape_of_mesh(body, link)
+            if known is not None:
                 return known
         raise InputError(
             "shape", f"{name!r} has no box, sphere, cylinder or capsule to press the soil with; give its shape to add()"
         )
 
-    def _shape_of_mesh(self, body: int, link: int) -> FootShape | None:
+    def _shape_of_mesh(self, body: int, link: int) -> BodyShape | None:
         """Return the shape of a mesh: the box or cylinder around it; None if PyBullet does not report its vertices."""
         try:
             vertices = np.array(self._client.getMeshData(body, link)[1], np.float64)
@@ -201,7 +176,7 @@ class BulletBodies:
         return _shape_around(vertices) if vertices.ndim == 2 and len(vertices) else None
 
 
-def _shape_around(vertices: FloatArray) -> FootShape:
+def _shape_around(vertices: FloatArray) -> BodyShape:
     """Return the cylinder along an axis on whose rim all vertices (n, 3) [m] lie, else the box around them."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -211,14 +186,8 @@ def _shape_around(vertices: FloatArray) -> FootShape:
         radius = float(half[others].max())
         rim = np.hypot(*(vertices - centre)[:, others].T)
         if rim.min() > ON_RIM * radius and rim.max() < radius / ON_RIM:
-            return FootShape("cylinder", (radius, 2.0 * float(half[axis])), (x, y, z), turn)
-    return FootShape("box", tuple(np.maximum(2.0 * half, 1e-6).tolist()), (x, y, z))
-
-
-def _shape_like(shape: Any) -> FootShape:
-    """Return the shape of a body of a `World`, such as `smartmesh_ros.Box`."""
-    kind: Any = type(shape).__name__.lower()
-    return FootShape(kind, tuple(shape.dimensions.values()), tuple(shape.centre))
+            return cylinder(radius, 2.0 * float(half[axis]), (x, y, z), turn)
+    return box(np.maximum(2.0 * half, 1e-6).tolist(), (x, y, z))
 
 
 class GivenBodies:
@@ -228,9 +197,10 @@ class GivenBodies:
         self._bodies: dict[str, PressingBody] = {}
         self.grips: dict[str, float] = {}
 
-    def put(self, name: str, shape: FootShape, state: Iterable[float]) -> None:
+    def put(self, name: str, shape: BodyShape, state: Iterable[float]) -> None:
         """Set a body's ``shape``, and its ``state`` (13,): position [m] and quaternion of its centre of mass, linear
         [m/s] and angular velocity [rad/s], all in the terrain's frame. Raises `InputError`."""
+        require_pressing(shape)
         numbers = tuple(float(value) for value in state)
         length = float(np.linalg.norm(numbers[3:7]))
         if len(numbers) != 13 or not np.isfinite(numbers).all() or abs(length - 1.0) > 1e-3:

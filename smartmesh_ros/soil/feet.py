@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-# Kinds of shape, numbered as in smartmesh_msgs/TrackedBody.
-BOX, SPHERE, CYLINDER, CAPSULE = 1, 2, 3, 4
+from smartmesh_ros.patches.shapes import SHAPE
+
 # First row and column of no samples; their last row and column are -1.
 NOWHERE = 2**31 - 1
 
-# A body that presses the soil. ``form``: kind of its shape; half lengths x, y, z of a BOX, else radius, radius, half
-# height [m]; position [m] and quaternion of the shape in the body's frame. ``state``: position, quaternion, linear and
+# A body that presses the soil. ``shape``: a record of ``SHAPE``. ``state``: position, quaternion, linear and
 # angular velocity of the body's frame in the world. ``force`` [N]: vertical contact force of the last update, at the
 # distance ``place`` (2,) [m] from the body's position along x and y of the world, NaN = unknown; ``load`` [N],
 # ``centre_of_load`` (2,): the same, filtered. ``seat`` [m]: height of the shape's middle without the map's z, at which
@@ -23,7 +22,7 @@ NOWHERE = 2**31 - 1
 # force over pressing force; ``displaced`` [m^3], in the last update.
 FOOT = np.dtype(
     [
-        ("form", np.float64, 11), ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2),
+        ("shape", SHAPE), ("state", np.float64, 13), ("force", np.float64), ("place", np.float64, 2),
         ("load", np.float64), ("centre_of_load", np.float64, 2), ("seat", np.float64), ("slope", np.float64, 2),
         ("pressed", np.int32, 4), ("seen", np.int32, 4), ("sinkage", np.float64), ("area", np.float64),
         ("carried", np.float64), ("grip", np.float64), ("displaced", np.float64),

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.soil.bodies import FootShape, PressingBodies, all_of
+from smartmesh_ros.patches.shapes import BodyShape
+from smartmesh_ros.soil.bodies import PressingBodies, all_of
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT, with_room
 from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
@@ -133,7 +134,7 @@ class Soil:
         self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
         self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
-        self._shapes: list[FootShape | None] = []  # of the feet
+        self._shapes: list[BodyShape | None] = []  # of the feet
         self.number = 0  # of the last update
         self._contacts: list[Contact] = []  # since the last update, of a number of steps
         self._steps = 0
@@ -228,7 +229,7 @@ class Soil:
         self._names, feet = names, self._feet
         for row, shape in enumerate(shapes):
             if shape is not self._shapes[row] and shape is not None:
-                feet["form"][row], self._shapes[row] = shape.numbers, shape
+                feet["shape"][row], self._shapes[row] = shape.record, shape
         if gone:
             states[gone], feet["load"][gone] = feet["state"][gone], 0.0
         feet["state"] = states

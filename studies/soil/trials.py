@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.soil.bodies import FootShape, GivenBodies
+from smartmesh_ros.patches.shapes import box, cylinder
+from smartmesh_ros.soil.bodies import GivenBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.soil.soils import soil_named
@@ -104,7 +105,7 @@ class PlateTrial:
     def press(self, pressure: float, seconds: float, *, pull: float = 0.0, aside: float = math.nan) -> None:
         """Press for some ``seconds`` with a ``pressure`` [Pa], while the plate shears the soil at the speed ``pull``
         [m/s]; ``aside`` [m]: of the load along x."""
-        shape = FootShape("box", (self.edge, self.edge, 0.05))
+        shape = box((self.edge, self.edge, 0.05))
         for _ in range(round(seconds / DT)):
             x, y = self.place
             height = float(np.nanmax([self.map.heights.max(), 0.0])) if self.sinkage == 0.0 else -self.sinkage
@@ -174,7 +175,7 @@ class TowedWheel:
         wheel, speed = self.wheel, self._step / DT
         spin = speed / (1.0 - self._slip) / wheel.radius if self._slip < 1.0 else 0.0
         state = (self._x, self._y, self._seat, *LYING, speed, 0.0, 0.0, 0.0, spin, 0.0)
-        self._bodies.put("wheel", FootShape("cylinder", (wheel.radius, wheel.width)), state)
+        self._bodies.put("wheel", cylinder(wheel.radius, wheel.width), state)
         for region in self.soil.press({"wheel": Load(self._normal)}, DT, self._time):
             self.map.update_region(*region[:3], time=self._time, velocities=region.velocities)
         self._seat = self.soil.results()["wheel"].seat

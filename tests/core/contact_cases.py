@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
 from tests.coal_shapes import coal_hull, coal_triangle
+from tests.core.test_bindings import grid_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
@@ -131,6 +132,11 @@ class Ground:
         return np.stack([u * c - v * s, u * s + v * c, self.heights.astype(np.float64)], axis=-1).reshape(-1, 3)
 
     @cached_property
+    def tile(self) -> Any:
+        """The map as the core reads it."""
+        return grid_of(self.heights, self.resolution, self.yaw)
+
+    @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
         rows, columns = self.heights.shape
@@ -193,19 +199,12 @@ class Case:
 
     def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
         """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
+        return self.contacts_with(self.ground.tile, way)
+
+    def contacts_with(self, tile: Any, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """Returns the same contacts with another tile of the core."""
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
-        return np.asarray(
-            _core.find_contacts(
-                self.body.core,
-                pose,
-                self.ground.heights,
-                self.ground.resolution,
-                self.ground.yaw,
-                motion_of(way),
-                1.0,
-                self.margin,
-            )
-        )
+        return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion_of(way), 1.0, self.margin))
 
     def distance(self, within: float, deep: bool = False) -> float:
         """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.core import _core
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.coal_shapes import coal_triangle
 from tests.core import mesh_parts
 from tests.core.contact_cases import IDENTITY, body, distance, motion_of, random_rotation
@@ -45,6 +46,7 @@ class Triangles:
 @pytest.mark.parametrize("form", MESHES)
 def test_distances_are_exact_and_no_shallow_overlap_is_missed(form: str, name: str) -> None:
     vertices, corners = mesh = MESHES[form]
+    tile = TriangleMesh(vertices, corners).core_reader
     triangles, wrong, apart, shallow = Triangles(mesh), [], 0, 0
     for seed in range(120):
         rng = np.random.default_rng(seed)
@@ -57,9 +59,8 @@ def test_distances_are_exact_and_no_shallow_overlap_is_missed(form: str, name: s
             at = at - way * np.clip(triangles.distance(made.coal, turn, at, made.reach + 0.05), 0.0, 0.05)
         at = at - way * rng.uniform(-MARGIN, 0.5 * SHALLOW)
         pose = np.ascontiguousarray(np.vstack([turn, at]))
-        contacts = np.asarray(
-            _core.find_mesh_contacts(made.core, pose, vertices, corners, motion_of((0.0, 0.0, 0.0)), 0.0, MARGIN)
-        )
+        still = motion_of((0.0, 0.0, 0.0))
+        contacts = np.asarray(_core.find_contacts(made.core, [tile], pose, still, 0.0, MARGIN))
         found = float(contacts[:, 6].min(initial=np.inf))
         true = triangles.distance(made.coal, turn, at, made.reach + 0.05)
         if true > EXACT:

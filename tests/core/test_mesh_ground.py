@@ -13,7 +13,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.core import mesh_parts
 from tests.core.contact_cases import SHAPES as CASES
-from tests.core.contact_cases import Case, motion_of, random_case, random_ground
+from tests.core.contact_cases import Case, random_case, random_ground
 from tests.core.ground_world import BALL, BOX, CYLINDER, SHAPES, STEP, GroundWorld, Shape
 from tests.core.mesh_parts import Parts
 
@@ -287,11 +287,8 @@ def test_a_height_map_and_its_mesh_give_the_same_rest(shape: Shape) -> None:
 
 def mesh_contacts(case: Case, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
     """Return the contacts of a body with the mesh of a height map in a second in which it goes a ``way`` [m]."""
-    pose = np.ascontiguousarray(np.vstack([case.turn, case.position]))
-    vertices, triangles = np.ascontiguousarray(case.ground.points), grid_triangles(*case.ground.heights.shape)
-    return np.asarray(
-        _core.find_mesh_contacts(case.body.core, pose, vertices, triangles, motion_of(way), 1.0, case.margin)
-    )
+    triangles = grid_triangles(*case.ground.heights.shape)
+    return case.contacts_with(TriangleMesh(case.ground.points, triangles).core_reader, way)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -13,7 +13,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.ground.body_shapes import HULL_MARGIN, body_shape, read_shape
+from smartmesh_ros.ground.body_shapes import HULL_MARGIN, read_shape
 from smartmesh_ros.patches.shapes import BodyShape, ShapeKind
 from tests.bodies import lowest_of
 
@@ -30,7 +30,7 @@ def client() -> Iterator[Any]:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any) -> None:
     body = client.createMultiBody(1.0, client.createCollisionShape(**shape.bullet()))
-    given_, read = body_shape(shape), read_shape(client, body)
+    given_, read = shape.body_shape, read_shape(client, body)
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(read.record[name], given_.record[name], atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)

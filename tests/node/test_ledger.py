@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SolidKind
 from smartmesh_ros.node.fleet.ledger import Duties, LastState, Ledger, LedgerConfig, Respawning
 from smartmesh_ros.node.fleet.requests import specification_of
+from smartmesh_ros.patches.shapes import ShapeKind
 from smartmesh_ros.world.state_table import StateTable
 
 NODES = ["a", "b", "c"]
@@ -78,7 +78,7 @@ def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_
     states = table(["robot"])
     quarter_turn = (0.0, 0.0, 0.5**0.5, 0.5**0.5)  # about z: x goes to y
     states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
-    states.kinds[0] = SolidKind.BOX
+    states.kinds[0] = ShapeKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
     again = specification_of(Respawning("robot", "/a", None, LastState(states)))
     position = again.pose.position

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import HeightMap, InputError
-from smartmesh_ros.soil.bodies import FootShape, GivenBodies
+from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder, hull
+from smartmesh_ros.soil.bodies import GivenBodies
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.soil import Load, Soil
 from smartmesh_ros.soil.soils import soil_named, soils_of
+from tests.bodies import TETRAHEDRON
 
 SAND = {
     "Bekker_Kphi": 1e6, "Bekker_Kc": 0.0, "Bekker_n": 1.0, "Mohr_cohesion": 0.0, "Mohr_friction": 30.0,
@@ -74,13 +76,17 @@ def test_maps_of_soils_that_do_not_fit_are_refused(kinds: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "size"), [("box", (1.0,)), ("sphere", (-1.0,)), ("pyramid", (1.0,)), ("cylinder", (1.0, float("nan")))]
-)
-def test_impossible_shapes_are_refused(kind: str, size: tuple[float, ...]) -> None:
-    with pytest.raises(InputError, match=r"shape|dimensions"):
-        FootShape(kind, size)  # type: ignore[arg-type]
+    "shape",
+    [
+        box((1.0, 0.0, 1.0)), ball(-1.0), hull(TETRAHEDRON), cylinder(1.0, float("nan")), capsule(1e7, 1.0),
+        capsule(1.0, -1.0),
+    ],
+)  # fmt: skip
+def test_impossible_shapes_are_refused(shape: BodyShape) -> None:
+    with pytest.raises(InputError, match=r"press the soil|dimensions"):
+        GivenBodies().put("a", shape, (*(0.0,) * 6, 1.0, *(0.0,) * 6))
 
 
 def test_impossible_states_are_refused() -> None:
     with pytest.raises(InputError, match="unit quaternion"):
-        GivenBodies().put("a", FootShape("sphere", (1.0,)), (0.0,) * 13)
+        GivenBodies().put("a", ball(1.0), (0.0,) * 13)

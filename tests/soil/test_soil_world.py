@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere, World
-from smartmesh_ros.soil.bodies import BulletBodies, FootShape, all_of
+from smartmesh_ros.patches.shapes import ball
+from smartmesh_ros.soil.bodies import BulletBodies, all_of
 from smartmesh_ros.soil.config import SoilConfig
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.soil.soils import soil_named
@@ -128,7 +129,7 @@ def test_bodies_that_the_world_reads_at_once_are_those_that_pybullet_reports() -
         assert [shape is None for shape in bodies.read_all([*names, "ghost"]).shapes] == [False, True, False, True]
         world.spawn("b0", Sphere(0.3), 1.0, BodyState((2.0, 1.0, 1.0)))
         again = bodies.read_all(names)
-        assert again.shapes[1] == FootShape("sphere", (0.3,))
+        assert again.shapes[1].record == ball(0.3).record
         assert again.states[1, :3].tolist() == [2.0, 1.0, 1.0]
 
 

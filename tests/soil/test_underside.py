@@ -1,32 +1,35 @@
 """Undersides of shapes against PyBullet's rays."""
 
 import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.core import CORE
-from smartmesh_ros.soil.feet import BOX, CAPSULE, CYLINDER, SPHERE
+from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.patches.shapes import BodyShape, ball, box, capsule, cylinder
 
-SHAPES = {
-    BOX: ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, [0.3, 0.2, 0.1]),
-    SPHERE: ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, [0.25, 0.25, 0.0]),
-    CYLINDER: ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, [0.2, 0.2, 0.15]),
-    CAPSULE: ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, [0.1, 0.1, 0.15]),
+SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
+    "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(box, (0.6, 0.4, 0.2))),
+    "ball": ({"shapeType": pb.GEOM_SPHERE, "radius": 0.25}, lambda turn: ball(0.25)),
+    "cylinder": ({"shapeType": pb.GEOM_CYLINDER, "radius": 0.2, "height": 0.3}, partial(cylinder, 0.2, 0.3)),
+    "capsule": ({"shapeType": pb.GEOM_CAPSULE, "radius": 0.1, "height": 0.3}, partial(capsule, 0.1, 0.3)),
 }
 
 
-def rotation_of(turn: np.ndarray) -> np.ndarray:
-    return np.array(pb.getMatrixFromQuaternion(turn.tolist())).reshape(3, 3)
+def above_grid(shape: BodyShape, xy: np.ndarray, spacing: float) -> Any:
+    return CORE.shape_above_grid(as_bytes(shape.record.reshape(1)), xy, spacing)
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_undersides_are_where_rays_from_below_meet_the_shape(kind: int) -> None:
+def test_undersides_are_where_rays_from_below_meet_the_shape(kind: str) -> None:
     client = BulletClient(pb.DIRECT)
-    rng = np.random.default_rng(kind)
-    arguments, half = SHAPES[kind]
+    rng = np.random.default_rng(list(SHAPES).index(kind) + 1)
+    arguments, made = SHAPES[kind]
     body = client.createMultiBody(1.0, client.createCollisionShape(**arguments))
     try:
         for _ in range(10):
@@ -36,7 +39,7 @@ def test_undersides_are_where_rays_from_below_meet_the_shape(kind: int) -> None:
             xy = rng.uniform(-0.4, 0.4, (200, 2))
             starts, ends = np.column_stack([xy, np.full(200, -5.0)]), np.column_stack([xy, np.full(200, 5.0)])
             hits = client.rayTestBatch(starts.tolist(), ends.tolist())
-            table, *_ = CORE.shape_above_grid(kind, half, rotation_of(turn), xy, 0.0)
+            table, *_ = above_grid(made(turn=turn), xy, 0.0)
             found = table[:, 0]
             met = np.array([hit[3][2] if hit[0] == body else math.inf for hit in hits])
             both = np.isfinite(found) & np.isfinite(met)
@@ -50,19 +53,19 @@ def test_undersides_are_where_rays_from_below_meet_the_shape(kind: int) -> None:
 
 @pytest.mark.parametrize("kind", SHAPES)
 @pytest.mark.parametrize("spacing", [0.0, 0.02])
-def test_normals_stand_on_the_underside_which_lies_within_reach(kind: int, spacing: float) -> None:
-    rng = np.random.default_rng(kind)
-    half = SHAPES[kind][1]
+def test_normals_stand_on_the_underside_which_lies_within_reach(kind: str, spacing: float) -> None:
+    rng = np.random.default_rng(list(SHAPES).index(kind) + 1)
+    made = SHAPES[kind][1]
     for _ in range(10):
         turn = rng.standard_normal(4)
-        rotation = rotation_of(turn / np.linalg.norm(turn))
+        shape = made(turn=turn / np.linalg.norm(turn))
         xy = rng.uniform(-0.5, 0.5, (300, 2))
-        table, *far = CORE.shape_above_grid(kind, half, rotation, xy, spacing)
+        table, *far = above_grid(shape, xy, spacing)
         found, normals = table[:, 0], table[:, 1:4]
         assert (np.abs(xy[np.isfinite(found)]) <= far).all()
         errors = []
         for step in ((1e-7, 0.0), (0.0, 1e-7)):
-            near = CORE.shape_above_grid(kind, half, rotation, xy + step, spacing)[0][:, 0]
+            near = above_grid(shape, xy + step, spacing)[0][:, 0]
             there = np.isfinite(found) & np.isfinite(near)
             assert np.linalg.norm(normals[there], axis=1) == pytest.approx(1.0)
             along = np.column_stack([np.broadcast_to(step, (there.sum(), 2)), near[there] - found[there]])

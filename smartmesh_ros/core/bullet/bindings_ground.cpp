@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "bindings.h"
-#include "plugin.h"
+#include "world.h"
 
 namespace smartmesh {
 namespace {
@@ -64,16 +64,15 @@ struct Ground {
   }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
   void read(Slots slots, States states) {
-    if (states.shape(1) != 13) throw std::invalid_argument("states must have the shape (S, 13)");
+    check_table(states, states.shape(0), BODY_COLUMNS, "states");
     BulletWorld& found = world();
     found.find_objects();
     for (std::size_t k = 0; k < slots.shape(0); ++k) {
       const std::int64_t slot = slots.data()[k];
       if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
         throw std::invalid_argument("a slot is not in states");
-      double* state = states.data() + 13 * slot;
-      if (!found.has(static_cast<int>(slot)) || !found.read(static_cast<int>(slot), state))
-        std::fill(state, state + 13, std::numeric_limits<double>::quiet_NaN());
+      if (!found.has(static_cast<int>(slot)) || !found.read(static_cast<int>(slot), rows_of<BodyState>(states)[slot]))
+        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
     }
   }
 };

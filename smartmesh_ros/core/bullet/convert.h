@@ -1,8 +1,6 @@
 // Between Bullet's types and the core's.
 #pragma once
 
-#include <vector>
-
 #include <LinearMath/btTransform.h>
 
 #include "convex.h"
@@ -17,9 +15,6 @@ inline Pose from_bullet(const btTransform& t) {
   const btMatrix3x3& m = t.getBasis();
   return {{{from_bullet(m[0]), from_bullet(m[1]), from_bullet(m[2])}}, from_bullet(t.getOrigin())};
 }
-
-// Returns the convex hull of some points, at least one, grown by a margin.
-Convex hull_of(const std::vector<btVector3>& points, double margin);
 
 // Returns the shape that Bullet collides, with its margin; false if its kind is not known here.
 bool convex_of(const btConvexShape& shape, Convex& convex);

@@ -1,12 +1,13 @@
 // Entry points of PyBullet's plugin interface. `p.loadPlugin(path, "_smartmesh")` finds them by name.
-#include "plugin.h"
-
 #include <memory>
+#include <vector>
 
 #include <examples/CommonInterfaces/CommonGUIHelperInterface.h>
 #include <examples/SharedMemory/PhysicsCommandProcessorInterface.h>
 #include <examples/SharedMemory/SharedMemoryPublic.h>
 #include <examples/SharedMemory/plugins/b3PluginContext.h>
+
+#include "world.h"
 
 namespace smartmesh {
 

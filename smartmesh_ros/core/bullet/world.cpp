@@ -139,16 +139,13 @@ void BulletWorld::read_velocity(Slot& slot) const {
   }
 }
 
-bool BulletWorld::read(int index, double* state) {
+bool BulletWorld::read(int index, BodyState& state) {
   Slot& slot = slots_[index];
   if (slot.object == nullptr) return false;
   read_velocity(slot);
   const btTransform& pose = slot.object->getWorldTransform();
   const btQuaternion turn = pose.getRotation();
-  const double values[13] = {pose.getOrigin().x(), pose.getOrigin().y(), pose.getOrigin().z(), turn.x(), turn.y(),
-                             turn.z(), turn.w(), slot.linear.x, slot.linear.y, slot.linear.z, slot.angular.x,
-                             slot.angular.y, slot.angular.z};
-  std::copy(values, values + 13, state);
+  state = {{from_bullet(pose.getOrigin()), {turn.x(), turn.y(), turn.z(), turn.w()}}, slot.linear, slot.angular};
   return true;
 }
 

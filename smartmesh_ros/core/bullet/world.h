@@ -10,6 +10,7 @@
 #include "contact_search.h"
 #include "ground_shape.h"
 #include "manifold.h"
+#include "solid.h"
 
 class btMultiBody;
 
@@ -59,9 +60,8 @@ class BulletWorld {
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
-  // Writes position [m], orientation (x, y, z, w), linear and angular velocity of the body in a slot to `state` (13,);
-  // false if it is gone.
-  bool read(int slot, double* state);
+  // Writes the state of the body in a slot; false if it is gone.
+  bool read(int slot, BodyState& state);
 
   // Places the proxies under their bodies, before a step of the world.
   void before_step();
@@ -99,5 +99,8 @@ class BulletWorld {
   std::vector<OldContact> before_;
   ContactSearch search_;
 };
+
+// Returns the world with the number that the plugin's command gave; null if its client was disconnected.
+BulletWorld* world_of(int number);
 
 }  // namespace smartmesh

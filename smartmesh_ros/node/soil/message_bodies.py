@@ -7,23 +7,17 @@ from typing import Any
 
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
-from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros.ground.shapes import SHAPES, Form, shape_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.conversions import state_from
-from smartmesh_ros.soil.bodies import BulletBodies, FootKind, FootShape, GivenBodies, PressingBody
+from smartmesh_ros.patches.shapes import ShapeKind
+from smartmesh_ros.soil.bodies import BulletBodies, GivenBodies, PressingBody
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.robots.prepared import prepare_robot
-
-# Kinds of shape by their numbers in a TrackedBody, and their number of dimensions.
-_KINDS: dict[int, tuple[FootKind, int]] = {
-    TrackedBody.SHAPE_BOX: ("box", 3),
-    TrackedBody.SHAPE_SPHERE: ("sphere", 1),
-    TrackedBody.SHAPE_CYLINDER: ("cylinder", 2),
-    TrackedBody.SHAPE_CAPSULE: ("capsule", 2),
-}
 
 
 class MessageBodies:
@@ -62,10 +56,11 @@ class MessageBodies:
             state = state_from(body.pose, body.twist)
             if body.id in self._robots:
                 self._place(self._robots[body.id], state)
-            elif body.shape in _KINDS:
-                kind, count = _KINDS[body.shape]
-                shape = FootShape(kind, tuple(float(size) for size in body.dimensions[:count]))
-                self._given.put(body.id, shape, (*state.position, *state.orientation, *state.linear, *state.angular))
+            elif body.shape in SHAPES:
+                shape = shape_of(Form(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist()))
+                self._given.put(
+                    body.id, shape.body_shape, (*state.position, *state.orientation, *state.linear, *state.angular)
+                )
         self._given.keep(body.id for body in message.bodies)
 
     def take_joints(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
