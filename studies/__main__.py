@@ -13,6 +13,7 @@ STUDIES = {
     "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("studies.load.study", "the node under load over DDS"),
+    "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "rover": ("studies.soil.rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
