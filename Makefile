@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures rising test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -18,8 +18,9 @@ view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 pictures:  ## the README's pictures of the view and the demo, by a browser without a window
 	@$(RUN) dev view -- python scripts/view_pictures.py
 
-rising:  ## the README's moving picture: a replaced height field beside ours (needs no browser)
+renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
 	@$(RUN) -- $(STUDIES) rising
+	@$(RUN) -- $(STUDIES) lidar
 
 test:  ## lint, types, colcon build, and every test
 	@$(RUN) dev view studies interop -- scripts/check

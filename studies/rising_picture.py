@@ -1,4 +1,4 @@
-"""``make rising``: the README's moving picture. The same bodies on a height field that is replaced at each map, and on
+"""``make renders``: the README's moving picture. The same bodies on a height field that is replaced at each map, and on
 ``smartmesh_ros``; how deep the deepest body is below the true ground is measured and written on it."""
 
 from __future__ import annotations

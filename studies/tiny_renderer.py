@@ -33,6 +33,13 @@ class Camera:
         view = pb.computeViewMatrix(self.eye, self.target, (0.0, 0.0, 1.0))
         return view, pb.computeProjectionMatrixFOV(self.angle, self.width / self.height, NEAR, FAR)
 
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """Return the column and row (N, 2) of the pixels that show ``points`` (N, 3) [m]."""
+        view, projection = (np.reshape(matrix, (4, 4)).T for matrix in self.matrices())
+        seen = np.column_stack([points, np.ones(len(points))]) @ (projection @ view).T
+        x, y = seen[:, 0] / seen[:, 3], seen[:, 1] / seen[:, 3]
+        return np.column_stack([0.5 * (1.0 + x) * (self.width - 1), 0.5 * (1.0 - y) * (self.height - 1)])
+
 
 @dataclass(frozen=True)
 class Shot:
