@@ -15,7 +15,7 @@ demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
 view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 	@$(RUN) view -- install/smartmesh_ros/lib/smartmesh_ros/view --demo
 
-pictures:  ## the README's pictures of the view and the demo, by a browser without a window
+pictures:  ## the pictures of the view and the demo in docs/, by a browser without a window
 	@$(RUN) dev view -- python scripts/view_pictures.py
 
 renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
