@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -15,8 +15,12 @@ demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
 view:  ## a page in the browser that shows the demo's terrain, until Ctrl-C
 	@$(RUN) view -- install/smartmesh_ros/lib/smartmesh_ros/view --demo
 
-pictures:  ## the README's pictures of the view and the demo, by a browser without a window
+pictures:  ## the pictures of the view and the demo in docs/, by a browser without a window
 	@$(RUN) dev view -- python scripts/view_pictures.py
+
+renders:  ## the README's pictures that PyBullet draws: rising ground, and a lidar (needs no browser)
+	@$(RUN) -- $(STUDIES) rising
+	@$(RUN) -- $(STUDIES) lidar
 
 test:  ## lint, types, colcon build, and every test
 	@$(RUN) dev view studies interop -- scripts/check

@@ -152,7 +152,7 @@ setup(
     zip_safe=False,
     maintainer="smartmesh_ros maintainers",
     maintainer_email="maintainers@smartmesh-ros.invalid",
-    description="Collide with terrain that moves: small, velocity-carrying collider patches that follow bodies.",
+    description="PyBullet bodies and robots stand on height maps that move.",
     long_description=(ROOT / "README.md").read_text(),
     long_description_content_type="text/markdown",
     license="Apache-2.0",

@@ -1,7 +1,7 @@
-"""Collide with terrain that moves.
+"""Bodies stand on terrain that moves.
 
-The public API for PyBullet users without ROS: a `HeightMap` (or a `Terrain` of tiles) deforms, `Ground` keeps a small
-velocity-carrying collider under each body of an existing PyBullet world, and `World` is a whole world of its own.
+The public API for PyBullet users without ROS: a `HeightMap` (or a `Terrain` of tiles) deforms, `Ground` lets the bodies
+of an existing PyBullet world stand on it, and `World` is a whole world of its own.
 """
 
 from importlib import import_module

@@ -21,6 +21,7 @@ from studies.matrix.run import run_matrix
 from studies.pages import fill
 from studies.patch_tables import choosing_table, rates_table
 from studies.progress import Progress
+from studies.readme_chart import SCENE, draw_panel
 from studies.results_file import read_results, save_results
 from studies.tables import front_table, scene_table, summary_table
 
@@ -113,6 +114,8 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     ]
     titles = {scene.name: scene.title for scene in scenes}
     draw_all(images / "all.png", titles, results, families)
+    if SCENE in results:
+        draw_panel(images / "readme.png", results[SCENE])
     blocks["summary"] = summary_table(titles, results, families)
     blocks["front"] = front_table(titles, results, families)
     if not options.quick:  # a quick run lacks configurations of these tables

@@ -153,8 +153,8 @@ class RestingGround:
     def _points_under(
         self, mesh: MainMesh, chosen: IntArray, boxes: FloatArray, time: float
     ) -> tuple[FloatArray, IntArray]:
-        """Return the positions of a tile's samples under bodies, and the height up to which ground counts, (k, 3) [m],
-        and their number for each body (n,). On a mesh, ground above a body does not count."""
+        """Return points (k, 3) [m] of a tile under bodies, and how many belong to each body (n,). A point is x, y, and
+        the height above which ground does not count: on a mesh the top of the body, on a map infinity."""
         counts = np.zeros(len(chosen), np.int64)
         if isinstance(mesh, HeightMap):
             points = CORE.samples_under(mesh.core_reader, time, chosen, boxes, counts)

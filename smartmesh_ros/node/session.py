@@ -157,7 +157,7 @@ class Session:
             else:
                 send(found, header)
 
-        # The executors pass to this method what the callback returned.
+        # An executor passes the callback's return value to `send_response`. Work in turns is answered when it ends.
         made.send_response = respond
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:

@@ -136,8 +136,8 @@ def primitive(
 def hull(points: FloatArray, rounding: float = 0.0) -> BodyShape:
     """The convex hull of points (n, 3) [m] in the frame of the centre of mass, grown by ``rounding`` [m].
 
-    Of many points only those are kept whose hull holds the others but for a millimetre. The hull then grows by as much
-    as the others stick out.
+    Of many points, so many are left out that no point is more than a millimetre outside the hull of the rest. The hull
+    then grows by the distance of the farthest point outside.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

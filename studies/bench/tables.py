@@ -1,4 +1,4 @@
-"""All tables of a run: targets, the report's tables, and further ones."""
+"""All tables of a run: the report's tables, and further ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ _SIMPLE = {
 def all_tables(results: Results) -> str:
     """Every table, under its heading."""
     parts = (
-        ("Reached and missed", targets(results)),
         ("Table 1: collider of the whole main mesh [ms]", table_1(results)),
         ("Beyond Table 1: other ways to keep a collider of the whole map, and larger maps [ms]", larger_maps(results)),
         ("Table 2: one local collider of 3x3 by main mesh [ms]", table_2(results)),
@@ -47,7 +46,7 @@ def all_tables(results: Results) -> str:
 
 
 def targets(results: Results) -> str:
-    """Return the table of targets."""
+    """Return the table of targets, which the study prints and no page shows."""
     rows = []
     low, high = results.at("low"), results.at("high")
     for target in TARGETS:

@@ -98,7 +98,6 @@ def _latency(summaries: list[Summary], machine: str, path: Path) -> Path:
         bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
         label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
         axis.plot(times, share, style, linewidth=1.2, label=label)
-    axis.axvline(10.0, color="black", linestyle=":", label="to reach at 99 %: 10 ms")
     axis.set_xscale("log")
     ticks = [2, 5, 10, 20, 50, 100]
     axis.set_xticks(ticks, [str(tick) for tick in ticks])

@@ -61,7 +61,6 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     for path in pictures.draw(summaries, data["machine"], out):
         print(f"wrote {path}")
     blocks = {
-        "targets": tables.targets(summaries),
         "grid": tables.runs(summaries["grid"]),
         "naive": tables.ways(summaries["naive"], executors=False),
         "executors": tables.ways(summaries["executors"], executors=True),
@@ -70,7 +69,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         "machine": f"Machine: {data['machine']}.",
         "regions": regions.table(data.get("regions", [])),
     }
-    print(blocks["targets"])
+    print(tables.targets(summaries))
     if page is not None:
         code = data["code"]
         fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})

@@ -48,19 +48,18 @@ def ways(summaries: list[Summary], *, executors: bool) -> str:
 
 def memory(summaries: list[Summary]) -> str:
     """Memory against the map's size."""
-    head = ["map", "input", "map's bytes [MiB]", "resident [MiB]", "of that shared with DDS", "peak [MiB]",
-            "2.2 maps + 200 [MiB]"]  # fmt: skip
+    head = ["map", "input", "map's bytes [MiB]", "resident [MiB]", "of that shared with DDS", "peak [MiB]"]  # fmt: skip
     rows = []
     for s in summaries:
         size = 4.0 * s.case.side**2 / 2**20
         m = s.memory
         rows.append([f"{s.case.side}^2", s.case.mode, f"{size:.1f}", f"{m['resident']:.0f}", f"{m['shared']:.0f}",
-                     f"{m['peak']:.0f}", f"{2.2 * size + 200:.0f}"])  # fmt: skip
+                     f"{m['peak']:.0f}"])  # fmt: skip
     return table(head, rows)
 
 
 def targets(groups: dict[str, list[Summary]]) -> str:
-    """Return the table of targets."""
+    """Return the table of targets, which the study prints and no page shows."""
     grid = groups["grid"]
 
     def find(bodies: int, rate: float, side: int = 1024, mode: str = "regions") -> Summary | None:

@@ -63,7 +63,7 @@ def within(path: str, *folders: Path) -> bool:
 
 def readme_block(beginning: str) -> list[str]:
     """The lines of the README's one code block in which a line starts with ``beginning``, without comments."""
-    blocks = re.findall(r"```(?:bash|console)?\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    blocks = re.findall(r"```\w*\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     [block] = [block for block in blocks if re.search(f"^{re.escape(beginning)}", block, re.MULTILINE)]
     return [line.partition("  #")[0].strip() for line in block.splitlines() if line.strip()]
 

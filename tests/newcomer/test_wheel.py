@@ -53,7 +53,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_ten_lines_run_without_ros(environment: Path) -> None:
     python = environment / "bin" / "python"
     assert run(python, "-c", "import rclpy").returncode != 0
-    [code] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    [code, _] = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     check = "\nassert p.getBasePositionAndOrientation(ball)[0][2] > -0.5, 'it fell through'\n"
     result = run(python, "-c", code + check)
     assert result.returncode == 0, result.stderr

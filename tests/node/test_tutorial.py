@@ -12,6 +12,7 @@ import yaml
 from geometry_msgs.msg import TransformStamped
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
+from smartmesh_msgs.srv import QueryGround
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 from tf2_msgs.msg import TFMessage
 
@@ -22,7 +23,7 @@ CELLS, RESOLUTION = 60, 0.1
 
 
 def blocks(page: str, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", (ROOT / "docs" / page).read_text(), re.DOTALL)
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
 
 
 def ground(x: Any, y: Any) -> Any:
@@ -77,8 +78,8 @@ class Stack:
 
 
 def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path: Path) -> None:
-    [file] = blocks("elevation_mapping.md", "yaml")
-    command, _ = blocks("elevation_mapping.md", "console")
+    [file] = blocks("docs/elevation_mapping.md", "yaml")
+    command, _ = blocks("docs/elevation_mapping.md", "console")
     words = shlex.split(command.replace("\\\n", " "))
     assert words[:4] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
     assert words.count("-r") == 2
@@ -105,13 +106,29 @@ def test_an_elevation_map_becomes_patches_under_the_robot(probe: Probe, tmp_path
         process.close()
 
 
+def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
+    _, code = blocks("README.md", "python")
+    with probe.running("terrain_collider"), subprocess.Popen([sys.executable, "-c", code]) as publisher:
+        try:
+
+            def moves() -> bool:
+                response = probe.call("query_ground", QueryGround, x=[0.0], y=[0.0])
+                return bool(response.success) and abs(response.velocities[2]) > 0.1
+
+            probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
+            probe.wait_for(moves)
+            assert probe.diagnostics("inputs")["message"] == "0 refused so far"
+        finally:
+            publisher.kill()
+
+
 def test_the_installed_file_is_that_of_the_tutorial() -> None:
-    [file] = blocks("elevation_mapping.md", "yaml")
+    [file] = blocks("docs/elevation_mapping.md", "yaml")
     assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config" / "elevation_mapping.yaml").read_text())
 
 
 def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path: Path) -> None:
-    conftest, *tests = blocks("testing.md", "python")
+    conftest, *tests = blocks("docs/testing.md", "python")
     (tmp_path / "conftest.py").write_text(conftest)
     for number, text in enumerate(tests):
         (tmp_path / f"test_mine_{number}.py").write_text(text)

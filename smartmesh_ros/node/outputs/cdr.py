@@ -174,8 +174,8 @@ class Elements:
         """Writes ``count`` elements at ``offset`` of ``buffer`` and returns the offset of the next byte.
 
         ``fields``: path -> values that replace the template's, one row per element, or one number for all elements.
-        Strings are (count, bytes) arrays without terminating zero, see `text_rows`. ``same``: the last write there had
-        the same count and the same fields, so that only the fields' values are written.
+        Strings are (count, bytes) arrays without terminating zero, see `text_rows`. ``same``: promises that the last
+        call for this place had the same ``count`` and the same paths in ``fields``; only their values are then written.
         """
         if count == 0:
             return offset

@@ -29,8 +29,11 @@ LEVEL = 1e-6
 
 @dataclass(frozen=True)
 class AskedFrame:
-    """``transform``: pose of the frame in the terrain's frame. ``time`` [s]: simulated time of the instant. ``header``:
-    for the answer."""
+    """The frame and the instant of a question.
+
+    ``transform``: pose of the frame in the terrain's frame. ``time`` [s]: the instant in simulated time. ``header``:
+    frame and stamp that the answer carries.
+    """
 
     transform: Transform
     time: float

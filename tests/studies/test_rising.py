@@ -1,0 +1,33 @@
+"""The README's moving picture: what it shows is simulated, and the README names the depths of the run."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smartmesh_ros.terrain.grid import FloatArray
+from studies.rising import WAYS, grid, height, simulated
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def depths_of(way: str) -> FloatArray:
+    """Return the depths (pictures, bodies) below the ground [m]."""
+    return np.array([depths for _, _, depths in simulated(way)])
+
+
+def test_the_depths_that_the_readme_names_are_those_of_the_run() -> None:
+    replaced, ours = (depths_of(way) for way in WAYS)
+    [named] = re.findall(r"sink (\d+) mm into ground .* at most ([\d.]+) mm here", README.replace("\n", " "))
+    for depths, millimetres in zip((replaced, ours), named, strict=True):
+        assert 1e3 * depths.max() == pytest.approx(float(millimetres), rel=0.2)
+    assert (replaced.max(axis=0) > 10.0 * ours.max(axis=0)).all(), "each body"
+
+
+def test_the_ground_rises_as_fast_as_the_readme_says() -> None:
+    [speed] = re.findall(r"ground that rises at ([\d.]+) m/s", README.replace("\n", " "))
+    times = np.arange(0.0, 2.0, 0.01)
+    heights = np.array([height(0.0, time) for time in times])
+    assert np.diff(heights).max() / 0.01 == pytest.approx(float(speed), rel=0.02)
+    assert grid(0.0).shape == (41, 101)
