@@ -34,8 +34,4 @@ struct Approach {
   }
 };
 
-// Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.
-void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
-                   std::vector<Contact>& contacts);
-
 }  // namespace smartmesh
