@@ -5,8 +5,6 @@
 // in the normal cones of both features, so that inner edges of flat ground have no contacts.
 #pragma once
 
-#include <vector>
-
 #include "convex.h"
 #include "patch.h"
 
