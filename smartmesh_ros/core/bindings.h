@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -55,6 +56,14 @@ void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
     throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
 }
 
+// Returns the rows of a table as records; refuses a table whose rows are none.
+template <class Record, class T>
+auto* records_of(const Array<T, 2>& table, const char* name) {
+  check_table(table, table.shape(0), sizeof(Record) / sizeof(T), name);
+  check_alignment(table.data(), alignof(Record));
+  return reinterpret_cast<std::conditional_t<std::is_const_v<T>, const Record, Record>*>(table.data());
+}
+
 // Returns the rows of a table that was checked, as records.
 template <class Record>
 const Record* rows_of(const Doubles2& table) {
@@ -88,13 +97,12 @@ struct Grid {
     const std::size_t block_rows = (rows + 63) >> BLOCK_SHIFT, block_columns = (columns + 63) >> BLOCK_SHIFT;
     if (rows < 2 || columns < 2 || rows > (1u << 24) || columns > (1u << 24))
       throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
-    if (offsets.shape(0) != rows || offsets.shape(1) != columns)
-      throw std::invalid_argument("offsets must have the shape of heights");
+    check_table(offsets, rows, columns, "offsets");
     if (velocities.shape(0) != KEPT || velocities.shape(1) != rows || velocities.shape(2) != columns)
       throw std::invalid_argument("velocities must have the shape (3, rows, columns)");
     if (clocks.shape(0) != block_rows || clocks.shape(1) != block_columns || clocks.shape(2) != sizeof(Clock))
       throw std::invalid_argument("clocks must be records of CLOCK, one for each block of 64 x 64 samples");
-    check_alignment(heights.data(), sizeof(float)), check_alignment(offsets.data(), sizeof(float));
+    check_alignment(heights.data(), sizeof(float));
     check_alignment(velocities.data(), sizeof(float)), check_alignment(clocks.data(), alignof(Clock));
     grid.heights = heights.data(), grid.velocities = velocities.data(), grid.offsets = offsets.data();
     grid.clocks = reinterpret_cast<const Clock*>(clocks.data());

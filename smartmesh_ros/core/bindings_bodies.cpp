@@ -2,14 +2,12 @@
 #include <nanobind/stl/vector.h>
 
 #include "below_ground.h"
-#include "bindings.h"
 #include "correction.h"
+#include "tables.h"
 
 namespace smartmesh {
 namespace {
 
-using Doubles1 = Array<double, 1>;
-using Doubles2Out = Array<double, 2>;
 using Bytes2Out = Array<std::uint8_t, 2>;
 using Corners = Array<const std::int32_t, 2>;
 
@@ -26,14 +24,9 @@ struct Shapes {
   Doubles2 vertices;
 
   Shapes(Bytes2 shapes_s, Bytes2 parts_p, Doubles2 vertices_v3) : shapes(shapes_s), parts(parts_p), vertices(vertices_v3) {
-    require(shapes.shape(1) == sizeof(Shape) && parts.shape(1) == sizeof(Shape),
-            "shapes and parts must be records of SHAPE");
-    require(vertices.shape(1) == 3, "vertices must have the shape (V, 3)");
-    check_alignment(shapes.data(), alignof(Shape)), check_alignment(parts.data(), alignof(Shape));
-    check_alignment(vertices.data(), sizeof(double));
-    table.shapes = reinterpret_cast<const Shape*>(shapes.data());
-    table.parts = reinterpret_cast<const Shape*>(parts.data());
-    table.vertices = rows_of<Vec3>(vertices);
+    table.shapes = records_of<Shape>(shapes, "shapes");
+    table.parts = records_of<Shape>(parts, "parts");
+    table.vertices = records_of<Vec3>(vertices, "vertices");
     table.shape_count = static_cast<std::int64_t>(shapes.shape(0));
     table.part_count = static_cast<std::int64_t>(parts.shape(0));
     table.vertex_count = static_cast<std::int64_t>(vertices.shape(0));
@@ -43,18 +36,17 @@ struct Shapes {
 // The states (S, 13) of bodies and their shapes.
 struct Bodies {
   const ShapeTable& table;
-  const Doubles2& states;
+  const BodyState* states;
+  std::int64_t count;
 
-  Bodies(const Shapes& shapes, const Doubles2& states_s) : table(shapes.table), states(states_s) {
-    require(states.shape(1) == BODY_COLUMNS, "states must have the shape (S, 13)");
-    check_alignment(states.data(), sizeof(double));
-  }
+  Bodies(const Shapes& shapes, const Doubles2& states_s)
+      : table(shapes.table), states(records_of<BodyState>(states_s, "states")),
+        count(static_cast<std::int64_t>(states_s.shape(0))) {}
   void place(std::int64_t slot, BodySolid& placed) const {
-    require(slot >= 0 && slot < table.shape_count && slot < static_cast<std::int64_t>(states.shape(0)),
-            "a slot has no shape or no state");
+    require(slot >= 0 && slot < table.shape_count && slot < count, "a slot has no shape or no state");
     const Shape& shape = table.shapes[slot];
     require(table.has_all_of(shape), "a shape names parts or vertices that are not there");
-    place_shape(table, shape, rows_of<BodyState>(states)[slot].pose, placed);
+    place_shape(table, shape, states[slot].pose, placed);
   }
 };
 
@@ -63,12 +55,8 @@ struct Supports {
   SupportRecord* records;
   std::int64_t count;
 
-  explicit Supports(const Bytes2Out& bytes) {
-    require(bytes.shape(1) == sizeof(SupportRecord), "supports must be records of SUPPORT");
-    check_alignment(bytes.data(), alignof(SupportRecord));
-    records = reinterpret_cast<SupportRecord*>(bytes.data());
-    count = static_cast<std::int64_t>(bytes.shape(0));
-  }
+  explicit Supports(const Bytes2Out& bytes)
+      : records(records_of<SupportRecord>(bytes, "supports")), count(static_cast<std::int64_t>(bytes.shape(0))) {}
   SupportRecord& at(std::int64_t slot) const {
     require(slot >= 0 && slot < count, "a slot has no support");
     return records[slot];
@@ -76,12 +64,10 @@ struct Supports {
 };
 
 // Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
-void distances_outside(const Doubles2& kept, const Doubles2& points, const Doubles1& found) {
-  require(kept.shape(1) == 3 && points.shape(1) == 3, "points must have the shape (n, 3)");
+void distances_outside(const Doubles2& kept, const Doubles2& points, const Array<double, 1>& found) {
+  check_table(kept, kept.shape(0), 3, "kept"), check_table(points, points.shape(0), 3, "points");
+  check_list(found, points.shape(0), "found");
   require(kept.shape(0) > 0, "a hull has at least one point");
-  require(found.shape(0) == points.shape(0), "there must be a distance for each point");
-  check_alignment(kept.data(), sizeof(double)), check_alignment(points.data(), sizeof(double));
-  check_alignment(found.data(), sizeof(double));
   Shape shape;
   shape.kind = ShapeKind::Hull, shape.rows = static_cast<std::int64_t>(kept.shape(0));
   const Solid hull(shape, {}, rows_of<Vec3>(kept));
@@ -137,8 +123,7 @@ void find_feet(const Grid& grid, const Shapes& shapes, const Doubles2& states, c
 // Writes the foot and normal of the ground of the body in a slot, from triangles (T, 3) among points (K, 3) [m].
 void find_mesh_foot(const Doubles2& points, const Corners& triangles, const Shapes& shapes, const Doubles2& states,
                     std::int64_t slot, const Bytes2Out& supports_s) {
-  require(points.shape(1) == 3 && triangles.shape(1) == 3, "points and triangles must have three columns");
-  check_alignment(points.data(), sizeof(double)), check_alignment(triangles.data(), sizeof(std::int32_t));
+  check_table(points, points.shape(0), 3, "points"), check_table(triangles, triangles.shape(0), 3, "triangles");
   std::vector<Vec3> corners;
   for (std::size_t k = 0; k < triangles.size(); ++k) {
     const std::int32_t corner = triangles.data()[k];
@@ -157,12 +142,10 @@ using Corrected = std::tuple<std::int64_t, const Grid*, double>;
 // bodies `owners` (n,); returns the rows of the bodies that moved.
 std::vector<std::size_t> move_with_corrections(const std::vector<Corrected>& tiles, const Shapes& shapes,
                                                const Doubles2& states, const Slots& slots, const Slots& owners,
-                                               const Bytes2Out& supports_s, double time, const Doubles2Out& poses) {
+                                               const Bytes2Out& supports_s, double time, const States& poses) {
   finite(time, "the time");
-  require(owners.shape(0) == slots.shape(0), "there must be an owner for each slot");
-  require(poses.shape(1) == 7, "poses must have the shape (B, 7)");
-  check_alignment(slots.data(), sizeof(std::int64_t)), check_alignment(owners.data(), sizeof(std::int64_t));
-  check_alignment(poses.data(), sizeof(double));
+  check_list(owners, slots.shape(0), "owners"), check_table(poses, poses.shape(0), 7, "poses");
+  check_alignment(slots.data(), sizeof(std::int64_t));
   for (const Corrected& tile : tiles) require(std::get<1>(tile) != nullptr, "a corrected tile has no grid");
   const Bodies bodies(shapes, states);
   const Supports supports(supports_s);

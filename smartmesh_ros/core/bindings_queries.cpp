@@ -1,7 +1,5 @@
 // What Python sees of queries of the ground: heights, facets and rays.
-#include <algorithm>
 #include <limits>
-#include <vector>
 
 #include "bindings.h"
 #include "ground_rays.h"

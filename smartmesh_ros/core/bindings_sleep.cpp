@@ -14,8 +14,7 @@ void note_motion(Slots chosen, Bytes2 shapes, Doubles2 states, States boxes, Sta
   check_table(anchors, count, ANCHOR_COLUMNS, "anchors");
   check_table(boxes, count, BOX_COLUMNS, "boxes"), check_table(states, count, BODY_COLUMNS, "states");
   check_table(shapes, count, sizeof(Shape), "shapes");
-  check_alignment(shapes.data(), alignof(Shape));
-  const auto* records = reinterpret_cast<const Shape*>(shapes.data());
+  const Shape* records = records_of<Shape>(shapes, "shapes");
   for (std::int64_t slot : slots_below(chosen, count)) {
     const BodyPose& pose = rows_of<BodyState>(states)[slot].pose;
     rows_of<Bounds>(boxes)[slot] = box_of(records[slot], pose);
@@ -44,9 +43,7 @@ nb::ndarray<nb::numpy, std::int64_t, nb::ndim<1>> islands_of(Slots chosen, Slots
   const BodyBoxes bodies = bodies_of(boxes, radii, near, share);
   check_list(owners, boxes.shape(0), "owners");
   const Slots1 found = islands(slots_below(chosen, boxes.shape(0)), owners.data(), bodies);
-  auto made = new_array<std::int64_t, 1>({found.size()});
-  std::copy(found.begin(), found.end(), made.data());
-  return made;
+  return array_of<std::int64_t, 1>(found, {found.size()});
 }
 
 // The sleeping bodies of a world in tables of Python's, which stay alive with it.

@@ -1,6 +1,6 @@
 // What Python sees of soil.
-#include "bindings.h"
 #include "soil.h"
+#include "tables.h"
 
 namespace smartmesh {
 namespace {
@@ -8,14 +8,6 @@ namespace {
 using Records = Array<std::uint8_t, 2>;
 using Layer = Array<std::uint8_t, 3>;
 constexpr double DEGREE = 3.14159265358979323846 / 180.0;
-
-// Returns an array of Python's that takes over some values.
-template <class T>
-nb::ndarray<nb::numpy, T> array_of(std::vector<T>&& values, std::initializer_list<std::size_t> shape) {
-  auto* kept = new std::vector<T>(std::move(values));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  return nb::ndarray<nb::numpy, T>(kept->data(), shape, owner);
-}
 
 bool is_in(const SampleRectangle& r, int rows, int columns) {
   if (r.top == NOWHERE) return r.left == NOWHERE && r.bottom == -1 && r.right == -1;
@@ -84,29 +76,26 @@ struct SoilOfMap {
       throw std::invalid_argument("the grid must have the rows and columns of the soil");
     if (!(std::isfinite(time) && std::isfinite(dt) && dt > 0.0))
       throw std::invalid_argument("the time must be finite, and dt above zero");
-    if (feet.shape(1) != sizeof(Foot)) throw std::invalid_argument("feet must be records of FOOT");
-    check_alignment(feet.data(), alignof(Foot));
-    Foot* first = reinterpret_cast<Foot*>(feet.data());
+    Foot* first = records_of<Foot>(feet, "feet");
     for (std::size_t k = 0; k < feet.shape(0); ++k) {
       check_kind(first[k].shape);
       if (!is_in(first[k].seen, soil.rows(), soil.columns()))
         throw std::invalid_argument("a foot has seen samples that are not there");
     }
-    SoilChanges found = soil.update(grid.grid, time, settings_of(config, grid.grid, dt, number), first, feet.shape(0));
+    const SoilChanges found = soil.update(grid.grid, time, settings_of(config, grid.grid, dt, number), first, feet.shape(0));
     const std::size_t count = found.rectangles.size(), size = found.heights.size();
     std::vector<std::int64_t> places;
     for (const SampleRectangle& r : found.rectangles) places.insert(places.end(), {r.top, r.left, r.bottom, r.right});
-    return std::make_tuple(array_of(std::move(places), {count, 4}), array_of(std::move(found.heights), {size}),
-                           array_of(std::move(found.velocities), {size}));
+    return std::make_tuple(array_of<std::int64_t, 2>(places, {count, 4}), array_of<float, 1>(found.heights, {size}),
+                           array_of<float, 1>(found.velocities, {size}));
   }
 };
 
 // Returns for points (n, 2) [m] the underside of a shape [m], its normal there, and the share of a cell that it covers,
 // (n, 5); and its reach along columns and rows [m]. `record` (1, ...): of SHAPE, in axes of the grid. For tests.
-std::tuple<nb::ndarray<nb::numpy, double>, double, double> shape_above_grid(Bytes2 record, Doubles2 points, double spacing) {
+std::tuple<NewTable, double, double> shape_above_grid(Bytes2 record, Doubles2 points, double spacing) {
   check_table(record, 1, sizeof(Shape), "the record"), check_table(points, points.shape(0), 2, "points");
-  check_alignment(record.data(), alignof(Shape));
-  const Shape& own = *reinterpret_cast<const Shape*>(record.data());
+  const Shape& own = *records_of<Shape>(record, "the record");
   check_kind(own);
   const Underside shape = underside(Solid(own, {}), spacing);
   FootRow row;
@@ -117,7 +106,7 @@ std::tuple<nb::ndarray<nb::numpy, double>, double, double> shape_above_grid(Byte
     const Vec3 normal = normal_at(shape, {row.x[0], row.y, row.low[0]});
     found.insert(found.end(), {row.low[0], normal.x, normal.y, normal.z, row.share[0]});
   }
-  return {array_of(std::move(found), {points.shape(0), 5}), reach(shape, 0), reach(shape, 1)};
+  return {array_of<double, 2>(found, {points.shape(0), 5}), reach(shape, 0), reach(shape, 1)};
 }
 
 }  // namespace

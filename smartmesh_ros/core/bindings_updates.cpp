@@ -93,12 +93,11 @@ void correct(Heights heights, Heights offsets, Clocks clocks, Pair first, Floats
   MapArrays map = map_of(heights, clocks);
   const auto [row, column] = first;
   const auto high = static_cast<std::int64_t>(known.shape(0)), wide = static_cast<std::int64_t>(known.shape(1));
-  if (offsets.shape(0) != heights.shape(0) || offsets.shape(1) != heights.shape(1))
-    throw std::invalid_argument("offsets must have the shape of heights");
+  check_table(offsets, heights.shape(0), heights.shape(1), "offsets");
   if (row < 0 || column < 0 || high < 1 || wide < 1 || high > map.rows - row || wide > map.columns - column)
     throw std::invalid_argument("the estimate is empty or leaves the map");
   if (std::isnan(shown) || !(settle > 0.0)) throw std::invalid_argument("shown must be a time, and settle above zero");
-  check_alignment(offsets.data(), sizeof(float)), check_alignment(known.data(), sizeof(float));
+  check_alignment(known.data(), sizeof(float));
   map.offsets = offsets.data();
   take_corrected(map, {row, column, row + high, column + wide}, {known.data(), finite(time, "the time"), shown, settle});
 }
@@ -110,15 +109,14 @@ void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, F
   const std::size_t high = measured.shape(0), wide = measured.shape(1);
   const auto [row, column] = first;
   const bool same = noises.size() == 1;
-  if (variances.shape(0) != heights.shape(0) || variances.shape(1) != heights.shape(1))
-    throw std::invalid_argument("variances must have the shape of heights");
+  check_table(variances, heights.shape(0), heights.shape(1), "variances");
   if (!same && (noises.shape(0) != high || noises.shape(1) != wide))
     throw std::invalid_argument("noises must have the shape of the measured heights, or (1, 1)");
   if (row < 0 || column < 0 || high > heights.shape(0) || wide > heights.shape(1) ||
       static_cast<std::size_t>(row) > heights.shape(0) - high ||
       static_cast<std::size_t>(column) > heights.shape(1) - wide)
     throw std::invalid_argument("the measured heights leave the map");
-  check_alignment(heights.data(), sizeof(float)), check_alignment(variances.data(), sizeof(float));
+  check_alignment(heights.data(), sizeof(float));
   check_alignment(measured.data(), sizeof(float)), check_alignment(noises.data(), sizeof(float));
   const std::vector<float> all(same ? wide : 0, same ? noises.data()[0] : 0.0f);
   for (std::size_t r = 0; r < high; ++r) {

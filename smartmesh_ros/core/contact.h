@@ -5,8 +5,6 @@
 // in the normal cones of both features, so that inner edges of flat ground have no contacts.
 #pragma once
 
-#include <vector>
-
 #include "convex.h"
 #include "patch.h"
 
@@ -33,9 +31,5 @@ struct Approach {
     return margin + (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
   }
 };
-
-// Appends the contacts of a shape at `pose` whose distance is below its motion in the step and the margin.
-void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, const Approach& approach,
-                   std::vector<Contact>& contacts);
 
 }  // namespace smartmesh

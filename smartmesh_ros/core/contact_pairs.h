@@ -1,4 +1,4 @@
-// Contacts of the single features of a shape; `find_contacts` goes through all of them.
+// Contacts of the single features of a shape; `ContactSearch` goes through all of them.
 #pragma once
 
 #include "contact.h"

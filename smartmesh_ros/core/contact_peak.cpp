@@ -1,6 +1,5 @@
 // A peak of the ground against faces and edges of a polytope.
 #include <algorithm>
-#include <cmath>
 
 #include "cones.h"
 #include "contact_pairs.h"

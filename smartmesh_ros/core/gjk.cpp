@@ -1,7 +1,8 @@
 #include "gjk.h"
 
 #include <algorithm>
-#include <cmath>
+
+#include "triangle.h"
 
 namespace smartmesh {
 
@@ -20,9 +21,7 @@ Vec3 farthest_corner(const Triangle& t, const Vec3& direction) {
 
 // Returns the point of a segment nearest to the origin.
 Vec3 on_segment(const Vec3& a, const Vec3& b) {
-  const Vec3 ab = b - a;
-  const double square = norm2(ab);
-  return a + ab * (square > 0.0 ? std::clamp(-dot(a, ab) / square, 0.0, 1.0) : 0.0);
+  return a + (b - a) * std::clamp(along_segment(ORIGIN, a, b), 0.0, 1.0);
 }
 
 // Returns true if the origin is on the other side of the plane through three points than `d`, or on the plane.

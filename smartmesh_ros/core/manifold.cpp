@@ -1,7 +1,6 @@
 #include "manifold.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace smartmesh {
 

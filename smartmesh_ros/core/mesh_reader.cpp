@@ -1,5 +1,4 @@
 // Points and rays on a moving triangle mesh.
-#include <cmath>
 #include <limits>
 
 #include "mesh_reader.h"

@@ -30,6 +30,14 @@ nb::ndarray<nb::numpy, T, nb::ndim<N>> new_array(const std::array<std::size_t, N
   return nb::ndarray<nb::numpy, T, nb::ndim<N>>(data, N, shape.data(), owner);
 }
 
+// Returns a new array with the values of a list.
+template <class T, std::size_t N>
+auto array_of(const std::vector<T>& values, const std::array<std::size_t, N>& shape) {
+  auto made = new_array<T, N>(shape);
+  std::copy(values.begin(), values.end(), made.data());
+  return made;
+}
+
 using NewTable = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using NewFlags = nb::ndarray<nb::numpy, bool, nb::ndim<1>>;
 

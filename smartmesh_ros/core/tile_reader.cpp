@@ -78,9 +78,8 @@ Sample TileReader::across(std::size_t number, double row, double column) {
   const HeightGrid& grid = *tile.grid;
   if (row >= 0.0 && column >= 0.0 && row < grid.rows && column < grid.columns)
     return tile.reader.read(static_cast<int>(row), static_cast<int>(column));
-  const double u = column * grid.resolution, v = row * grid.resolution;
-  const GroundPoint ground = sample(tile.pose.x + u * tile.pose.cos - v * tile.pose.sin,
-                                    tile.pose.y + u * tile.pose.sin + v * tile.pose.cos);
+  const Vec3 at = tile.pose.point({row, column}, grid.resolution);
+  const GroundPoint ground = sample(at.x, at.y);
   return {ground.height, ground.velocity * ahead_};
 }
 

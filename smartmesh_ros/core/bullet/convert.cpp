@@ -8,34 +8,41 @@
 
 namespace smartmesh {
 
-bool convex_of(const btConvexShape& shape, Convex& convex) {
+namespace {
+
+// Returns a shape along z turned to another axis. PyBullet makes none of these, but reads them from files of Bullet's.
+Convex turned(Convex shape, int axis) {
+  constexpr Turn from_z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
+  shape.turn = from_z[axis];
+  return shape;
+}
+
+}  // namespace
+
+std::optional<Convex> convex_of(const btConvexShape& shape) {
   switch (shape.getShapeType()) {
     case SPHERE_SHAPE_PROXYTYPE:
-      convex = ball(static_cast<const btSphereShape&>(shape).getRadius());
-      return true;
+      return ball(static_cast<const btSphereShape&>(shape).getRadius());
     case BOX_SHAPE_PROXYTYPE:
-      convex = box(from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin()));
-      return true;
+      return box(from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin()));
     case CAPSULE_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCapsuleShape&>(shape);
-      convex = capsule(it.getRadius(), it.getHalfHeight());
-      return it.getUpAxis() == 2;
+      return turned(capsule(it.getRadius(), it.getHalfHeight()), it.getUpAxis());
     }
     case CYLINDER_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btCylinderShape&>(shape);
       const btVector3 half = it.getHalfExtentsWithMargin();
-      convex = cylinder(half.x(), half.z());
-      return it.getUpAxis() == 2;
+      return turned(cylinder(half[(it.getUpAxis() + 1) % 3], half[it.getUpAxis()]), it.getUpAxis());
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btConvexHullShape&>(shape);
       std::vector<Vec3> points;
       for (int k = 0; k < it.getNumPoints(); ++k) points.push_back(from_bullet(it.getScaledPoint(k)));
-      if (!points.empty()) convex = hull(points, it.getMargin());
-      return !points.empty();
+      if (points.empty()) return {};
+      return hull(points, it.getMargin());
     }
     default:
-      return false;
+      return {};
   }
 }
 

@@ -229,12 +229,9 @@ void BulletWorld::wake(const Slot& slot) {
 }
 
 const Convex* BulletWorld::convex_of_part(Slot& slot, const btCollisionShape& shape) {
-  auto& known = slot.shapes[&shape];
-  if (known == nullptr) {
-    known = std::make_unique<Convex>();
-    if (!convex_of(static_cast<const btConvexShape&>(shape), *known)) known->reach = -1.0;
-  }
-  return known->reach < 0.0 ? nullptr : known.get();
+  const auto [known, is_new] = slot.shapes.try_emplace(&shape);
+  if (is_new) known->second = convex_of(static_cast<const btConvexShape&>(shape));
+  return known->second ? &*known->second : nullptr;
 }
 
 void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground,
@@ -251,7 +248,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   const Convex* shape = convex_of_part(slot, *body.getCollisionShape());
   if (shape == nullptr) return;
-  const Pose pose = from_bullet(body.getWorldTransform());
+  Pose pose = from_bullet(body.getWorldTransform());
+  for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
   Approach approach = approach_of(slot);
   approach.duration = step;
   approach.gravity = from_bullet(world_->getGravity());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <unordered_map>
 #include <vector>
 
@@ -29,7 +30,7 @@ struct Slot {
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
   std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
   long slept_at = -1;            // revision of the ground when they were read
-  std::unordered_map<const btCollisionShape*, std::unique_ptr<Convex>> shapes;
+  std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
 };
 
 class BulletWorld {
