@@ -225,3 +225,16 @@ def test_tiles_are_grids(ground: Any) -> None:
     for wrong in ([None], [1], [np.zeros(3)], np.zeros(3), None):
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(wrong)
+
+
+@pytest.mark.parametrize(
+    "spoilt", [np.ones((4, 5), np.float32), np.ones((5, 4)), np.ones((5, 4), np.float32)[::-1], None]
+)
+def test_friction_that_does_not_fit_is_refused(spoilt: np.ndarray | None) -> None:
+    grid = _core.Grid(**arrays())
+    if spoilt is None:
+        with pytest.raises(ValueError, match="zero or more"):
+            grid.set_friction(None, -1.0)
+        return
+    with pytest.raises((ValueError, TypeError)):
+        grid.set_friction(spoilt, 1.0)
