@@ -227,14 +227,14 @@ def test_tiles_are_grids(ground: Any) -> None:
             ground.set_tiles(wrong)
 
 
-@pytest.mark.parametrize(
-    "spoilt", [np.ones((4, 5), np.float32), np.ones((5, 4)), np.ones((5, 4), np.float32)[::-1], None]
-)
-def test_friction_that_does_not_fit_is_refused(spoilt: np.ndarray | None) -> None:
+@pytest.mark.parametrize("how", [how for how in SPOILT if how != "None"])
+def test_friction_that_does_not_fit_is_refused(how: str) -> None:
     grid = _core.Grid(**arrays())
-    if spoilt is None:
-        with pytest.raises(ValueError, match="zero or more"):
-            grid.set_friction(None, -1.0)
-        return
     with pytest.raises((ValueError, TypeError)):
-        grid.set_friction(spoilt, 1.0)
+        grid.set_friction(SPOILT[how](np.ones((70, 130), np.float32)), 1.0)
+
+
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+def test_impossible_uniform_friction_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="zero or more"):
+        _core.Grid(**arrays()).set_friction(None, value)
