@@ -3,12 +3,14 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
 #include "surface.h"
@@ -90,6 +92,7 @@ struct Grid {
   Floats2 heights, offsets;
   Floats3 velocities;
   Bytes3 clocks;
+  std::optional<Floats2> friction;
 
   Grid(Floats2 heights_rc, Floats3 velocities_krc, Floats2 offsets_rc, Bytes3 clocks_rc)
       : heights(heights_rc), offsets(offsets_rc), velocities(velocities_krc), clocks(clocks_rc) {
@@ -123,6 +126,16 @@ struct Grid {
   void show(double instant) {
     if (std::isnan(instant)) throw std::invalid_argument("the instant shown must be a number");
     grid.show(instant);
+  }
+  // Sets the coefficient of friction of each sample (rows, columns), or a `uniform` one.
+  void set_friction(std::optional<Floats2> samples, double uniform) {
+    if (!(uniform >= 0.0 && std::isfinite(uniform))) throw std::invalid_argument("a coefficient of friction is zero or more");
+    if (samples && (samples->shape(0) != heights.shape(0) || samples->shape(1) != heights.shape(1)))
+      throw std::invalid_argument("friction must have the shape of heights");
+    if (samples) check_alignment(samples->data(), sizeof(float));
+    friction = samples;
+    grid.friction = samples ? samples->data() : nullptr;
+    grid.uniform_friction = uniform;
   }
   void set_motion(int mode, double max_velocity, double settle, double noise, double shown) {
     grid.mode = mode_of(mode);

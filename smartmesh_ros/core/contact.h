@@ -11,11 +11,13 @@
 namespace smartmesh {
 
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
-// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step.
+// inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `friction`:
+// coefficient of the ground there.
 struct Contact {
   Vec3 point, normal;
   double distance;
   int body_feature, ground_feature;
+  double friction = 1.0;
 };
 
 // Motion of a body relative to the ground, and how far contacts are looked for.

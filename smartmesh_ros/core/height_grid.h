@@ -58,12 +58,15 @@ struct Sample {
 // in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections. `clocks`: one for each
 // block. `x`, `y`, `z` [m]: position of sample (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid.
 // `max_velocity` [m/s], `settle` [s]: see MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights
-// for the estimation of velocities. `shown` [s]: instant up to which corrections are blended in.
+// for the estimation of velocities. `shown` [s]: instant up to which corrections are blended in. `friction` (rows,
+// columns): coefficient of each sample, NaN = 1; null: `uniform_friction` everywhere.
 struct HeightGrid {
   const float* heights = nullptr;
   const float* velocities = nullptr;
   const float* offsets = nullptr;
   const Clock* clocks = nullptr;
+  const float* friction = nullptr;
+  double uniform_friction = 1.0;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
   Mode mode = Mode::Extrapolate;
@@ -74,6 +77,7 @@ struct HeightGrid {
   std::size_t index(int row, int column) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
   }
+  bool has_friction() const { return friction != nullptr || uniform_friction != 1.0; }
   bool has(int row, int column) const { return row >= 0 && column >= 0 && row < rows && column < columns; }
   int blocks() const { return ((rows + (1 << BLOCK_SHIFT) - 1) >> BLOCK_SHIFT) * block_columns; }
   const Clock& clock(int row, int column) const {

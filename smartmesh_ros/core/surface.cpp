@@ -83,6 +83,10 @@ long Surface::revision() const {
   return sum;
 }
 
+bool Surface::has_friction() const {
+  return std::any_of(tiles_.begin(), tiles_.end(), [](const HeightGrid* grid) { return grid->has_friction(); });
+}
+
 bool Surface::moves(double time) const {
   return std::any_of(tiles_.begin(), tiles_.end(), [&](const HeightGrid* grid) { return grid->moves(time); }) ||
          std::any_of(meshes_.begin(), meshes_.end(), [&](const MeshSurface* mesh) { return mesh->moves(time); });

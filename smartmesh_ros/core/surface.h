@@ -63,6 +63,8 @@ class Surface {
   long revision() const;
   // Returns a number that grows when the surface gets other tiles.
   long layout() const { return layout_; }
+  // Returns true if any height map has a coefficient of friction.
+  bool has_friction() const;
   // Returns true if any ground may move at `time` [s].
   bool moves(double time) const;
   // Returns a height that no ground inside `bounds` exceeds at `time` [s]; -1e300 = no ground.

@@ -109,6 +109,20 @@ GroundPoint TileReader::bridged(double x, double y) {
   return sides < 2 ? GroundPoint{NONE, 0.0} : GroundPoint{sum.height / weights, sum.velocity / weights};
 }
 
+double TileReader::friction(double x, double y) const {
+  for (const Tile& tile : tiles_) {
+    const HeightGrid& grid = *tile.grid;
+    const GridPoint place = tile.place(x, y);
+    if (!is_on(grid, place)) continue;
+    const GridPoint inside = clamped(grid, place);
+    const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
+    if (std::isnan(grid.heights[grid.index(row, column)])) continue;
+    const double found = grid.friction == nullptr ? grid.uniform_friction : grid.friction[grid.index(row, column)];
+    return std::isnan(found) ? 1.0 : found;
+  }
+  return 1.0;
+}
+
 bool TileReader::continues(std::size_t number, double x, double y) {
   const Tile& tile = tiles_[number];
   return is_on(*tile.grid, tile.place(x, y)) || (!is_on_any(x, y) && in_gap(x, y).tile == &tile);

@@ -7,6 +7,7 @@ Nothing here runs in a step.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,10 @@ class MapContacts:
     def hold(self, stopped: BoolArray) -> None:
         """Leave the followers (S,) that are ``stopped`` in PyBullet to sleep, even if their ground changes."""
         self._core.hold(stopped)
+
+    def drive(self, slot: int, axis: Sequence[float], speed: float) -> None:
+        """Move the surface of a follower about an ``axis`` in the frame of its centre of mass, at a ``speed`` [m/s]."""
+        self._core.drive(slot, tuple(axis), speed)
 
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""

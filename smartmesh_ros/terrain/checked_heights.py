@@ -44,6 +44,18 @@ def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...])
     return _as_floats(variance, shape, "variances")
 
 
+def checked_friction(friction: float | ArrayLike, shape: tuple[int, ...]) -> float | NDArray[np.float32]:
+    """Return coefficients of friction as one number or as a float32 copy of the right shape."""
+    if isinstance(friction, float | int):
+        if not 0.0 <= friction < math.inf:
+            raise InputError("friction", f"friction is {friction}; it must be zero or more")
+        return float(friction)
+    samples = np.array(_as_floats(friction, shape, "coefficients of friction"), order="C")
+    if (samples < 0.0).any() or _has_infinity(samples):
+        raise InputError("friction", "coefficients of friction must be zero or more, or NaN where they are unknown")
+    return samples
+
+
 def deviation_of(variance: float | NDArray[np.float32]) -> float:
     """Return the root mean square standard deviation [m]; negative and non-finite variances are ignored."""
     known = np.asarray(variance, np.float64)

@@ -12,7 +12,16 @@ def core_grid_of(heightmap: Any) -> Any:
     heights, velocities, clocks, offsets = heightmap.arrays
     grid = CORE.Grid(heights, velocities, offsets, as_bytes(clocks))
     update_core_grid(grid, heightmap)
+    tell_friction(grid, heightmap.friction)
     return grid
+
+
+def tell_friction(grid: Any, friction: Any) -> None:
+    """Tell the core the coefficient of friction, one number or (rows, columns)."""
+    if isinstance(friction, float):
+        grid.set_friction(None, friction)
+    else:
+        grid.set_friction(friction, 1.0)
 
 
 def update_core_grid(grid: Any, heightmap: Any) -> None:

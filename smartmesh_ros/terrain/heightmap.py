@@ -11,13 +11,14 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import (
     checked,
+    checked_friction,
     checked_rectangles,
     checked_variance,
     dense,
     deviation_of,
     require_region,
 )
-from smartmesh_ros.terrain.core_grid import core_grid_of, update_core_grid
+from smartmesh_ros.terrain.core_grid import core_grid_of, tell_friction, update_core_grid
 from smartmesh_ros.terrain.corrections import Corrections
 from smartmesh_ros.terrain.fusion import FusedMap
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
@@ -55,7 +56,8 @@ class HeightMap:
     ``yaw`` place the grid (see `GridGeometry`; an origin of two numbers lies at z = 0); alternatively pass a
     ``geometry``. ``time`` [s]: instant of the heights, on the clock of `Ground` or `World`. ``velocities`` [m/s], same
     shape: vertical velocity of the ground; by default the difference quotient of successive heights. ``variance``
-    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``.
+    [m^2]: of the heights, one number or one for each; by default that of ``motion.noise``. ``friction``: coefficient of
+    the ground, by which that of a body is multiplied; one number or one for each sample (NaN = 1), by default 1.
 
     If changes are corrections (see `MotionConfig`), the ground has no velocity, heights with a variance are fused over
     time, and the shown heights approach the fused ones as `show` advances.
@@ -75,6 +77,7 @@ class HeightMap:
         time: float = 0.0,
         velocities: ArrayLike | None = None,
         variance: float | ArrayLike | None = None,
+        friction: float | ArrayLike = 1.0,
         motion: MotionConfig | None = None,
     ) -> None:
         if geometry is None:
@@ -101,6 +104,7 @@ class HeightMap:
         self._corrections = Corrections(shape)
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
+        self.friction = friction
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
         self.track = at_rest(geometry, self.time)  # pose and rigid motion of the grid
 
@@ -110,6 +114,20 @@ class HeightMap:
         view = self._heights.view()
         view.setflags(write=False)
         return view
+
+    @property
+    def friction(self) -> float | NDArray[np.float32]:
+        """Coefficient of the ground, by which that of a body is multiplied: one number, or (rows, columns), NaN = 1.
+
+        Assign another to replace it; raises `InputError` and then changes nothing.
+        """
+        return self._friction
+
+    @friction.setter
+    def friction(self, friction: float | ArrayLike) -> None:
+        self._friction = checked_friction(friction, (self.geometry.rows, self.geometry.columns))
+        if self._core is not None:
+            tell_friction(self._core, self._friction)
 
     @property
     def motion(self) -> MotionConfig:

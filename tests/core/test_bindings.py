@@ -225,3 +225,16 @@ def test_tiles_are_grids(ground: Any) -> None:
     for wrong in ([None], [1], [np.zeros(3)], np.zeros(3), None):
         with pytest.raises((*REFUSED, RuntimeError)):
             ground.set_tiles(wrong)
+
+
+@pytest.mark.parametrize("how", [how for how in SPOILT if how != "None"])
+def test_friction_that_does_not_fit_is_refused(how: str) -> None:
+    grid = _core.Grid(**arrays())
+    with pytest.raises((ValueError, TypeError)):
+        grid.set_friction(SPOILT[how](np.ones((70, 130), np.float32)), 1.0)
+
+
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+def test_impossible_uniform_friction_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="zero or more"):
+        _core.Grid(**arrays()).set_friction(None, value)

@@ -62,6 +62,13 @@ struct Ground {
     for (std::size_t k = 0; k < flags.shape(0); ++k)
       if (world().has(static_cast<int>(k))) world().hold(static_cast<int>(k), flags.data()[k]);
   }
+  // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
+  void drive(int slot, std::tuple<double, double, double> axis, double speed) {
+    const auto [x, y, z] = axis;
+    if (!world().has(slot)) throw std::invalid_argument("no attached body has this slot");
+    if (!std::isfinite(x + y + z + speed)) throw std::invalid_argument("the axis and the speed must be finite");
+    world().drive(slot, {{x, y, z}, speed});
+  }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
   void read(Slots slots, States states) {
     check_table(states, states.shape(0), BODY_COLUMNS, "states");
@@ -88,6 +95,7 @@ void add_ground(nb::module_& m) {
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("enable", &Ground::enable, "flags"_a.noconvert())
+      .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
       .def("hold", &Ground::hold, "flags"_a.noconvert())
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert())
       .def_prop_rw(

@@ -62,12 +62,17 @@ btManifoldPoint point_of(const Contact& contact, const Touching& touching, bool 
   point.m_positionWorldOnA = ground_is_b ? on_body : on_ground;
   point.m_positionWorldOnB = ground_is_b ? on_ground : on_body;
   combine(ground_is_b ? body : ground, ground_is_b ? ground : body, point);
+  point.m_combinedFriction *= contact.friction;
   point.m_combinedRestitution = restitution_of(contact, touching.approach, point.m_combinedRestitution);
   if (point.m_combinedRestitution > 0.0) point.m_distance1 = std::min(0.0, contact.distance);  // it bounces now
   if (contact.distance < 0.0) {
     const double duration = touching.approach.duration;
     point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_ERP;
     point.m_contactERP = std::min({touching.erp, duration / PUSH_OUT_TIME, PUSH_OUT * duration / -contact.distance});
+  }
+  if (touching.softness > 0.0) {
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_HAS_CONTACT_CFM;
+    point.m_contactCFM = touching.softness;
   }
   btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
   point.m_partId0 = ground_is_b ? 0 : 1;

@@ -33,6 +33,15 @@ bool is_of(const btCollisionObject& object, int body, int link) {
   return link < 0 && object.getUserIndex2() == body;
 }
 
+// Returns the mass of a rigid body, or of a robot with all its links [kg].
+double mass_of(const btCollisionObject& object) {
+  if (const auto* rigid = btRigidBody::upcast(&object)) return 1.0 / rigid->getInvMass();
+  const btMultiBody& body = *btMultiBodyLinkCollider::upcast(&object)->m_multiBody;
+  double mass = body.getBaseMass();
+  for (int link = 0; link < body.getNumLinks(); ++link) mass += body.getLink(link).m_mass;
+  return mass;
+}
+
 }  // namespace
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
@@ -198,6 +207,8 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
+  slot.ground_linear = motion.linear;
+  slot.normals = {};
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
   if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
@@ -257,7 +268,27 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   search_.run(*shape, pose, surface, time, approach, contacts_);
   read_contacts(manifold, before_);
   choose_contacts(approach, before_, contacts_);
-  write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2}, manifold);
+  if (surface.has_friction()) {
+    const SurfaceReader ground_now = surface.reader(time, INSTANT);
+    for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
+  }
+  double softness = 0.0;
+  if (slot.belt.speed != 0.0) {
+    run_belt(slot, contacts_);
+    // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
+    softness = step / mass_of(*slot.object);
+  }
+  write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2, softness},
+                 manifold);
+}
+
+// A proxy has one velocity, so that contacts with several normals share the mean one.
+void BulletWorld::run_belt(Slot& slot, const std::vector<Contact>& contacts) {
+  for (const Contact& contact : contacts) slot.normals = slot.normals + contact.normal;
+  const Vec3 axis = from_bullet(slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis));
+  const Vec3 along = cross(axis, slot.normals);
+  if (!(norm2(along) > 0.0)) return;
+  slot.ground->setLinearVelocity(to_bullet(slot.ground_linear + along * (slot.belt.speed / norm(along))));
 }
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }

@@ -17,6 +17,14 @@ class btMultiBody;
 
 namespace smartmesh {
 
+// Motion of a link's surface, as of a track: where the ground touches it with a normal n, the surface moves along
+// n x axis, at a speed [m/s]. A positive speed drives the link as a wheel that turns about `axis`, which is given in the
+// frame of the link's centre of mass.
+struct Belt {
+  Vec3 axis;
+  double speed = 0.0;
+};
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
 struct Slot {
   bool used = false, enabled = true;
@@ -28,6 +36,9 @@ struct Slot {
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   Vec3 linear, angular;    // of the body [m/s], [rad/s]
+  Belt belt;
+  Vec3 ground_linear;      // velocity of the ground [m/s]
+  Vec3 normals;            // sum of the normals of the step's contacts
   std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
   long slept_at = -1;            // revision of the ground when they were read
   std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
@@ -59,6 +70,9 @@ class BulletWorld {
   // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
   void hold(int slot, bool held) { slots_[slot].held = held; }
 
+  // Moves the surface of the body in a slot.
+  void drive(int slot, const Belt& belt) { slots_[slot].belt = belt; }
+
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
   // Writes the state of the body in a slot; false if it is gone.
@@ -84,6 +98,8 @@ class BulletWorld {
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
   void place(Slot& slot);
+  // Moves the proxy against the surface of its body, whose contacts in this step are given.
+  static void run_belt(Slot& slot, const std::vector<Contact>& contacts);
   static void wake(const Slot& slot);
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.

@@ -1,0 +1,120 @@
+"""Friction of the ground by place: ice beside gravel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+
+GRAVITY = 9.81
+ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
+ICE, GRAVEL = 0.1, 0.6
+
+
+def halves() -> np.ndarray:
+    """Ice where x < 0, gravel elsewhere."""
+    friction = np.full((ROWS, COLUMNS), GRAVEL, np.float32)
+    friction[:, : COLUMNS // 2] = ICE
+    return friction
+
+
+def flat(friction: float | np.ndarray = 1.0) -> HeightMap:
+    heights = np.zeros((ROWS, COLUMNS))
+    return HeightMap(heights, resolution=RESOLUTION, origin=(-10.0, -2.0), friction=friction)
+
+
+def sliding(terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0) -> World:
+    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction)))
+    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((x, 0.0, 0.1), linear=(speed, 0.0, 0.0)))
+    return world
+
+
+def way_of(world: World) -> float:
+    """How far a box slides until it stops [m]."""
+    with world:
+        start = world.state("box").position[0]
+        for _ in range(2000):
+            world.step()
+            if abs(world.state("box").linear[0]) < 1e-4:
+                return world.state("box").position[0] - start
+    raise AssertionError("the box did not stop")
+
+
+@pytest.mark.parametrize(("x", "speed", "mu"), [(-9.0, 3.0, ICE), (-9.0, 2.0, ICE), (1.0, 3.0, GRAVEL)])
+def test_a_box_stops_where_the_friction_of_its_place_stops_it(x: float, speed: float, mu: float) -> None:
+    assert way_of(sliding(flat(halves()), x, speed)) == pytest.approx(speed**2 / (2 * mu * GRAVITY), rel=0.02)
+
+
+@given(st.floats(0.3, 1.0), st.floats(0.4, 0.8))
+def test_the_coefficients_of_ground_and_body_are_multiplied(ground: float, body: float) -> None:
+    speed = 2.0
+    found = way_of(sliding(flat(ground), -8.0, speed, body))
+    assert found == pytest.approx(speed**2 / (2 * ground * body * GRAVITY), rel=0.03)
+
+
+def test_across_the_border_the_normal_force_does_not_jump() -> None:
+    forces = []
+    with sliding(flat(halves()), -1.0, 3.0) as world:
+        for step in range(120):
+            world.step()
+            if step > 10:
+                forces.append(sum(contact.normal_force for contact in world.contacts()))
+        assert world.state("box").position[0] > 0.2
+    np.testing.assert_allclose(forces, GRAVITY, rtol=0.02)
+
+
+def test_a_ball_on_ice_keeps_sliding_where_one_on_gravel_rolls() -> None:
+    def spin(x: float) -> float:
+        with World(flat(halves()), WorldConfig(physics=PhysicsConfig(friction=1.0))) as world:
+            world.spawn("ball", Sphere(0.2), 1.0, BodyState((x, 0.0, 0.2), linear=(1.0, 0.0, 0.0)))
+            world.step(24)
+            return world.state("ball").angular[1] * 0.2
+
+    assert spin(-5.0) == pytest.approx(2.5 * ICE * GRAVITY * 0.1, rel=0.03), "it gains 5/2 mu g t"
+    assert spin(5.0) == pytest.approx(5.0 / 7.0, rel=0.03), "it rolls"
+
+
+def test_unknown_samples_and_tiles_without_friction_leave_the_bodies_own() -> None:
+    friction = halves()
+    friction[:, : COLUMNS // 2] = np.nan
+    expected = 2.0**2 / (2 * 0.5 * GRAVITY)
+    assert way_of(sliding(flat(friction), -5.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
+    terrain = Terrain()
+    terrain.put("ice", flat(ICE))
+    plain = HeightMap(np.zeros((ROWS, COLUMNS)), resolution=RESOLUTION, origin=(10.1, -2.0))
+    terrain.put("plain", plain)
+    assert way_of(sliding(terrain, 12.0, 2.0, 0.5)) == pytest.approx(expected, rel=0.02)
+
+
+def test_friction_stays_when_heights_are_replaced_and_changes_when_it_is_assigned() -> None:
+    terrain = flat(ICE)
+    terrain.replace(np.zeros((ROWS, COLUMNS)), time=0.0)
+    assert way_of(sliding(terrain, -9.0, 2.0)) == pytest.approx(2.0**2 / (2 * ICE * GRAVITY), rel=0.02)
+    world = sliding(terrain, -9.0, 2.0)
+    world.step()
+    terrain.friction = GRAVEL
+    assert way_of(world) == pytest.approx(2.0**2 / (2 * GRAVEL * GRAVITY), rel=0.04)
+
+
+@pytest.mark.parametrize(
+    ("friction", "words"),
+    [
+        (-0.1, "zero or more"),
+        (math.nan, "zero or more"),
+        (math.inf, "zero or more"),
+        (np.ones((3, 3)), "it must be"),
+        (np.full((ROWS, COLUMNS), -1.0), "zero or more"),
+        (np.full((ROWS, COLUMNS), np.inf), "zero or more"),
+        (np.full((ROWS, COLUMNS), "ice"), "real numbers"),
+    ],
+)
+def test_impossible_friction_is_refused_and_the_old_one_stays(friction: float | np.ndarray, words: str) -> None:
+    terrain = flat(ICE)
+    with pytest.raises(InputError, match=words):
+        terrain.friction = friction
+    assert terrain.friction == ICE
