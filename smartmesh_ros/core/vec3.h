@@ -39,6 +39,16 @@ inline Vec3 operator*(const Mat3& m, const Vec3& v) { return {dot(m.row[0], v), 
 // Returns the product of the transposed matrix and `v`, which for a rotation is the inverse rotation of `v`.
 inline Vec3 transposed(const Mat3& m, const Vec3& v) { return m.row[0] * v.x + m.row[1] * v.y + m.row[2] * v.z; }
 
+inline Mat3 transpose(const Mat3& m) {
+  const Vec3 &a = m.row[0], &b = m.row[1], &c = m.row[2];
+  return {{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}}};
+}
+
+inline Mat3 operator*(const Mat3& a, const Mat3& b) {
+  return {{transposed(b, a.row[0]), transposed(b, a.row[1]), transposed(b, a.row[2])}};
+}
+
+// Pose of a frame in another: `turn` and `at` of its axes and its origin there.
 struct Pose {
   Mat3 turn;
   Vec3 at;
@@ -46,6 +56,13 @@ struct Pose {
   Vec3 to_world(const Vec3& local) const { return turn * local + at; }
   Vec3 to_local(const Vec3& world) const { return transposed(turn, world - at); }
 };
+
+// Returns the pose in the world of a frame at `local` in another.
+inline Pose operator*(const Pose& frame, const Pose& local) { return {frame.turn * local.turn, frame.to_world(local.at)}; }
+// Returns the pose of a frame as seen from another.
+inline Pose seen_from(const Pose& frame, const Pose& world) {
+  return {transpose(frame.turn) * world.turn, frame.to_local(world.at)};
+}
 
 // Axis-aligned box from `low` to `high`.
 struct Bounds {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "bindings.h"
+#include "tables.h"
 #include "world.h"
 
 namespace smartmesh {
@@ -10,10 +10,47 @@ namespace {
 
 constexpr int MOST_SLOTS = 1 << 24;
 
+// Soil of a map for the steps of a world; the arrays stay alive with it.
+struct StepSoil {
+  nb::object grid;
+  Bytes2 kinds;
+  Doubles2 soils;
+  SoilInStep soil;
+
+  StepSoil(nb::object of, Bytes2 kinds_rc, Doubles2 soils_s, double spacing)
+      : grid(of), kinds(kinds_rc), soils(soils_s), soil(checked(of, kinds_rc, soils_s, spacing), kinds_of(kinds_rc, soils_s), spacing) {}
+
+  StepSoil(const StepSoil&) = delete;
+
+  static const HeightGrid& checked(nb::handle of, const Bytes2& kinds, const Doubles2& soils, double spacing) {
+    const HeightGrid& map = nb::cast<Grid&>(of).grid;
+    if (kinds.shape(0) != static_cast<std::size_t>(map.rows) || kinds.shape(1) != static_cast<std::size_t>(map.columns))
+      throw std::invalid_argument("kinds must have the rows and columns of the grid");
+    if (soils.shape(0) < 1 || soils.shape(0) > 255 || soils.shape(1) * sizeof(double) != sizeof(SoilType))
+      throw std::invalid_argument("soils must have the shape (S, 8), with 1 to 255 soils");
+    check_alignment(soils.data(), sizeof(double));
+    if (!(spacing > 0.0 && map.resolution / spacing < 1000.0)) throw std::invalid_argument("the spacing is out of its range");
+    return map;
+  }
+  static SoilKinds kinds_of(const Bytes2& kinds, const Doubles2& soils) {
+    return {kinds.data(), reinterpret_cast<const SoilType*>(soils.data()), static_cast<int>(soils.shape(0))};
+  }
+  // Returns the rows and columns (n, 2), and the heights (n,) of the samples of the map that were pressed.
+  auto take_pressed() {
+    std::vector<std::int64_t> places;
+    std::vector<float> heights;
+    for (const PressedNode& node : soil.lattice.take_pressed())
+      places.insert(places.end(), {node.row, node.column}), heights.push_back(node.height);
+    const std::size_t count = heights.size();
+    return std::make_tuple(array_of<std::int64_t, 2>(places, {count, 2}), array_of<float, 1>(heights, {count}));
+  }
+};
+
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
   int number, of_world;
   nb::list tiles;  // keeps the grids and meshes alive
+  nb::object soil;
 
   explicit Ground(int of) : number(of) {
     BulletWorld* found = world_of(number);
@@ -41,6 +78,19 @@ struct Ground {
     throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
   }
   void set_tiles(nb::list parts) { tiles = set_tiles_of(world().surface, parts); }
+  void set_soil(nb::object of) {
+    world().soil = of.is_none() ? nullptr : &nb::cast<StepSoil&>(of).soil;
+    soil = of;
+  }
+  // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.
+  auto on_soil(int slot) {
+    std::vector<double> sums;
+    if (world().has(slot) && world().soil != nullptr) {
+      for (const auto& [shape, part] : world().parts_on_soil(slot))
+        if (world().soil->was_near(part)) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
+    }
+    return array_of<double, 2>(sums, {sums.size() / 3, 3});
+  }
   void attach(int slot, int body, int link, int proxy) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
     if (world().has(slot)) throw std::invalid_argument("the slot is used already");
@@ -87,7 +137,17 @@ struct Ground {
 }  // namespace
 
 void add_ground(nb::module_& m) {
+  nb::class_<StepSoil>(m, "StepSoil")
+      .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
+           "spacing"_a)
+      .def("take_pressed", &StepSoil::take_pressed)
+      .def_prop_rw(
+          "sinks_by_slip", [](const StepSoil& s) { return s.soil.lattice.sinks_by_slip; },
+          [](StepSoil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })
+      .def("reset", [](StepSoil& s) { s.soil.lattice.reset(); });
   nb::class_<Ground>(m, "Ground")
+      .def("set_soil", &Ground::set_soil, "soil"_a.none())
+      .def("on_soil", &Ground::on_soil, "slot"_a)
       .def(nb::init<int>(), "number"_a)
       .def("release", &Ground::release)
       .def_prop_ro("is_there", [](const Ground& g) { return g.find_world() != nullptr; })

@@ -46,6 +46,7 @@ double mass_of(const btCollisionObject& object) {
 
 void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
   world_ = world;
+  soil = nullptr;
   ++worlds_;
   owned = false;
   slots_.clear();
@@ -65,6 +66,7 @@ void BulletWorld::release() {
   for (std::size_t k = 0; k < slots_.size(); ++k)
     if (slots_[k].used) detach(static_cast<int>(k));
   surface.set_tiles({}, {});
+  soil = nullptr;
   owned = false;
 }
 
@@ -169,6 +171,34 @@ void BulletWorld::after_step() {
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
+  if (soil == nullptr) return;
+  for (Slot& slot : slots_) {
+    if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
+    if (!slot.enabled || !slot.object->isActive()) continue;
+    read_velocity(slot);
+    soil->press(on_soil(slot, duration), slot.on_soil);
+  }
+  soil->next();
+}
+
+// A robot rests on those of its links alike that touched the soil in the last step.
+OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
+  int count = 0;
+  for (const Slot& other : slots_) {
+    if (!other.used || other.body != slot.body) continue;
+    for (const auto& [shape, part] : other.on_soil) count += soil->was_near(part) && !part.up.empty();
+  }
+  OnSoil found;
+  found.pose = from_bullet(slot.object->getWorldTransform());
+  found.centre = found.pose.at;
+  found.linear = slot.linear - slot.ground_linear;
+  found.angular = slot.angular;
+  if (slot.belt.speed != 0.0) found.surface = slot.ground_linear - from_bullet(slot.ground->getLinearVelocity());
+  found.mass = mass_of(*slot.object) / std::max(count, 1);
+  found.gravity = world_->getGravity().length();
+  found.duration = step, found.time = time;
+  found.rise = soil->rise_at(found.centre, time);
+  return found;
 }
 
 void BulletWorld::place(Slot& slot) {
@@ -261,6 +291,11 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   if (shape == nullptr) return;
   Pose pose = from_bullet(body.getWorldTransform());
   for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
+  if (soil != nullptr && soil->is_under(pose.at, time)) {
+    soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
+                slot.on_soil[body.getCollisionShape()], manifold);
+    return;
+  }
   Approach approach = approach_of(slot);
   approach.duration = step;
   approach.gravity = from_bullet(world_->getGravity());

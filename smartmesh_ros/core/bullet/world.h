@@ -11,6 +11,7 @@
 #include "contact_search.h"
 #include "ground_shape.h"
 #include "manifold.h"
+#include "soil_in_step.h"
 #include "solid.h"
 
 class btMultiBody;
@@ -42,6 +43,7 @@ struct Slot {
   std::vector<double> slept_on;  // heights of the ground under a body that PyBullet put to sleep [m]
   long slept_at = -1;            // revision of the ground when they were read
   std::unordered_map<const btCollisionShape*, std::optional<Convex>> shapes;  // none = of unknown kind
+  SoilParts on_soil;  // by their shapes
 };
 
 class BulletWorld {
@@ -73,6 +75,9 @@ class BulletWorld {
   // Moves the surface of the body in a slot.
   void drive(int slot, const Belt& belt) { slots_[slot].belt = belt; }
 
+  // Returns the parts of the body in a slot that came near the soil.
+  const SoilParts& parts_on_soil(int slot) const { return slots_[slot].on_soil; }
+
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
   // Writes the state of the body in a slot; false if it is gone.
@@ -87,6 +92,7 @@ class BulletWorld {
              double duration);
 
   bool owned = false;    // by a ground of Python
+  SoilInStep* soil = nullptr;  // belongs to Python; null = none
 
  private:
   // A slot that a PyBullet body belongs to, as the body itself or as its proxy.
@@ -106,6 +112,8 @@ class BulletWorld {
   double margin_in(double step) const;
   Approach approach_of(const Slot& slot) const;
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
+  // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
+  OnSoil on_soil(const Slot& slot, double step) const;
 
   btDiscreteDynamicsWorld* world_ = nullptr;
   int worlds_ = 0;

@@ -1,0 +1,220 @@
+#include "soil_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace smartmesh {
+
+namespace {
+
+constexpr double INFINITE = std::numeric_limits<double>::infinity();
+// Largest friction coefficient of a spring. Cohesion makes that of light bodies large without limit.
+constexpr double MOST_FRICTION = 2.0;
+// Most rounds of the search for the place of a body at the end of a step; Newton's method needs two to five. Relative
+// error of the force at which it ends.
+constexpr int ROUNDS = 30;
+constexpr double LOAD_ERROR = 1e-6;
+// Least rise of a normal: soil beside a body does not carry it.
+constexpr double STEEP = 0.05;
+// Depth from which a body that appears in the soil has been put there [m].
+constexpr double PUT_IN = 1e-3;
+// Farthest place [m] at which a body counts; beyond it was thrown to infinity.
+constexpr double FARTHEST = 1e9;
+
+// Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
+double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
+
+}  // namespace
+
+// A part in axes of the grid: `column`, `row`: fractional fine sample of its middle, at the height `z` without the map's.
+struct SoilUnderBody::Placed {
+  GridPose pose;
+  Underside shape;
+  double column, row, z;
+
+  Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
+  Vec3 normal(const Vec3& offset) const {
+    const Vec3 found = normal_at(shape, offset);
+    return found.z < 0.0 ? -found : found;
+  }
+};
+
+SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const MovingSolid& moving, double time) {
+  const GridPose pose = soil.map().pose_at(time);
+  Solid solid = moving.solid;
+  for (Vec3& axis : solid.axes.row)
+    axis = {pose.cos * axis.x + pose.sin * axis.y, pose.cos * axis.y - pose.sin * axis.x, axis.z};
+  const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
+  return {pose, underside(solid, soil.spacing()), at.column, at.row, solid.centre.z - soil.map().z};
+}
+
+// Fills `under_` with the samples under a part whose rim slips.
+void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, const SoilStep& step) {
+  under_.clear();
+  const double spacing = soil.spacing(), wide = reach(placed.shape, 0) / spacing, high = reach(placed.shape, 1) / spacing;
+  if (!(std::abs(placed.column) + std::abs(placed.row) + std::abs(placed.z) + wide + high < FARTHEST)) return;
+  const int top = std::max(0, static_cast<int>(placed.row - high));
+  const int left = std::max(0, static_cast<int>(placed.column - wide));
+  const int bottom = std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1);
+  const int right = std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1);
+  if (bottom < top || right < left) return;
+  soil.renew(top, left, bottom, right);
+  soils_.clear();
+  for (int kind = 0; kind < soil.soil_count(); ++kind) {
+    soils_.push_back(under_patch(soil.soil(kind), patch_width(placed.shape), step.dt));
+    if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
+  }
+  row_.x.resize(static_cast<std::size_t>(right - left + 1));
+  for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  for (int r = top; r <= bottom; ++r) {
+    row_.y = (r - placed.row) * spacing;
+    look_up(placed.shape, row_);
+    for (int c = left; c <= right; ++c) {
+      const int k = c - left;
+      if (row_.low[k] == INFINITE) continue;
+      FineSample& sample = soil.at(r, c);
+      if (std::isnan(sample.level)) continue;
+      const PatchSoil& own = soils_[soil.kind(r, c)];
+      const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
+      under_.push_back({&sample, &own, r, c, {row_.x[k], row_.y, row_.low[k]}, placed.z + row_.low[k],
+                        sample.level - sample.yield.plastic - loaded / own.elastic,
+                        row_.share[k] * spacing * spacing, 0.0, 0.0, 0.0});
+    }
+  }
+}
+
+// Sets the loads of the samples for a part that went `down` [m].
+void SoilUnderBody::load(double down) {
+  for (Under& under : under_) {
+    const double height = under.low - down, sinkage = under.sample->level - height;
+    const Yield& before = under.sample->yield;
+    under.pressure = pressure_at(sinkage, before, *under.soil);
+    const double drag = under.soil->drag * (under.surface - height);
+    under.total = under.pressure > 0.0 ? std::max(0.0, under.pressure + drag) : 0.0;
+    under.stiffness = 0.0;
+    if (under.total > 0.0)
+      under.stiffness = stiffness_at(sinkage, under.pressure, before, *under.soil) + under.soil->drag;
+  }
+}
+
+// Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the soil
+// and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
+double SoilUnderBody::settle(const Carried& carried, double speed_down, double dt) {
+  const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
+  double low = free, high = free, trial = std::min(free, speed_down * dt);
+  for (const Under& under : under_) low = std::min(low, under.low - under.sample->level);
+  for (int round = 0; round < ROUNDS; ++round) {
+    load(trial);
+    double force = 0.0, slope = inertia;
+    for (const Under& under : under_) force += under.area * under.total, slope += under.area * under.stiffness;
+    const double lack = inertia * (free - trial) - force;
+    if (std::abs(lack) <= LOAD_ERROR * std::max(carried.load, force)) break;
+    (lack > 0.0 ? low : high) = trial;
+    if (high - low < 1e-12) break;
+    trial += lack / slope;
+    if (!(low < trial && trial < high)) trial = 0.5 * (low + high);
+  }
+  return trial;
+}
+
+// Sums over the samples of a quarter: forces of their pressures [N], in axes of the grid, and their places weighted with
+// these, strength of the shear stresses [N], derivative of the force by the speed [N s/m], and the deepest sinkage [m].
+struct SoilUnderBody::Quarter {
+  Vec3 force, place, normal;
+  double weight = 0.0, shear = 0.0, slope = 0.0, sunk = 0.0;
+};
+
+const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, const MovingSolid& moving,
+                                                           const Carried& carried, const ShearedRim& rim,
+                                                           const SoilStep& step) {
+  springs_.clear();
+  MovingSolid then = moving;  // at the end of the step, but for its vertical motion
+  then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
+  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(moving.angular, axis) * step.dt);
+  const Placed placed = place(soil, then, step.time);
+  gather(soil, placed, rim.slip(), step);
+  const double down = settle(carried, -moving.linear.z, step.dt);
+
+  double total = 0.0, x = 0.0, y = 0.0;
+  for (const Under& under : under_) {
+    const double force = under.carries() ? under.area * under.total : 0.0;
+    total += force, x += force * under.offset.x, y += force * under.offset.y;
+  }
+  if (!(total > 0.0)) return springs_;
+  x /= total, y /= total;
+  // Quarters about the middle of the pressures, along a level axis of the shape and across it.
+  const Underside& shape = placed.shape;
+  const Vec3 along = shape.axis(lies(shape.solid) ? 2 : (shape.upright + 1) % 3);
+  Quarter quarters[4];
+  const auto quarter_of = [&](const Under& under) -> Quarter& {
+    const double u = under.offset.x - x, v = under.offset.y - y;
+    return quarters[(u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0)];
+  };
+  for (const Under& under : under_) {
+    if (!under.carries()) continue;
+    Quarter& quarter = quarter_of(under);
+    const Vec3 normal = placed.normal(under.offset);
+    const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
+    quarter.force = quarter.force + normal * force;
+    quarter.place = quarter.place + under.offset * force;
+    quarter.weight += force;
+    quarter.shear += area * shear_at(under.pressure, rim.at(then.solid, placed.to_world(under.offset)), *under.soil);
+    quarter.sunk = std::max(quarter.sunk, under.sample->level - under.low + down);
+  }
+  for (Quarter& quarter : quarters) quarter.normal = unit(quarter.force);
+  for (const Under& under : under_) {
+    if (!under.carries()) continue;
+    Quarter& quarter = quarter_of(under);
+    const Vec3 normal = placed.normal(under.offset);
+    const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
+    quarter.slope += under.area * under.stiffness * part * part * step.dt;
+  }
+  const Vec3 velocity{moving.linear.x, moving.linear.y, -down / step.dt};
+  for (const Quarter& quarter : quarters) {
+    if (!(quarter.slope > 0.0)) continue;
+    const Vec3 normal = placed.to_world(quarter.normal), offset = placed.to_world(quarter.place * (1.0 / quarter.weight));
+    const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
+    springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity + cross(moving.angular, offset)),
+                        quarter.slope, friction, quarter.sunk});
+  }
+  return springs_;
+}
+
+SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
+  const Placed placed = place(soil, moving, step.time);
+  gather(soil, placed, rim.slip(), step);
+  load(0.0);
+  SoilSums sums;
+  points_ = {{}, {}, soil.spacing()};
+  for (const Under& under : under_) {
+    if (under.pressure <= 0.0) continue;
+    FineSample& sample = *under.sample;
+    const double sinkage = sample.level - under.low, before = sample.yield.plastic;
+    sample.yield = yield_after(sinkage, under.pressure, sample.yield, *under.soil);
+    sample.pressure = static_cast<float>(under.pressure), sample.step = step.number;
+    if (sample.yield.plastic > before) soil.note(under.row, under.column);
+    if (!(under.area > 0.0)) continue;
+    sums.carried += under.area * under.pressure, sums.area += under.area;
+    sums.sinkage = std::max(sums.sinkage, sinkage);
+    points_.offsets.push_back(placed.to_world(under.offset));
+    points_.normals.push_back(placed.to_world(placed.normal(under.offset)));
+  }
+  rim.slide(moving, points_, step.dt);
+  return sums;
+}
+
+void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step) {
+  const Placed placed = place(soil, moving, step.time);
+  gather(soil, placed, 0.0, step);
+  for (const Under& under : under_) {
+    FineSample& sample = *under.sample;
+    const double sinkage = sample.level - under.low;
+    if (sinkage < sample.yield.plastic + PUT_IN) continue;
+    const double pressure = under.soil->modulus * std::pow(sinkage, under.soil->exponent);
+    sample.yield = {sinkage, std::max(sample.yield.yielded, pressure)};
+    soil.note(under.row, under.column);
+  }
+}
+
+}  // namespace smartmesh

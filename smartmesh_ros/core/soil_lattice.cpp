@@ -1,0 +1,91 @@
+#include "soil_lattice.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartmesh {
+
+SoilLattice::SoilLattice(const HeightGrid& map, const SoilKinds& kinds, double spacing)
+    : map_(map), kinds_(kinds), refine_(std::max(1, static_cast<int>(std::ceil(map.resolution / spacing - 1e-9)))),
+      block_columns_((columns() >> SIDE_SHIFT) + 1) {
+  reset();
+}
+
+void SoilLattice::reset() {
+  blocks_.clear();
+  blocks_.resize(static_cast<std::size_t>((rows() >> SIDE_SHIFT) + 1) * block_columns_);
+  known_.clear();
+  pressed_.clear();
+}
+
+int SoilLattice::kind(int row, int column) const {
+  const int r = (row + refine_ / 2) / refine_, c = (column + refine_ / 2) / refine_;
+  return std::min<int>(kinds_.kinds[map_.index(std::min(r, map_.rows - 1), std::min(c, map_.columns - 1))],
+                       kinds_.count - 1);
+}
+
+double SoilLattice::level_at(int row, int column) const {
+  const int r = std::min(row / refine_, map_.rows - 2), c = std::min(column / refine_, map_.columns - 2);
+  const double v = static_cast<double>(row - r * refine_) / refine_, u = static_cast<double>(column - c * refine_) / refine_;
+  // A place on a sample must not see a hole beside it.
+  const auto part = [](double weight, float height) { return weight > 0.0 ? weight * height : 0.0; };
+  return part((1.0 - v) * (1.0 - u), mapped(r, c)) + part((1.0 - v) * u, mapped(r, c + 1)) +
+         part(v * (1.0 - u), mapped(r + 1, c)) + part(v * u, mapped(r + 1, c + 1));
+}
+
+FineSample& SoilLattice::at(int row, int column) {
+  auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
+  if (block == nullptr) block = std::make_unique<Block>();
+  FineSample& sample = (*block)[(row & (SIDE - 1)) * SIDE + (column & (SIDE - 1))];
+  if (sample.step == 0) sample = {level_at(row, column), {0.0, 0.0}, 0.0f, -1};
+  return sample;
+}
+
+void SoilLattice::renew(int top, int left, int bottom, int right) {
+  const int last_row = std::min(bottom / refine_ + 1, map_.rows - 1);
+  const int last_column = std::min(right / refine_ + 1, map_.columns - 1);
+  for (int r = top / refine_; r <= last_row; ++r) {
+    for (int c = left / refine_; c <= last_column; ++c) {
+      const float height = mapped(r, c);
+      const auto [known, is_new] = known_.try_emplace(node_index(r, c), height);
+      if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
+      known->second = height;
+      for (int i = std::max(0, (r - 1) * refine_ + 1); i < std::min((r + 1) * refine_, rows()); ++i)
+        for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k) at(i, k).step = 0;
+    }
+  }
+}
+
+void SoilLattice::note(int row, int column) {
+  const int half = refine_ / 2;
+  pressed_.insert(node_index((row + half) / refine_, (column + half) / refine_));
+}
+
+float SoilLattice::mean_around(int node_row, int node_column) {
+  const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
+  double sunk = 0.0;
+  int count = 0;
+  for (int r = std::max(0, row - half); r <= std::min(row + half, rows() - 1); ++r) {
+    for (int c = std::max(0, column - half); c <= std::min(column + half, columns() - 1); ++c) {
+      const FineSample& sample = at(r, c);
+      if (!std::isnan(sample.level)) sunk += sample.yield.plastic, ++count;
+    }
+  }
+  return static_cast<float>(at(row, column).level - (count > 0 ? sunk / count : 0.0));
+}
+
+std::vector<PressedNode> SoilLattice::take_pressed() {
+  std::vector<PressedNode> found;
+  for (const std::int64_t node : pressed_) {
+    const int row = static_cast<int>(node / map_.columns), column = static_cast<int>(node % map_.columns);
+    const float height = mean_around(row, column);
+    float& known = known_[node];
+    if (std::isnan(height) || known == height) continue;
+    known = height;
+    found.push_back({row, column, height});
+  }
+  pressed_.clear();
+  return found;
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,84 @@
+// Soil of a height map at a finer spacing than the map's, kept where bodies have been.
+//
+// A wheel's contact is shorter than a few samples of a usual map: its load would jump by a third whenever it leaves a
+// sample.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <unordered_map>
+#include <vector>
+
+#include "height_grid.h"
+#include "soil_law.h"
+
+namespace smartmesh {
+
+// Soil of a fine sample. `level` [m]: height of the ground as it was never pressed, without the map's z; NaN = hole.
+// `pressure` [Pa]: at the end of the step `step`, 0 = never looked at.
+struct FineSample {
+  double level = 0.0;
+  Yield yield{0.0, 0.0};
+  float pressure = 0.0f;
+  std::int32_t step = 0;
+};
+
+// Soils of a map, and which one each of its samples is; the arrays belong to Python.
+struct SoilKinds {
+  const std::uint8_t* kinds = nullptr;
+  const SoilType* soils = nullptr;
+  int count = 0;
+};
+
+// A sample of the map, and its height after bodies pressed the soil there, without the map's z [m].
+struct PressedNode {
+  int row, column;
+  float height;
+};
+
+class SoilLattice {
+ public:
+  // `spacing` [m]: largest of the fine samples.
+  SoilLattice(const HeightGrid& map, const SoilKinds& kinds, double spacing);
+
+  bool sinks_by_slip = true;  // wheels that slip dig themselves in
+
+  const HeightGrid& map() const { return map_; }
+  double spacing() const { return map_.resolution / refine_; }
+  int rows() const { return (map_.rows - 1) * refine_ + 1; }
+  int columns() const { return (map_.columns - 1) * refine_ + 1; }
+  int kind(int row, int column) const;
+  int soil_count() const { return kinds_.count; }
+  const SoilType& soil(int kind) const { return kinds_.soils[kind]; }
+
+  // Takes the ground from a row and column to others, all included, for new where others changed the map.
+  void renew(int top, int left, int bottom, int right);
+  // Returns a fine sample; `renew` it before.
+  FineSample& at(int row, int column);
+  // Notes that a body pressed a sample.
+  void note(int row, int column);
+  // Returns the samples of the map that bodies pressed since the last call. The map must have these heights before the
+  // next step.
+  std::vector<PressedNode> take_pressed();
+  void reset();
+
+ private:
+  static constexpr int SIDE_SHIFT = 4, SIDE = 1 << SIDE_SHIFT;
+  using Block = std::array<FineSample, SIDE * SIDE>;
+
+  std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
+  float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
+  double level_at(int row, int column) const;
+  float mean_around(int node_row, int node_column);
+
+  const HeightGrid& map_;
+  SoilKinds kinds_;
+  int refine_, block_columns_;
+  std::vector<std::unique_ptr<Block>> blocks_;
+  std::unordered_map<std::int64_t, float> known_;  // heights of the map where bodies have been [m]
+  std::set<std::int64_t> pressed_;                 // samples of the map since `take_pressed`
+};
+
+}  // namespace smartmesh
