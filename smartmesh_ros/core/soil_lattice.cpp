@@ -61,7 +61,7 @@ void SoilLattice::note(int row, int column) {
   pressed_.insert(node_index((row + half) / refine_, (column + half) / refine_));
 }
 
-float SoilLattice::mean_around(int node_row, int node_column) {
+double SoilLattice::mean_around(int node_row, int node_column) {
   const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
   double sunk = 0.0;
   int count = 0;
@@ -71,14 +71,20 @@ float SoilLattice::mean_around(int node_row, int node_column) {
       if (!std::isnan(sample.level)) sunk += sample.yield.plastic, ++count;
     }
   }
-  return static_cast<float>(at(row, column).level - (count > 0 ? sunk / count : 0.0));
+  return count > 0 ? sunk / count : 0.0;
+}
+
+void SoilLattice::read_sinkage(double* sinkage) {
+  for (const auto& [node, height] : known_)
+    sinkage[node] = mean_around(static_cast<int>(node / map_.columns), static_cast<int>(node % map_.columns));
 }
 
 std::vector<PressedNode> SoilLattice::take_pressed() {
   std::vector<PressedNode> found;
   for (const std::int64_t node : pressed_) {
     const int row = static_cast<int>(node / map_.columns), column = static_cast<int>(node % map_.columns);
-    const float height = mean_around(row, column);
+    const double level = at(row * refine_, column * refine_).level;
+    const float height = static_cast<float>(level - mean_around(row, column));
     float& known = known_[node];
     if (std::isnan(height) || known == height) continue;
     known = height;

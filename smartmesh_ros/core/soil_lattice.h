@@ -62,6 +62,8 @@ class SoilLattice {
   // Returns the samples of the map that bodies pressed since the last call. The map must have these heights before the
   // next step.
   std::vector<PressedNode> take_pressed();
+  // Writes how far the ground of each sample of the map was pressed, where bodies have been [m].
+  void read_sinkage(double* sinkage);
   void reset();
 
  private:
@@ -71,7 +73,8 @@ class SoilLattice {
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
   double level_at(int row, int column) const;
-  float mean_around(int node_row, int node_column);
+  // Returns the mean sinkage around a sample of the map [m].
+  double mean_around(int node_row, int node_column);
 
   const HeightGrid& map_;
   SoilKinds kinds_;

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
@@ -24,6 +25,7 @@ from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.ground.sleep_contacts import SleepContacts
 from smartmesh_ros.ground.sleeping import Sleeping
+from smartmesh_ros.ground.soil_support import SoilSupport, SteppedSoil
 from smartmesh_ros.ground.solver import gravity_of, time_step_of
 from smartmesh_ros.ground.update_schedule import UpdateSchedule
 from smartmesh_ros.ground.usable import require_usable
@@ -77,6 +79,7 @@ class Ground:
         self.gravity = gravity
         self.time = 0.0
         self.refreshes = self.rescues = 0
+        self.soil: SteppedSoil | None = None
         self._client = client
         self._patches = ShownPatches(self.terrain, self.config, self.followers, self.stopwatch)
         self._contacts = self._new_contacts(self.config)
@@ -159,6 +162,7 @@ class Ground:
         may rest on patches meanwhile. Raises `InputError` and changes nothing if the terrain does not allow the
         settings."""
         self._require_usable(config)
+        self._require_exact_for(self.soil, config)
         self.wake()
         self._patches.configure(config)
         if self._is_exact(config) != self._contacts.exact:
@@ -175,6 +179,44 @@ class Ground:
         for follower in list(self.followers):
             self.detach(follower.body)
         self._contacts.close()
+
+    # Soil
+
+    def set_soil(self, soil: SteppedSoil | None) -> None:
+        """Let bodies stand on a soil of one of the terrain's height maps, such as a `ContactSoil`, from now on; None =
+        on the map itself. Raises `InputError` and changes nothing if contacts do not come from the map."""
+        self._require_exact_for(soil, self.config)
+        if soil is not None and all(tile is not soil.map for tile in self.terrain.tiles.values()):
+            raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
+        self.soil = soil
+        if isinstance(self._contacts, MapContacts):
+            self._contacts.set_soil(None if soil is None else soil.core)
+        self.wake()
+
+    def on_soil(self) -> dict[str, SoilSupport]:
+        """Return how the soil bore each body and link on it in the last step, by the names of the followers."""
+        if not isinstance(self._contacts, MapContacts):
+            return {}
+        parts = {follower.name: self._contacts.on_soil(follower.slot) for follower in self.followers}
+        return {
+            name: SoilSupport(float(found[:, 0].max()), float(found[:, 1].sum()), float(found[:, 2].sum()))
+            for name, found in parts.items()
+            if len(found)
+        }
+
+    def _show_soil(self, time: float) -> None:
+        """Show what the soil's map looks like now; take the soil away with its map."""
+        if self.soil is None:
+            return
+        if all(tile is not self.soil.map for tile in self.terrain.tiles.values()):
+            self.set_soil(None)
+        else:
+            self.soil.show(time)
+
+    def _require_exact_for(self, soil: SteppedSoil | None, config: PatchConfig) -> None:
+        if soil is not None and not self._is_exact(config):
+            why = self.no_proxies or f"patches are of the kind {config.kind!r}"
+            raise InputError("soil", f"bodies stand on soil only where contacts come from the map: {why}")
 
     # Steps
 
@@ -201,6 +243,7 @@ class Ground:
     def refresh(self, time: float, dt: float, *, behind_real_time: bool = False) -> None:
         """`update` for as many steps of ``dt`` [s] from ``time`` [s] on as the schedule allows."""
         self.refreshes += 1
+        self._show_soil(time)
         rate = self.config.rate
         steps = self._schedule.begin(self.terrain, time, dt, rate, behind_real_time=behind_real_time)
         self.update(time, dt, steps)

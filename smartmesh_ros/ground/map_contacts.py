@@ -120,6 +120,14 @@ class MapContacts:
         """Move the surface of a follower about an ``axis`` in the frame of its centre of mass, at a ``speed`` [m/s]."""
         self._core.drive(slot, tuple(axis), speed)
 
+    def set_soil(self, soil: Any) -> None:
+        """Take contacts from a core's soil where its map is; None = from the map itself."""
+        self._core.set_soil(soil)
+
+    def on_soil(self, slot: int) -> FloatArray:
+        """Return sinkage [m], area [m^2] and carried force [N] of each part of a follower on the soil (n, 3)."""
+        return np.asarray(self._core.on_soil(slot))
+
     def set_time(self, time: float, dt: float) -> None:
         """Set the time [s] at the start of the next step of ``dt`` [s]."""
         if not self._core.is_there:

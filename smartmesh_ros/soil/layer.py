@@ -56,11 +56,15 @@ class SoilLayer(NamedTuple):
     soils: FloatArray
 
 
-def untouched_layer(shape: tuple[int, int], soils: list[SoilType], kinds: Bytes) -> SoilLayer:
-    """Return soil that nobody has touched; memory is allocated when it is written."""
+def soil_table(soils: list[SoilType]) -> FloatArray:
+    """Return parameters of soils (S, 8) in the order of `SoilType`, friction as its tangent."""
     table = np.array([astuple(soil) for soil in soils], np.float64)
     table[:, FRICTION] = np.tan(np.radians(table[:, FRICTION]))
+    return table
+
+
+def untouched_layer(shape: tuple[int, int], soils: list[SoilType], kinds: Bytes) -> SoilLayer:
+    """Return soil that nobody has touched; memory is allocated when it is written."""
     samples = np.zeros(shape, LAYER_SAMPLE)
-    return SoilLayer(
-        samples=samples, **{name: samples[name] for name in LAYER_SAMPLE.fields or {}}, kinds=kinds, soils=table
-    )
+    fields = {name: samples[name] for name in LAYER_SAMPLE.fields or {}}
+    return SoilLayer(samples=samples, **fields, kinds=kinds, soils=soil_table(soils))

@@ -14,12 +14,11 @@ from smartmesh_ros.core import CORE, as_bytes
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.patches.shapes import BodyShape
 from smartmesh_ros.soil.bodies import PressingBodies, all_of
+from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
 from smartmesh_ros.soil.config import SoilConfig, SoilType
 from smartmesh_ros.soil.feet import FOOT, with_room
-from smartmesh_ros.soil.layer import Bytes, Floats, SoilLayer, untouched_layer
-from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.soil.layer import Floats, SoilLayer, untouched_layer
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 
@@ -125,13 +124,10 @@ class Soil:
     ) -> None:
         self.config = config or SoilConfig()
         self.bodies = bodies
-        self.soils = _soils_of(soil)
-        mesh = Terrain.of(terrain).tile(tile)
-        if not isinstance(mesh, HeightMap):
-            raise InputError("terrain", "soil needs a height map; general meshes do not give way")
-        self.map = mesh
-        shape = (mesh.geometry.rows, mesh.geometry.columns)
-        self.layer: SoilLayer = untouched_layer(shape, self.soils, _kinds_of(kinds, shape, len(self.soils)))
+        self.soils = soils_from(soil)
+        self.map = map_from(terrain, tile)
+        shape = (self.map.geometry.rows, self.map.geometry.columns)
+        self.layer: SoilLayer = untouched_layer(shape, self.soils, kinds_from(kinds, shape, len(self.soils)))
         self._names: list[str] = []
         self._feet: Any = np.zeros(0, FOOT)
         self._shapes: list[BodyShape | None] = []  # of the feet
@@ -148,8 +144,9 @@ class Soil:
 
     def apply(self, contacts: Iterable[Contact], dt: float, time: float | None = None) -> int:
         """Press the soil by the contacts of the last step, and of steps that were noted, for the next ``dt`` [s];
-        return the number of changed rectangles of the map. ``time`` [s]: the instant on the terrain's clock; None = the
-        map's newest time + ``dt``.
+        return the number of changed rectangles of the map. ``dt`` is the time until the next `apply`: the step of
+        physics, times the number of steps from one `apply` to the next if you `note` those between. ``time`` [s]: the
+        instant on the terrain's clock; None = the map's newest time + ``dt``.
 
         Raises `InputError` for a contact of an unknown body: the soil then stays as it is, and the contacts since the
         last update are discarded.
@@ -191,7 +188,7 @@ class Soil:
 
     def set_kinds(self, kinds: ArrayLike) -> None:
         """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
-        self.layer.kinds[...] = _kinds_of(kinds, self.layer.kinds.shape, len(self.soils))
+        self.layer.kinds[...] = kinds_from(kinds, self.layer.kinds.shape, len(self.soils))
 
     def results(self) -> dict[str, FootResult]:
         """Return what the soil did to each body in the last update."""
@@ -249,22 +246,3 @@ def loads_of(contacts: Iterable[Contact], steps: int = 1) -> dict[str, Load]:
             total, total_x, total_y = sums.get(contact.body, NO_LOAD)
             sums[contact.body] = total + force, total_x + force * x, total_y + force * y
     return {body: Load(force / steps, x / force, y / force) for body, (force, x, y) in sums.items()}
-
-
-def _soils_of(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:
-    chosen = [soil] if isinstance(soil, SoilType | str) else list(soil)
-    if not 1 <= len(chosen) <= 255:
-        raise InputError("soil", f"{len(chosen)} soils; a map can have 1 to 255")
-    return [soil_named(each) if isinstance(each, str) else each for each in chosen]
-
-
-def _kinds_of(kinds: ArrayLike | None, shape: tuple[int, int], count: int) -> Bytes:
-    """Return the map of soils; raises `InputError`."""
-    if kinds is None:
-        return np.zeros(shape, np.uint8)
-    array = np.asarray(kinds)
-    if array.shape != shape or array.dtype.kind not in "iub":
-        raise InputError("soil", f"kinds are {array.shape} of type {array.dtype}; they must be {shape} integers")
-    if array.min() < 0 or array.max() >= count:
-        raise InputError("soil", f"kinds are {array.min()} to {array.max()}; there are soils 0 to {count - 1}")
-    return array.astype(np.uint8)

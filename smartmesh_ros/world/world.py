@@ -186,12 +186,14 @@ class World(Population):
         return snapshot
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain stays. Raises `InputError`
-        and changes nothing if a robot of it is refused."""
+        """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain and its soil stay. Raises
+        `InputError` and changes nothing if a robot of it is refused."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
+        soil = self.ground.soil
         self.close()
         self._refreshes, self._rescues = self.refreshes, self.rescues
         self._start()
+        self.ground.set_soil(soil)
         self.time = snapshot.time
         for body in snapshot.bodies:
             surface = Surface(body.friction, body.restitution)

@@ -44,6 +44,11 @@ struct StepSoil {
     const std::size_t count = heights.size();
     return std::make_tuple(array_of<std::int64_t, 2>(places, {count, 2}), array_of<float, 1>(heights, {count}));
   }
+  // Writes how far the ground of each sample of the map was pressed (rows, columns) [m].
+  void sinkage(States found) {
+    check_table(found, kinds.shape(0), kinds.shape(1), "sinkage");
+    soil.lattice.read_sinkage(found.data());
+  }
 };
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
@@ -87,7 +92,7 @@ struct Ground {
     std::vector<double> sums;
     if (world().has(slot) && world().soil != nullptr) {
       for (const auto& [shape, part] : world().parts_on_soil(slot))
-        if (world().soil->was_near(part)) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
+        if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
     }
     return array_of<double, 2>(sums, {sums.size() / 3, 3});
   }
@@ -141,6 +146,7 @@ void add_ground(nb::module_& m) {
       .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
            "spacing"_a)
       .def("take_pressed", &StepSoil::take_pressed)
+      .def("sinkage", &StepSoil::sinkage, "found"_a.noconvert())
       .def_prop_rw(
           "sinks_by_slip", [](const StepSoil& s) { return s.soil.lattice.sinks_by_slip; },
           [](StepSoil& s, bool on) { s.soil.lattice.sinks_by_slip = on; })

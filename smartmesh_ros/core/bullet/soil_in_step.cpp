@@ -136,7 +136,7 @@ void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionOb
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
   for (auto& [shape, part] : parts) {
     if (part.step != step_) {  // it left the ground
-      part.rim.reset();
+      part.rim.reset(), part.sums = {};
       continue;
     }
     const Pose now = on.pose * part.pose;

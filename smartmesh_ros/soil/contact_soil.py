@@ -1,0 +1,86 @@
+"""Soil whose law is the law of contacts: what bodies stand on, in each step of PyBullet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.soil.checked_soil import kinds_from, map_from, soils_from
+from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.layer import soil_table
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+
+
+class ContactSoil:
+    """Soil that bodies stand on in the steps of PyBullet, where contacts come from the map itself.
+
+    The pressures of the soil under a body are its contacts: in the same step it carries the body, gives way, and holds
+    it by its shear strength. ::
+
+        with World(HeightMap(np.zeros((201, 201)), resolution=0.02)) as world:
+            soil = ContactSoil(world.terrain, "dry_sand")
+            world.ground.set_soil(soil)
+            world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.1)))
+            world.step(240)
+            print(world.ground.on_soil()["box"].sinkage)
+
+    ``terrain``: a height map, or a terrain whose ``tile`` is one. ``soil``: a soil, its name in ``soils.yaml``, or
+    several of either; ``kinds`` (rows, columns) then tells which one each sample is, by its place in the list.
+    ``spacing`` [m]: largest distance of the samples of the soil, which is finer than the map; halving it makes short
+    contacts, as on clay, more exact, and costs four times as much. ``slip_sinkage``: wheels that slip dig themselves
+    in, by Lyasko's law (2010). Raises `InputError`.
+    """
+
+    def __init__(
+        self,
+        terrain: MainMesh | Terrain,
+        soil: SoilType | str | Sequence[SoilType | str],
+        *,
+        kinds: ArrayLike | None = None,
+        tile: str = "",
+        spacing: float = 0.01,
+        slip_sinkage: bool = True,
+    ) -> None:
+        if not hasattr(CORE, "StepSoil"):
+            raise InputError("soil", "the core is built without Bullet's headers; use Soil")
+        if not 1e-3 <= spacing <= 10.0:
+            raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
+        self.soils = soils_from(soil)
+        self.map = map_from(terrain, tile)
+        if self.map.motion.corrects:
+            raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
+        shape = (self.map.geometry.rows, self.map.geometry.columns)
+        self._kinds = kinds_from(kinds, shape, len(self.soils))
+        self.core: Any = CORE.StepSoil(self.map.core_reader, self._kinds, soil_table(self.soils), spacing)
+        self.core.sinks_by_slip = slip_sinkage
+
+    def set_kinds(self, kinds: ArrayLike) -> None:
+        """Change which soil each sample is, as ``kinds`` at the start; sinkages stay. Raises `InputError`."""
+        self._kinds[...] = kinds_from(kinds, self._kinds.shape, len(self.soils))
+
+    def show(self, time: float) -> int:
+        """Write what bodies pressed since the last call into the map, as of ``time`` [s]: the mean of the soil around
+        each sample. Returns the number of samples that changed. `Ground.refresh` does it, for rays, patches and
+        messages; bodies on the soil do not need it."""
+        places, heights = self.core.take_pressed()
+        if len(places):
+            rectangles = np.hstack((places, places))
+            self.map.take_rectangles(rectangles, heights, np.zeros_like(heights), time)
+        return len(places)
+
+    def sinkage(self) -> FloatArray:
+        """Return how far the ground lies below the level of its soil (rows, columns) [m], zero where nobody touched
+        it."""
+        found = np.zeros(self._kinds.shape)
+        self.core.sinkage(found)
+        return found
+
+    def reset(self) -> None:
+        """Take the ground as it is now in the map for soil that nobody has touched."""
+        self.core.reset()
