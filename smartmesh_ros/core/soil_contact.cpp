@@ -27,15 +27,19 @@ double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 
 }  // namespace
 
-// A part in axes of the grid: `column`, `row`: fractional fine sample of its middle, at the height `z` without the map's.
+// A part in axes of the grid: its underside with flat faces that go on beyond their edges, and as it is. `column`, `row`:
+// fractional fine sample of its middle, at the height `z` without the map's. `lowest` [m]: of its points, from there.
 struct SoilUnderBody::Placed {
   GridPose pose;
-  Underside shape;
-  double column, row, z;
+  Underside shape, exact;
+  double column, row, z, lowest;
 
   Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
-  Vec3 normal(const Vec3& offset) const {
-    const Vec3 found = normal_at(shape, offset);
+  // Returns the normal of the underside that has the given heights: otherwise forces would do work that is not theirs.
+  Vec3 normal(const Vec3& offset, bool is_beside) const {
+    if (is_beside && offset.z <= lowest) return {0.0, 0.0, 1.0};
+    const bool is_flat = is_beside && (shape.kind == ShapeKind::Box || shape.upright == 2);
+    const Vec3 found = is_flat ? shape.axis(shape.upright) : normal_at(is_beside ? shape : exact, offset);
     return found.z < 0.0 ? -found : found;
   }
 };
@@ -46,7 +50,10 @@ SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const Moving
   for (Vec3& axis : solid.axes.row)
     axis = {pose.cos * axis.x + pose.sin * axis.y, pose.cos * axis.y - pose.sin * axis.x, axis.z};
   const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
-  return {pose, underside(solid, soil.spacing()), at.column, at.row, solid.centre.z - soil.map().z};
+  const Underside shape = underside(solid, soil.spacing());
+  Placed placed{pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.reach_along({0.0, 0.0, 1.0})};
+  std::copy(shape.half, shape.half + 3, placed.exact.grown);
+  return placed;
 }
 
 // Fills `under_` with the samples under a part whose rim slips.
@@ -67,17 +74,21 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   }
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  exact_.x = row_.x;
   for (int r = top; r <= bottom; ++r) {
-    row_.y = (r - placed.row) * spacing;
+    row_.y = exact_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_);
+    look_up(placed.exact, exact_);
     for (int c = left; c <= right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
       FineSample& sample = soil.at(r, c);
       if (std::isnan(sample.level)) continue;
+      const bool is_beside = exact_.low[k] == INFINITE;
+      const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
       const PatchSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
-      under_.push_back({&sample, &own, r, c, {row_.x[k], row_.y, row_.low[k]}, placed.z + row_.low[k],
+      under_.push_back({&sample, &own, r, c, is_beside, {row_.x[k], row_.y, low}, placed.z + low,
                         sample.level - sample.yield.plastic - loaded / own.elastic,
                         row_.share[k] * spacing * spacing, 0.0, 0.0, 0.0});
     }
@@ -154,7 +165,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   for (const Under& under : under_) {
     if (!under.carries()) continue;
     Quarter& quarter = quarter_of(under);
-    const Vec3 normal = placed.normal(under.offset);
+    const Vec3 normal = placed.normal(under.offset, under.is_beside);
     const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
     quarter.force = quarter.force + normal * force;
     quarter.place = quarter.place + under.offset * force;
@@ -166,7 +177,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   for (const Under& under : under_) {
     if (!under.carries()) continue;
     Quarter& quarter = quarter_of(under);
-    const Vec3 normal = placed.normal(under.offset);
+    const Vec3 normal = placed.normal(under.offset, under.is_beside);
     const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
     quarter.slope += under.area * under.stiffness * part * part * step.dt;
   }
@@ -198,7 +209,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     sums.carried += under.area * under.pressure, sums.area += under.area;
     sums.sinkage = std::max(sums.sinkage, sinkage);
     points_.offsets.push_back(placed.to_world(under.offset));
-    points_.normals.push_back(placed.to_world(placed.normal(under.offset)));
+    points_.normals.push_back(placed.to_world(placed.normal(under.offset, under.is_beside)));
   }
   rim.slide(moving, points_, step.dt);
   return sums;

@@ -49,12 +49,13 @@ class SoilUnderBody {
   void make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step);
 
  private:
-  // A sample under the part. `offset` [m]: of the part's underside from its middle, in axes of the grid. Heights [m]
+  // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid. Heights [m]
   // without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
   struct Under {
     FineSample* sample;
     const PatchSoil* soil;
     int row, column;
+    bool is_beside;
     Vec3 offset;
     double low, surface, area;
     double pressure, total, stiffness;  // as in SampleLoad
@@ -69,7 +70,7 @@ class SoilUnderBody {
   void load(double down);
   double settle(const Carried& carried, double speed_down, double dt);
 
-  FootRow row_;
+  FootRow row_, exact_;
   std::vector<PatchSoil> soils_;
   std::vector<Under> under_;
   PointsInSoil points_;

@@ -1,0 +1,173 @@
+"""Boxes, wheels and carts on `ContactSoil`, in PyBullet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import thread_time
+from typing import NamedTuple
+
+import numpy as np
+
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.world import World
+from studies.soil.trials import Wheel
+
+GRAVITY = 9.81
+# Share of a body's weight in a set-down, in steps at rest, within which its contacts are steady.
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+# Height of the axles below the middle of a cart's chassis [m].
+BELOW = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cart:
+    """A chassis on four driven wheels: all [m] and [kg]."""
+
+    radius: float = 0.1
+    width: float = 0.06
+    mass: float = 12.0
+    wheel_mass: float = 1.0
+    base: float = 0.5
+    track: float = 0.4
+
+    @property
+    def wheel(self) -> Wheel:
+        """One of its wheels, with its share of the weight."""
+        return Wheel(radius=self.radius, width=self.width, load=0.25 * GRAVITY * self.mass)
+
+    @property
+    def urdf(self) -> str:
+        """Its description."""
+        body, wheel = self.mass - 4.0 * self.wheel_mass, self.wheel_mass
+        x, y = self.track**2 * body / 12.0, self.base**2 * body / 12.0
+        along, across = 0.5 * wheel * self.radius**2, wheel * (self.radius**2 / 4.0 + self.width**2 / 12.0)
+        shape = f'<geometry><cylinder radius="{self.radius}" length="{self.width}"/></geometry>'
+        parts = [_link("body", body, (x, y, 0.9 * (x + y)))]
+        for index, name in enumerate(WHEELS):
+            place = f"{(0.5 - index // 2) * self.base} {(0.5 - index % 2) * self.track} {-BELOW}"
+            turned = f'<collision><origin xyz="0 0 0" rpy="{0.5 * math.pi} 0 0"/>{shape}</collision>'
+            parts.append(_link(name, wheel, (across, along, across), turned))
+            parts.append(
+                f'<joint name="{name}_axle" type="continuous"><parent link="body"/><child link="{name}"/>'
+                f'<axis xyz="0 1 0"/><origin xyz="{place}"/></joint>'
+            )
+        return f'<robot name="cart">{"".join(parts)}</robot>'
+
+
+# About a Clearpath Warthog.
+WARTHOG = Cart(radius=0.3, width=0.22, mass=268.0, wheel_mass=20.0, base=0.9, track=1.1)
+
+
+def _link(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:
+    x, y, z = inertia
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" '
+        f'iyz="0"/></inertial>{collision}</link>'
+    )
+
+
+class Drive(NamedTuple):
+    """How a cart drove: its ``slip``; share of the steps in which a wheel was ``unloaded``; ``worst`` force on a wheel
+    over its share of the weight; ``cost`` of a step [ms]."""
+
+    slip: float
+    unloaded: float
+    worst: float
+    cost: float
+
+
+def drive(
+    cart: Cart,
+    soil: SoilType | str,
+    *,
+    speed: float = 0.3,
+    seconds: float = 6.0,
+    grid: float = 0.02,
+    spacing: float = 0.01,
+    slip_sinkage: bool = True,
+) -> Drive:
+    """Drive a cart straight ahead with rims that turn at a ``speed`` [m/s]; the second half of the time counts."""
+    shape = (round(2.0 * cart.track / grid) + 20, round((speed * seconds + 3.0 * cart.base) / grid) + 20)
+    with World(HeightMap(np.zeros(shape), resolution=grid)) as world:
+        place = (cart.base, 0.503 * grid * (shape[0] - 1), cart.radius + BELOW)
+        world.spawn_robot("cart", cart.urdf, BodyState(place))
+        world.ground.set_soil(ContactSoil(world.terrain, soil, spacing=spacing, slip_sinkage=slip_sinkage))
+        steps = round(seconds / world.dt)
+        forces, ways, took = [], [], 0.0
+        for step in range(steps):
+            share = min(max(2.0 * step * world.dt - 1.0, 0.0), 1.0)  # stands, then starts gently
+            for name in WHEELS:
+                world.drive("cart", f"{name}_axle", share * speed / cart.radius, 20.0 * GRAVITY * cart.mass)
+            start = thread_time()
+            world.step()
+            took += thread_time() - start
+            ways.append(world.state("cart").position[0])
+            if step >= steps // 2:
+                forces.append(vertical_forces(world, [f"cart/{name}" for name in WHEELS]))
+    counted = len(forces) - 1
+    return Drive(
+        1.0 - (ways[-1] - ways[-1 - counted]) / (counted * world.dt) / speed,
+        float(np.mean(np.array(forces) <= 0.0)),
+        float(np.max(forces)) / cart.wheel.load,
+        1e3 * took / steps,
+    )
+
+
+def vertical_forces(world: World, names: list[str]) -> list[float]:
+    """Return the vertical forces [N] of the contacts of bodies or links with the ground."""
+    found = dict.fromkeys(names, 0.0)
+    for contact in world.contacts():
+        if contact.body in found:
+            found[contact.body] += contact.normal_force * contact.normal[2]
+    return list(found.values())
+
+
+class SetDown(NamedTuple):
+    """A body that was set down: its top ``speed`` [m/s] in the last second, and how much its kinetic and potential
+    energy ever ``rose`` [m of height]."""
+
+    speed: float
+    rose: float
+
+
+def set_down(number: int, soil: str) -> SetDown:
+    """Set one of several kinds of body down on rough or smooth slopes, flat or anyhow; it is left alone for 3 s."""
+    random = np.random.default_rng(number)
+    slope = math.tan(math.radians(random.uniform(0.0, 12.0)))
+    heights = np.tile(-slope * 0.05 * np.arange(81), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 81))
+    shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(0.12, 0.1)]
+    with World(HeightMap(heights, resolution=0.05)) as world:
+        world.ground.set_soil(ContactSoil(world.terrain, soil))
+        kind, flat = number // 2 % 4, number // 8 % 2 == 0
+        x, y = 2.0 + random.uniform(-0.1, 0.1, 2)
+        turn = random.normal(size=4)
+        pose = BodyState((x, y, 0.0), (0.0, 0.0, 0.0, 1.0) if flat else tuple(turn / np.linalg.norm(turn)))
+        if kind < 3:
+            world.spawn("body", shapes[kind], random.uniform(2.0, 60.0), pose, on_ground=True, align=flat)
+        else:
+            world.spawn_robot("body", Cart().urdf, BodyState((x, y, 0.0)), on_ground=True, align=True)
+            for name in WHEELS:
+                world.drive("body", f"{name}_axle", 0.0, 100.0)
+        speeds, energies = [], []
+        for _ in range(720):
+            world.step()
+            uid = world.bodies["body"].uid
+            linear, angular = world.client.getBaseVelocity(uid)
+            speeds.append(math.hypot(*linear))
+            spun = 0.0 if kind == 3 else _spin_energy(world, uid, angular)
+            energies.append(world.state("body").position[2] + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
+        rose = float(np.max(np.array(energies) - np.minimum.accumulate(energies)))
+    return SetDown(max(speeds[480:]), rose)
+
+
+def _spin_energy(world: World, uid: int, angular: tuple[float, float, float]) -> float:
+    """Return the kinetic energy of a body's rotation over its mass [J/kg]."""
+    mass, _, inertia = world.client.getDynamicsInfo(uid, -1)[:3]
+    axes = np.array(world.client.getMatrixFromQuaternion(world.state("body").orientation)).reshape(3, 3)
+    own = axes.T @ np.array(angular)
+    return float(0.5 * (np.array(inertia) * own**2).sum() / mass)
