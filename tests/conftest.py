@@ -83,6 +83,7 @@ COSTS = {
     "node/test_real_maps.py": 5,
     "node/test_security.py": 5,
     "ground/test_sleep.py": 5,
+    "soil/test_contact_soil.py": 13,
     "soil/test_soil_world.py": 5,
     "studies/test_before_after.py": 5,
 }

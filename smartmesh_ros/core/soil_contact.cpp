@@ -25,6 +25,15 @@ constexpr double FARTHEST = 1e9;
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 
+// Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
+// without slip is held.
+Vec3 on_surface(const Underside& shape, const Vec3& mean) {
+  const bool is_ball = shape.kind == ShapeKind::Ball;
+  if (!is_ball && !lies(shape.solid)) return mean;
+  const Vec3 out = is_ball ? mean : mean - dot(mean, shape.axis(2)) * shape.axis(2);
+  return mean + out * (shape.half[0] / norm(out) - 1.0);
+}
+
 }  // namespace
 
 // A part in axes of the grid: its underside with flat faces that go on beyond their edges, and as it is. `column`, `row`:
@@ -38,8 +47,11 @@ struct SoilUnderBody::Placed {
   // Returns the normal of the underside that has the given heights: otherwise forces would do work that is not theirs.
   Vec3 normal(const Vec3& offset, bool is_beside) const {
     if (is_beside && offset.z <= lowest) return {0.0, 0.0, 1.0};
-    const bool is_flat = is_beside && (shape.kind == ShapeKind::Box || shape.upright == 2);
-    const Vec3 found = is_flat ? shape.axis(shape.upright) : normal_at(is_beside ? shape : exact, offset);
+    Vec3 found = normal_at(exact, offset);
+    if (is_beside || std::abs(found.z) < STEEP) {  // a sample on the edge of an upright face does not press with that
+      const bool is_flat = shape.kind == ShapeKind::Box || shape.upright == 2;
+      found = is_flat ? shape.axis(shape.upright) : normal_at(shape, offset);
+    }
     return found.z < 0.0 ? -found : found;
   }
 };
@@ -66,7 +78,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip,
   const int bottom = std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1);
   const int right = std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1);
   if (bottom < top || right < left) return;
-  soil.renew(top, left, bottom, right);
+  soil.renew(top, left, bottom, right, step.number - 1);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
     soils_.push_back(under_patch(soil.soil(kind), patch_width(placed.shape), step.dt));
@@ -136,28 +148,20 @@ struct SoilUnderBody::Quarter {
   double weight = 0.0, shear = 0.0, slope = 0.0, sunk = 0.0;
 };
 
-const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, const MovingSolid& moving,
-                                                           const Carried& carried, const ShearedRim& rim,
-                                                           const SoilStep& step) {
-  springs_.clear();
-  MovingSolid then = moving;  // at the end of the step, but for its vertical motion
-  then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
-  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(moving.angular, axis) * step.dt);
-  const Placed placed = place(soil, then, step.time);
-  gather(soil, placed, rim.slip(), step);
-  const double down = settle(carried, -moving.linear.z, step.dt);
-
+// Fills four quarters about the middle of the pressures, along a level axis of the shape and across it, for a part that
+// went `down` [m] from its place `then`.
+void SoilUnderBody::sum_quarters(const Placed& placed, const Solid& then, const ShearedRim& rim, double down, double dt,
+                                 Quarter (&quarters)[4]) {
   double total = 0.0, x = 0.0, y = 0.0;
-  for (const Under& under : under_) {
-    const double force = under.carries() ? under.area * under.total : 0.0;
+  for (Under& under : under_) {
+    if (!under.carries()) continue;
+    const double force = under.area * under.total;
     total += force, x += force * under.offset.x, y += force * under.offset.y;
   }
-  if (!(total > 0.0)) return springs_;
+  if (!(total > 0.0)) return;
   x /= total, y /= total;
-  // Quarters about the middle of the pressures, along a level axis of the shape and across it.
   const Underside& shape = placed.shape;
   const Vec3 along = shape.axis(lies(shape.solid) ? 2 : (shape.upright + 1) % 3);
-  Quarter quarters[4];
   const auto quarter_of = [&](const Under& under) -> Quarter& {
     const double u = under.offset.x - x, v = under.offset.y - y;
     return quarters[(u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0)];
@@ -170,7 +174,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
     quarter.force = quarter.force + normal * force;
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
-    quarter.shear += area * shear_at(under.pressure, rim.at(then.solid, placed.to_world(under.offset)), *under.soil);
+    quarter.shear += area * shear_at(under.pressure, rim.at(then, placed.to_world(under.offset)), *under.soil);
     quarter.sunk = std::max(quarter.sunk, under.sample->level - under.low + down);
   }
   for (Quarter& quarter : quarters) quarter.normal = unit(quarter.force);
@@ -179,12 +183,27 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
     Quarter& quarter = quarter_of(under);
     const Vec3 normal = placed.normal(under.offset, under.is_beside);
     const double part = dot(normal, quarter.normal) / std::max(normal.z, STEEP);
-    quarter.slope += under.area * under.stiffness * part * part * step.dt;
+    quarter.slope += under.area * under.stiffness * part * part * dt;
   }
+}
+
+const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, const MovingSolid& moving,
+                                                           const Carried& carried, const ShearedRim& rim,
+                                                           const SoilStep& step) {
+  springs_.clear();
+  MovingSolid then = moving;  // at the end of the step, but for its vertical motion
+  then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
+  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(moving.angular, axis) * step.dt);
+  const Placed placed = place(soil, then, step.time);
+  gather(soil, placed, rim.slip(), step);
+  const double down = settle(carried, -moving.linear.z, step.dt);
+  Quarter quarters[4];
+  sum_quarters(placed, then.solid, rim, down, step.dt, quarters);
   const Vec3 velocity{moving.linear.x, moving.linear.y, -down / step.dt};
   for (const Quarter& quarter : quarters) {
     if (!(quarter.slope > 0.0)) continue;
-    const Vec3 normal = placed.to_world(quarter.normal), offset = placed.to_world(quarter.place * (1.0 / quarter.weight));
+    const Vec3 normal = placed.to_world(quarter.normal);
+    const Vec3 offset = placed.to_world(on_surface(placed.shape, quarter.place * (1.0 / quarter.weight)));
     const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
     springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity + cross(moving.angular, offset)),
                         quarter.slope, friction, quarter.sunk});

@@ -49,8 +49,8 @@ class SoilUnderBody {
   void make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step);
 
  private:
-  // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid. Heights [m]
-  // without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
+  // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid.
+  // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
   struct Under {
     FineSample* sample;
     const PatchSoil* soil;
@@ -69,6 +69,8 @@ class SoilUnderBody {
   void gather(SoilLattice& soil, const Placed& placed, double slip, const SoilStep& step);
   void load(double down);
   double settle(const Carried& carried, double speed_down, double dt);
+  void sum_quarters(const Placed& placed, const Solid& then, const ShearedRim& rim, double down, double dt,
+                    Quarter (&quarters)[4]);
 
   FootRow row_, exact_;
   std::vector<PatchSoil> soils_;

@@ -41,7 +41,13 @@ FineSample& SoilLattice::at(int row, int column) {
   return sample;
 }
 
-void SoilLattice::renew(int top, int left, int bottom, int right) {
+void SoilLattice::renew(int row, int column, std::int32_t last) {
+  FineSample& sample = at(row, column);
+  sample.level = level_at(row, column);
+  if (sample.step < last) sample.yield = {0.0, 0.0}, sample.step = -1;
+}
+
+void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t last) {
   const int last_row = std::min(bottom / refine_ + 1, map_.rows - 1);
   const int last_column = std::min(right / refine_ + 1, map_.columns - 1);
   for (int r = top / refine_; r <= last_row; ++r) {
@@ -51,7 +57,7 @@ void SoilLattice::renew(int top, int left, int bottom, int right) {
       if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
       known->second = height;
       for (int i = std::max(0, (r - 1) * refine_ + 1); i < std::min((r + 1) * refine_, rows()); ++i)
-        for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k) at(i, k).step = 0;
+        for (int k = std::max(0, (c - 1) * refine_ + 1); k < std::min((c + 1) * refine_, columns()); ++k) renew(i, k, last);
     }
   }
 }

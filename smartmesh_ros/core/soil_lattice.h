@@ -53,8 +53,9 @@ class SoilLattice {
   int soil_count() const { return kinds_.count; }
   const SoilType& soil(int kind) const { return kinds_.soils[kind]; }
 
-  // Takes the ground from a row and column to others, all included, for new where others changed the map.
-  void renew(int top, int left, int bottom, int right);
+  // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What a
+  // body pressed at the end of the `last` step keeps its sinkage: it moves with the ground.
+  void renew(int top, int left, int bottom, int right, std::int32_t last);
   // Returns a fine sample; `renew` it before.
   FineSample& at(int row, int column);
   // Notes that a body pressed a sample.
@@ -73,6 +74,7 @@ class SoilLattice {
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
   double level_at(int row, int column) const;
+  void renew(int row, int column, std::int32_t last);
   // Returns the mean sinkage around a sample of the map [m].
   double mean_around(int node_row, int node_column);
 

@@ -67,7 +67,10 @@ class ContactSoil:
     def show(self, time: float) -> int:
         """Write what bodies pressed since the last call into the map, as of ``time`` [s]: the mean of the soil around
         each sample. Returns the number of samples that changed. `Ground.refresh` does it, for rays, patches and
-        messages; bodies on the soil do not need it."""
+        messages; bodies on the soil do not need it. Ground that moves by itself gets no prints until it rests, because
+        its next map would not have them."""
+        if self.map.moving(time):
+            return 0
         places, heights = self.core.take_pressed()
         if len(places):
             rectangles = np.hstack((places, places))

@@ -48,7 +48,9 @@ def wheel_forces(
         pressure = np.where(angle < 0.0, deepest - soil.elastic_K * (sinkage - depth), modulus * depth**soil.Bekker_n)
         total = np.maximum(pressure + soil.damping_R * speed * np.tan(angle), 0.0)
         moved = radius * ((entry - angle) - (1.0 - slip) * (math.sin(entry) - np.sin(angle)))
-        strength = np.where(total > 0.0, soil.Mohr_cohesion + pressure * math.tan(math.radians(soil.Mohr_friction)), 0.0)
+        strength = np.where(
+            total > 0.0, soil.Mohr_cohesion + pressure * math.tan(math.radians(soil.Mohr_friction)), 0.0
+        )
         stress = np.sign(moved) * strength * -np.expm1(-np.abs(moved) / soil.Janosi_shear)
         arc = radius * wheel.width
         down = np.trapezoid(total * np.cos(angle) + stress * np.sin(angle), angle)

@@ -18,7 +18,6 @@ from smartmesh_ros.world.world import World
 from studies.soil.trials import Wheel
 
 GRAVITY = 9.81
-# Share of a body's weight in a set-down, in steps at rest, within which its contacts are steady.
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 # Height of the axles below the middle of a cart's chassis [m].
 BELOW = 0.05
@@ -47,11 +46,11 @@ class Cart:
         x, y = self.track**2 * body / 12.0, self.base**2 * body / 12.0
         along, across = 0.5 * wheel * self.radius**2, wheel * (self.radius**2 / 4.0 + self.width**2 / 12.0)
         shape = f'<geometry><cylinder radius="{self.radius}" length="{self.width}"/></geometry>'
-        parts = [_link("body", body, (x, y, 0.9 * (x + y)))]
+        parts = [link_of("body", body, (x, y, 0.9 * (x + y)))]
         for index, name in enumerate(WHEELS):
             place = f"{(0.5 - index // 2) * self.base} {(0.5 - index % 2) * self.track} {-BELOW}"
             turned = f'<collision><origin xyz="0 0 0" rpy="{0.5 * math.pi} 0 0"/>{shape}</collision>'
-            parts.append(_link(name, wheel, (across, along, across), turned))
+            parts.append(link_of(name, wheel, (across, along, across), turned))
             parts.append(
                 f'<joint name="{name}_axle" type="continuous"><parent link="body"/><child link="{name}"/>'
                 f'<axis xyz="0 1 0"/><origin xyz="{place}"/></joint>'
@@ -63,7 +62,8 @@ class Cart:
 WARTHOG = Cart(radius=0.3, width=0.22, mass=268.0, wheel_mass=20.0, base=0.9, track=1.1)
 
 
-def _link(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:
+def link_of(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:
+    """Return a link of a robot description, with a ``mass`` [kg] and moments of ``inertia`` [kg m^2]."""
     x, y, z = inertia
     return (
         f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" '
@@ -139,7 +139,7 @@ def set_down(number: int, soil: str) -> SetDown:
     """Set one of several kinds of body down on rough or smooth slopes, flat or anyhow; it is left alone for 3 s."""
     random = np.random.default_rng(number)
     slope = math.tan(math.radians(random.uniform(0.0, 12.0)))
-    heights = np.tile(-slope * 0.05 * np.arange(81), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 81))
+    heights = np.tile(-slope * 0.05 * np.arange(161), (81, 1)) + (number % 2) * random.normal(0.0, 0.01, (81, 161))
     shapes: list[Shape] = [Box(0.3, 0.2, 0.15), Sphere(0.12), Cylinder(0.12, 0.1)]
     with World(HeightMap(heights, resolution=0.05)) as world:
         world.ground.set_soil(ContactSoil(world.terrain, soil))
@@ -160,7 +160,9 @@ def set_down(number: int, soil: str) -> SetDown:
             linear, angular = world.client.getBaseVelocity(uid)
             speeds.append(math.hypot(*linear))
             spun = 0.0 if kind == 3 else _spin_energy(world, uid, angular)
-            energies.append(world.state("body").position[2] + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
+            # In free fall, PyBullet's steps conserve this.
+            height = world.state("body").position[2] + 0.5 * linear[2] * world.dt
+            energies.append(height + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
         rose = float(np.max(np.array(energies) - np.minimum.accumulate(energies)))
     return SetDown(max(speeds[480:]), rose)
 

@@ -99,7 +99,7 @@ double SoilInStep::rise_at(const Vec3& point, double time) const {
   return std::isfinite(rise) ? rise : 0.0;
 }
 
-void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
+Vec3 SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
                        const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold) {
   if (part.step == 0) part.shape = pressing_shape(convex);
   const Pose now = pose * part.shape.pose;
@@ -119,6 +119,7 @@ void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionOb
   const bool ground_is_b = manifold.getBody0() == body.getCollisionObject();
   manifold.setContactBreakingThreshold(FARTHEST);
   part.up.clear();
+  Vec3 normals;
   for (SoilSpring spring : springs) {
     spring.point.z += on.rise;
     const int k = static_cast<int>(part.up.size());
@@ -127,10 +128,12 @@ void SoilInStep::touch(const btCollisionObjectWrapper& body, const btCollisionOb
     if (k < before) point.m_appliedImpulse = manifold.getContactPoint(k).m_appliedImpulse, point.m_lifeTime = 1;
     manifold.getContactPoint(k) = point;
     part.up.push_back(spring.normal.z);
+    normals = normals + spring.normal;
   }
   manifold.setNumContacts(static_cast<int>(springs.size()));
   part.speed = solid.linear.z;
   part.step = step_;
+  return normals;
 }
 
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {

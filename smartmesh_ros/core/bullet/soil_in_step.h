@@ -54,8 +54,8 @@ class SoilInStep {
   // Returns how far the ground near a point has moved up since its last map [m].
   double rise_at(const Vec3& point, double time) const;
   // Replaces the contacts of a part of a body, a convex shape at `pose`, by those with the soil. `slop` [m]: depth that
-  // Bullet's solver leaves.
-  void touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
+  // Bullet's solver leaves. Returns the sum of their normals.
+  Vec3 touch(const btCollisionObjectWrapper& body, const btCollisionObjectWrapper& ground, const Convex& convex,
              const Pose& pose, const OnSoil& on, double slop, SoilPart& part, btPersistentManifold& manifold);
   // Presses the soil to where the parts of an awake body are at the end of a step.
   void press(const OnSoil& on, SoilParts& parts);

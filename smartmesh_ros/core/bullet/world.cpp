@@ -292,8 +292,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   Pose pose = from_bullet(body.getWorldTransform());
   for (Vec3& row : pose.turn.row) row = rotated(shape->turn.inverse(), row);
   if (soil != nullptr && soil->is_under(pose.at, time)) {
-    soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
-                slot.on_soil[body.getCollisionShape()], manifold);
+    run_belt(slot, soil->touch(body, ground, *shape, pose, on_soil(slot, step), world_->getSolverInfo().m_linearSlop,
+                               slot.on_soil[body.getCollisionShape()], manifold));
     return;
   }
   Approach approach = approach_of(slot);
@@ -309,7 +309,9 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   }
   double softness = 0.0;
   if (slot.belt.speed != 0.0) {
-    run_belt(slot, contacts_);
+    Vec3 normals;
+    for (const Contact& contact : contacts_) normals = normals + contact.normal;
+    run_belt(slot, normals);
     // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
     softness = step / mass_of(*slot.object);
   }
@@ -318,8 +320,9 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
 }
 
 // A proxy has one velocity, so that contacts with several normals share the mean one.
-void BulletWorld::run_belt(Slot& slot, const std::vector<Contact>& contacts) {
-  for (const Contact& contact : contacts) slot.normals = slot.normals + contact.normal;
+void BulletWorld::run_belt(Slot& slot, const Vec3& normals) {
+  if (slot.belt.speed == 0.0) return;
+  slot.normals = slot.normals + normals;
   const Vec3 axis = from_bullet(slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis));
   const Vec3 along = cross(axis, slot.normals);
   if (!(norm2(along) > 0.0)) return;

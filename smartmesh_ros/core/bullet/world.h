@@ -104,8 +104,8 @@ class BulletWorld {
   btCollisionObject* find(int body, int link) const;
   void read_velocity(Slot& slot) const;
   void place(Slot& slot);
-  // Moves the proxy against the surface of its body, whose contacts in this step are given.
-  static void run_belt(Slot& slot, const std::vector<Contact>& contacts);
+  // Moves the proxy against the surface of its body, whose contacts in this step have normals with a sum.
+  static void run_belt(Slot& slot, const Vec3& normals);
   static void wake(const Slot& slot);
   bool keeps_asleep(Slot& slot, const btVector3& low, const btVector3& high);
   // Returns `margin` and the way that gravity adds to the motion of a body in a step.

@@ -1,0 +1,224 @@
+"""Soil whose law is that of contacts: laws of plates, wheels and carts in PyBullet."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, PatchConfig, Sphere, World
+from smartmesh_ros.ground.map_contacts import MapContacts
+from smartmesh_ros.soil.checked_soil import map_from
+from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soils import soil_named
+from smartmesh_ros.terrain.motion import MotionConfig
+from studies.soil.arcs import free_slip, undamped, wheel_forces
+from studies.soil.rig import roll
+from studies.soil.trials import Wheel, plate_sinkage
+from studies.soil.vehicles import WARTHOG, Cart, drive, set_down, vertical_forces
+
+SOILS = ("dry_sand", "clay", "sandy_loam", "lunar", "hit_lss1", "lete_sand", "chrono_rig", "k10_sand")
+FLAT = np.zeros((101, 101))
+WEIGHT = 5e3 * 0.04  # [N] of a box of 0.2 m under 5 kPa
+
+
+def with_box(grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1) -> World:
+    """Return a world with a box of 0.2 m that presses with 5 kPa."""
+    side = round(4.0 / grid) + 1
+    world = World(HeightMap(np.zeros((side, side)), resolution=grid))
+    world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((*place, height)))
+    return world
+
+
+@pytest.mark.parametrize("soil", SOILS)
+def test_a_plate_that_sinks_slowly_comes_to_bekkers_depth_and_sleeps(soil: str) -> None:
+    """Damping keeps it from overshooting; its depth is the same."""
+    known = replace(soil_named(soil), damping_R=1e5)
+    with with_box() as world:
+        world.ground.set_soil(ContactSoil(world.terrain, known))
+        world.step(720)
+        wanted = plate_sinkage(known, 0.2, 5e3)
+        assert 0.1 - world.state("box").position[2] == pytest.approx(wanted, rel=0.01, abs=1e-4)
+        support = world.ground.on_soil()["box"]
+        assert support.area == pytest.approx(0.04, rel=0.01)
+        assert support.carried == pytest.approx(WEIGHT, rel=0.01)
+        assert world.is_asleep("box")
+
+
+@pytest.mark.parametrize("grid", [0.01, 0.05])
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_nothing_bounces_at_rest(grid: float, height: float) -> None:
+    with with_box(grid, height=height) as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        world.step(120)
+        for _ in range(240):
+            world.step()
+            if not world.is_asleep("box"):
+                assert vertical_forces(world, ["box"])[0] == pytest.approx(WEIGHT, rel=0.01)
+
+
+@pytest.mark.parametrize("soil", SOILS)
+def test_a_cart_slips_as_the_integrals_say_and_its_wheels_stay_loaded(soil: str) -> None:
+    known = undamped(soil_named(soil))
+    found = drive(Cart(), known, seconds=5.0)
+    assert found.slip == pytest.approx(free_slip(known, Cart().wheel), abs=0.05)
+    assert found.unloaded < 0.01
+    assert found.worst < 2.0
+
+
+def test_a_heavy_rover_slips_by_hundredths() -> None:
+    known = undamped(soil_named("dry_sand"))
+    found = drive(WARTHOG, known, speed=0.5, seconds=4.0, grid=0.05)
+    assert found.slip == pytest.approx(free_slip(known, WARTHOG.wheel), abs=0.02)
+    assert found.unloaded == 0.0
+
+
+@pytest.mark.parametrize("slip", [-0.2, 0.15, 0.3, 0.7])
+@pytest.mark.parametrize("sinks", [False, True])
+def test_a_wheel_of_forced_slip_pulls_and_sinks_as_the_integrals_say(slip: float, sinks: bool) -> None:
+    known, wheel = undamped(soil_named("k10_sand")), Wheel(radius=0.058, width=0.05, load=24.6)
+    found = roll(wheel, known, slip, speed=0.05, slip_sinkage=sinks)
+    wanted = wheel_forces(known, wheel, slip, sinks_by_slip=sinks)
+    assert found.sinkage == pytest.approx(wanted.sinkage, rel=0.06)
+    assert found.pull / wheel.load == pytest.approx(wanted.pull / wheel.load, abs=0.04)
+
+
+def test_a_wheel_of_a_mesh_is_the_cylinder_around_it() -> None:
+    known, wheel = undamped(soil_named("k10_sand")), Wheel(radius=0.058, width=0.05, load=24.6)
+    exact, hull = (roll(wheel, known, 0.2, speed=0.05, implicit=implicit) for implicit in (True, False))
+    assert hull.sinkage == pytest.approx(exact.sinkage, abs=2e-3)  # PyBullet's margin is 1 mm
+    assert hull.pull / wheel.load == pytest.approx(exact.pull / wheel.load, abs=0.03)
+
+
+@pytest.mark.parametrize("number", range(16))
+def test_energy_never_grows_in_set_downs(number: int) -> None:
+    assert set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4]).rose < 1e-3
+
+
+@pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(0.15, 0.2)])
+def test_a_heavy_body_dropped_from_a_metre_stays_where_it_fell(shape: Box | Sphere | Cylinder) -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
+        world.ground.set_soil(soil := ContactSoil(world.terrain, "lunar"))
+        heights = []
+        for _ in range(720):
+            world.step()
+            heights.append(world.state("heavy").position[2])
+        assert max(heights[200:]) - min(heights) < 1e-3
+        assert 0.0 < soil.sinkage().max() < 0.2
+        assert world.rescues == 0
+
+
+def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
+    for soil in ("clay", "lunar"):
+        with with_box(height=0.04) as world:
+            world.ground.set_soil(ContactSoil(world.terrain, soil))
+            world.step(240)
+            assert world.state("box").position[2] == pytest.approx(0.04, abs=5e-3)
+
+
+def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
+    """On a slope below the angle of friction a box creeps by millimetres and stays; above, it slides."""
+    found = {}
+    for degrees in (15.0, 45.0):
+        x = np.tile(0.04 * np.arange(101), (101, 1))
+        with World(HeightMap(-math.tan(math.radians(degrees)) * x, resolution=0.04)) as world:
+            world.spawn("box", Box(0.2, 0.2, 0.1), 20.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, align=True)
+            world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+            world.step(240)
+            soon = world.state("box").position[0]
+            world.step(240)
+            found[degrees] = soon - 2.0, world.state("box").position[0] - soon
+    assert 0.0 < found[15.0][0] < 0.03
+    assert found[15.0][1] < 1e-4
+    assert found[45.0][1] > 0.3
+
+
+def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
+    with with_box(grid=0.02) as world:
+        world.ground.set_soil(soil := ContactSoil(world.terrain, "lunar"))
+        world.step(240)
+        deep = soil.sinkage().max()
+        assert deep == pytest.approx(0.1 - world.state("box").position[2], abs=1e-4)
+        assert soil.map.heights.min() == pytest.approx(-deep, abs=1e-6)
+        pressed = (soil.map.heights < -0.5 * deep).sum() * 0.02**2
+        assert pressed == pytest.approx(0.04, rel=0.2)
+        world.remove("box")
+        world.step(60)
+        assert soil.map.heights.min() == pytest.approx(-deep, abs=1e-6)
+        assert world.ground.on_soil() == {}
+        soil.map.update_region(80, 80, np.full((41, 41), 0.1), time=world.time)
+        world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((2.003, 2.007, 0.2)))
+        world.step(240)
+        assert 0.2 - world.state("box").position[2] == pytest.approx(deep, rel=0.05)
+        assert soil.sinkage().max() == pytest.approx(deep, rel=0.05)
+
+
+def test_soil_outlives_a_restored_world_and_can_be_taken_away() -> None:
+    with with_box() as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
+        world.step(240)
+        sunk = world.state("box").position[2]
+        world.save()
+        world.step(60)
+        assert world.state("box").position[2] == pytest.approx(sunk, abs=1e-4)
+        assert "box" in world.ground.on_soil()
+        world.ground.set_soil(None)
+        world.step(60)
+        assert world.ground.on_soil() == {}
+
+
+def test_ground_that_rises_lifts_what_stands_on_its_soil() -> None:
+    with with_box() as world:
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        tile = map_from(world.terrain, "")
+        world.step(120)
+        low = world.state("box").position[2]
+        for step in range(1, 61):
+            tile.replace(np.full(tile.heights.shape, 1e-3 * step), time=world.time)
+            world.step(4)
+        assert world.state("box").position[2] - low == pytest.approx(0.06, abs=0.01)
+
+
+def test_a_driven_track_pulls_itself_through_the_soil() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
+        world.ground.set_soil(ContactSoil(world.terrain, "dry_sand"))
+        follower = world.followers.of(world.bodies["track"].uid)[0]
+        world.step(60)
+        contacts = world.ground._contacts
+        assert isinstance(contacts, MapContacts)
+        contacts.drive(follower, (0.0, 1.0, 0.0), 0.3)
+        world.wake()
+        world.step(480)
+        assert world.state("track").linear[0] == pytest.approx(0.3, rel=0.1)
+
+
+def test_soils_are_where_kinds_say() -> None:
+    kinds = np.zeros(FLAT.shape, np.uint8)
+    kinds[:, 50:] = 1
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        for k, x in enumerate((1.0, 3.0)):
+            world.spawn(f"b{k}", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((x, 2.0, 0.1)))
+        world.ground.set_soil(soil := ContactSoil(world.terrain, ["lunar", "clay"], kinds=kinds))
+        world.step(240)
+        sunk = [world.ground.on_soil()[f"b{k}"].sinkage for k in range(2)]
+        assert sunk[0] > 5e-3 > 5e-4 > sunk[1]
+        soil.set_kinds(1 - kinds)
+        soil.reset()
+
+
+def test_what_cannot_be_soil_is_refused() -> None:
+    tile = HeightMap(FLAT, resolution=0.04)
+    with pytest.raises(InputError, match="spacing"):
+        ContactSoil(tile, "lunar", spacing=0.0)
+    with pytest.raises(InputError, match="no soil"):
+        ContactSoil(tile, "porridge")
+    with pytest.raises(InputError, match="corrections"):
+        ContactSoil(HeightMap(FLAT, resolution=0.04, motion=MotionConfig(changes="correction")), "lunar")
+    with with_box() as world:
+        with pytest.raises(InputError, match="no tile"):
+            world.ground.set_soil(ContactSoil(tile, "lunar"))
+        world.ground.set_soil(ContactSoil(world.terrain, "lunar"))
+        with pytest.raises(InputError, match="contacts come from the map"):
+            world.ground.configure(PatchConfig(kind="heightfield"))
