@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from time import thread_time
-from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -19,6 +17,8 @@ from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
 from studies.pages import ROOT, fill
+from studies.soil import steps
+from studies.soil.tables import K10, SMOOTH, table
 from studies.soil.trials import (
     RIGID,
     TOWED,
@@ -39,29 +39,6 @@ PAGE = ROOT / "docs" / "soil.md"
 PICTURES = ROOT / "docs" / "images" / "soil"
 SPACINGS = (0.005, 0.01, 0.02, 0.04)
 PRESSURES = (5e3, 10e3, 20e3)
-
-
-class Measured(NamedTuple):
-    """A run of the smooth wheel of robomechanics/3d-terramechanics: pull, load [N] and sinkage [m] at a slip."""
-
-    slip: float
-    pull: float
-    load: float
-    sinkage: float
-
-
-SMOOTH = (
-    Measured(-0.5, -17.2, 23.2, 23.7e-3), Measured(-0.2, -7.3, 23.7, 15.1e-3), Measured(0.0, -1.3, 24.6, 14.4e-3),
-    Measured(0.23, 0.7, 24.6, 17.9e-3), Measured(0.5, 1.0, 25.3, 22.7e-3), Measured(0.75, 0.8, 24.0, 25.4e-3),
-    Measured(0.9, 1.5, 25.7, 25.7e-3),
-)  # fmt: skip
-K10 = Wheel(radius=0.058, width=0.05, load=24.6)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def plates() -> str:
@@ -219,7 +196,8 @@ def nodes() -> str:
 
 BLOCKS = {
     "plates": plates, "towed wheels": wheels, "measured wheel": measured, "boxes": boxes, "cost of soil": cost,
-    "rate of nodes": nodes,
+    "boxes in steps": steps.boxes, "wheel in steps": steps.forced_slip, "carts in steps": steps.carts,
+    "set-downs in steps": steps.set_downs, "cost of steps": steps.cost, "rate of nodes": nodes,
 }  # fmt: skip
 
 

@@ -1,0 +1,124 @@
+"""Tables of `ContactSoil`: boxes, a wheel of forced slip, carts, set-downs and cost, all in PyBullet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import thread_time
+
+import numpy as np
+
+from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.soil.contact_soil import ContactSoil
+from smartmesh_ros.soil.soils import soil_named, soils_of
+from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.world.world import World
+from studies.soil.arcs import free_slip, undamped, wheel_forces
+from studies.soil.rig import roll
+from studies.soil.tables import K10, SMOOTH, table
+from studies.soil.trials import Wheel, plate_sinkage
+from studies.soil.vehicles import GRAVITY, WARTHOG, Cart, drive, set_down
+
+# Damping at which boxes do not sink beyond their depth of rest [Pa s/m].
+SLOW = 1e5
+SET_DOWN_ON = ("dry_sand", "lunar", "clay", "hit_lss1")
+
+
+def boxes() -> str:
+    """Return the table of boxes of 0.2 m under 5 kPa that are set down on the ground."""
+    rows = []
+    for name in soils_of():
+        wanted = plate_sinkage(soil_named(name), 0.2, 5e3)
+        row = [name, f"{1e3 * wanted:.3f}"]
+        for damping in (SLOW, soil_named(name).damping_R):
+            sunk, rest = _box(replace(soil_named(name), damping_R=damping))
+            row.append(f"{1e3 * sunk:.3f} ({100.0 * (sunk / wanted - 1.0):+.1f} %), {rest:.2f} s")
+        rows.append(row)
+    head = ["soil", "closed form [mm]", "damping_R 1e5: sinkage [mm], at rest after", "damping_R 3e4"]
+    return table(head, rows)
+
+
+def _box(soil: object) -> tuple[float, float]:
+    """Return the sinkage [m] of a box, and when it moved at less than 0.1 mm/s for good [s]."""
+    with World(HeightMap(np.zeros((201, 201)), resolution=0.02)) as world:
+        world.ground.set_soil(ContactSoil(world.terrain, soil))  # type: ignore[arg-type]
+        world.spawn("box", Box(0.2, 0.2, 0.2), 5e3 * 0.04 / GRAVITY, BodyState((2.003, 2.007, 0.1)))
+        last = 0.0
+        for _ in range(720):
+            world.step()
+            if abs(world.state("box").linear[2]) > 1e-4:
+                last = world.time
+        return 0.1 - world.state("box").position[2], last
+
+
+def forced_slip() -> str:
+    """Return the table of the measured wheel at forced slips."""
+    soil, rows = undamped(soil_named("k10_sand")), []
+    for run in SMOOTH:
+        wheel = Wheel(radius=K10.radius, width=K10.width, load=run.load)
+        found, wanted = roll(wheel, soil, run.slip), wheel_forces(soil, wheel, run.slip)
+        rows.append([
+            f"{run.slip:g}", f"{1e3 * run.sinkage:.1f}", f"{1e3 * found.sinkage:.1f}", f"{1e3 * wanted.sinkage:.1f}",
+            f"{run.pull / run.load:+.2f}", f"{found.pull / run.load:+.2f}", f"{wanted.pull / run.load:+.2f}",
+        ])  # fmt: skip
+    head = ["slip", "sinkage [mm]: measured", "soil", "integrals", "pull / load: measured", "soil", "integrals"]
+    return table(head, rows)
+
+
+def carts() -> str:
+    """Return the table of carts that drive."""
+    rows = []
+    for name in soils_of():
+        soil = soil_named(name)
+        for cart, what, speed, grid in ((Cart(), "12 kg", 0.3, 0.02), (WARTHOG, "268 kg", 0.5, 0.05)):
+            row, loaded, worst = [name, what], 1.0, 0.0
+            for each in (undamped(soil), soil):
+                found = drive(cart, each, speed=speed, grid=grid)
+                row.append(f"{found.slip:.3f} ({free_slip(each, cart.wheel, speed=speed):.3f})")
+                loaded, worst = min(loaded, 1.0 - found.unloaded), max(worst, found.worst)
+            rows.append([*row, f"{100.0 * loaded:.1f} %", f"{worst:.2f}"])
+    head = [
+        "soil",
+        "cart",
+        "slip without damping (integrals)",
+        "with it (integrals)",
+        "steps under load",
+        "largest load",
+    ]
+    return table(head, rows)
+
+
+def set_downs() -> str:
+    """Return the table of 100 bodies that are set down."""
+    found = [set_down(number, SET_DOWN_ON[(number // 2 + number // 8) % 4]) for number in range(100)]
+    rising, moving = max(run.rose for run in found), sum(run.speed > 0.05 for run in found)
+    rows = [[str(len(found)), f"{1e3 * rising:.2f}", str(moving)]]
+    return table(["bodies", "energy rose by at most [mm of height]", "still rolling after 2 s"], rows)
+
+
+def cost() -> str:
+    """Return the table of the time of a step."""
+    rows = []
+    for what, cart, grid in (
+        ("12 kg, 5 cm", Cart(), 0.05), ("12 kg, 2 cm", Cart(), 0.02), ("268 kg, 5 cm", WARTHOG, 0.05)
+    ):  # fmt: skip
+        rows.append([what, *(f"{_step_time(cart, grid, spacing):.2f}" for spacing in (0.0, 0.02, 0.01, 0.005))])
+    head = ["cart, map", "no soil", "spacing 20 mm", "spacing 10 mm", "spacing 5 mm"]
+    return table(head, rows)
+
+
+def _step_time(cart: Cart, grid: float, spacing: float) -> float:
+    """Return the median processor time of a step with a cart that drives [ms]; ``spacing`` [m]: 0 = no soil."""
+    with World(HeightMap(np.zeros((round(3.0 / grid), round(5.0 / grid))), resolution=grid)) as world:
+        world.spawn_robot("cart", cart.urdf, BodyState((1.0, 1.5, cart.radius + 0.051)))
+        if spacing:
+            world.ground.set_soil(ContactSoil(world.terrain, "dry_sand", spacing=spacing))
+        world.step(120)
+        for joint in world.joints("cart"):
+            world.drive("cart", joint.name, 0.3 / cart.radius, 20.0 * GRAVITY * cart.mass)
+        took = []
+        for _ in range(480):
+            start = thread_time()
+            world.step()
+            took.append(1e3 * (thread_time() - start))
+    return float(np.median(took))
