@@ -118,3 +118,27 @@ def test_impossible_friction_is_refused_and_the_old_one_stays(friction: float | 
     with pytest.raises(InputError, match=words):
         terrain.friction = friction
     assert terrain.friction == ICE
+
+
+@pytest.mark.parametrize("how", ["assigned", "replaced", "put"])
+@pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (1.0, False)])
+def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction: float, slides: bool) -> None:
+    """And sleeps on where the friction is the one that it fell asleep on."""
+    slope = 0.2 * RESOLUTION * np.arange(COLUMNS) * np.ones((ROWS, 1))
+    ground = HeightMap(slope, resolution=RESOLUTION, origin=(-10.0, -2.0))
+    with World(ground, WorldConfig(physics=PhysicsConfig(friction=0.8))) as world:
+        world.spawn("box", Box(0.4, 0.4, 0.1), 1.0, BodyState((0.0, 0.0, 2.06)))
+        world.step(600)
+        assert not world.followers.awake.size
+        before = world.state("box").position[0]
+        if how == "assigned":
+            ground.friction = friction
+        elif how == "replaced":
+            ground.replace(slope, time=world.time, friction=friction)
+        else:
+            new = HeightMap(slope, geometry=ground.geometry, time=world.time, friction=friction)
+            world.terrain.put("", new)
+        world.step()
+        assert bool(world.followers.awake.size) == slides
+        world.step(120)
+        assert (world.state("box").position[0] < before - 0.1) == slides

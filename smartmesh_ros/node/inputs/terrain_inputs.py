@@ -83,7 +83,8 @@ class TerrainInputs:
                 self._map_checks.forget(start.tile)
                 self._session.map_warning = self._map_checks.warning
             else:
-                self._take_map(start.tile, new.geometry, new.heights, new.velocities, placed)
+                raster = Raster(new.geometry, new.heights, friction=new.friction)
+                self._take_map(start.tile, raster, new.velocities, placed)
 
     def _on_raster(self, convert: Callable[..., Any], message: Any) -> None:
         settings = self._session.settings
@@ -92,20 +93,11 @@ class TerrainInputs:
             return
         with self._ingesting("", stamp, message.header.frame_id) as placed:
             raster = convert(message, settings.raster, settings.max_samples)
-            self._take_map("", raster.geometry, raster.heights, None, placed, raster.variances)
+            self._take_map("", raster, None, placed)
 
-    def _take_map(
-        self,
-        tile: str,
-        geometry: GridGeometry,
-        heights: FloatGrid,
-        velocities: FloatGrid | None,
-        placed: Placed,
-        variances: FloatGrid | None = None,
-    ) -> None:
+    def _take_map(self, tile: str, raster: Raster, velocities: FloatGrid | None, placed: Placed) -> None:
         """Checks a whole map and puts it into the terrain."""
-        self._look_for_rivals(tile, geometry, heights)
-        raster = Raster(geometry, heights, variances)
+        self._look_for_rivals(tile, raster.geometry, raster.heights)
         take_map(self._terrain, self._session.settings, tile, raster, velocities, placed.time)
         taken = self._terrain.tiles[tile]
         if isinstance(taken, HeightMap):
@@ -168,7 +160,7 @@ class TerrainInputs:
         settings = self._session.settings
         raster = files.load(path, settings.raster, settings.max_samples)
         with self._ingesting("", None, settings.frame_id) as placed:
-            self._take_map("", raster.geometry, raster.heights, None, placed)
+            self._take_map("", raster, None, placed)
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings

@@ -124,7 +124,7 @@ class Publishing:
         self._clock_watch = ClockWatch(session)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
-            depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
+            depth=RELIABLE.depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
         )
         self._outputs = {
             "patches": self._output(MarkerArray, "~/patches", self._make_patches),

@@ -85,7 +85,6 @@ class Settings:
     map_depth: int = 2
     update_depth: int = 100
     output_durability: Durability = "volatile"
-    output_depth: int = 10
     incremental: bool = False
     marker_namespace: str = "patches"
     robot_prefix: bool = False

@@ -183,6 +183,11 @@ SPECS = (
         "use terrain.noise.",
     ),
     Spec(
+        "terrain.friction_layer", _RASTER.friction_layer,
+        "Layer of a grid map that holds the ground's coefficients of friction, by which those of bodies are multiplied "
+        "(NaN = 1); empty = none.",
+    ),
+    Spec(
         "raster.scale", _RASTER.scale,
         "Height = scale x value + offset [m per unit]. Values are pixel values, metres, or occupancies from 0 to 1.",
         -1e6, 1e6,
@@ -300,10 +305,9 @@ SPECS = (
     ),
     Spec(
         "publish.durability", _D.output_durability,
-        "QoS durability of the outputs; transient_local sends the last publish.depth messages to late subscribers.",
+        "QoS durability of the outputs; transient_local sends the last messages to late subscribers.",
         choices=get_args(Durability), read_only=True,
     ),
-    Spec("publish.depth", _D.output_depth, "Queue depth of each output.", 1, 10_000, read_only=True),
     Spec("publish.joint_states", _D.publish.joint_states, "Rate of ~/joint_states [Hz].", 0.0, 1000.0),
     Spec(
         "publish.robot_prefix", _D.robot_prefix,
@@ -357,7 +361,6 @@ _SETTINGS = {
     "default_radius": "bodies.default_radius",
     "spawn": "bodies.spawn",
     "output_durability": "publish.durability",
-    "output_depth": "publish.depth",
     "incremental": "publish.incremental",
     "marker_namespace": "publish.marker_namespace",
     "robot_prefix": "publish.robot_prefix",
@@ -369,6 +372,7 @@ REMOVED = {
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
+    "publish.depth": "set qos_overrides.<full name of the topic>.publisher.depth",
 }
 
 
@@ -387,7 +391,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         ),
         motion=_config(MotionConfig, "terrain", v, mode="terrain.motion"),
         publish=_config(PublishRates, "publish", v),
-        raster=_config(RasterConfig, "raster", v),
+        raster=_config(RasterConfig, "raster", v, friction_layer="terrain.friction_layer"),
         robot=_config(RobotConfig, "robot", v),
         peers=peer_names(v["bodies.peers"]),
         **own,

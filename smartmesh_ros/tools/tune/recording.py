@@ -111,7 +111,7 @@ class Reader:
         stamp = conversions.stamp_seconds(start)
         at = self._place(start.tile, stamp, now, record.time, horizon=self._settings.motion.max_interval)
         self._require_frame(start.frame_id)
-        raster = None if new.geometry is None else Raster(new.geometry, new.heights)
+        raster = None if new.geometry is None else Raster(new.geometry, new.heights, friction=new.friction)
         yield MapCame(
             arrives=now, at=at, stamped=stamp is not None, tile=start.tile, raster=raster, velocities=new.velocities,
             delay=self._clocks[start.tile].delay,
