@@ -9,7 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, PhysicsConfig, Sphere, Terrain, World, WorldConfig
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    HeightMap,
+    InputError,
+    PatchConfig,
+    PhysicsConfig,
+    Sphere,
+    Terrain,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.patches.config import PatchKind
 
 GRAVITY = 9.81
 ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
@@ -28,8 +40,10 @@ def flat(friction: float | np.ndarray = 1.0) -> HeightMap:
     return HeightMap(heights, resolution=RESOLUTION, origin=(-10.0, -2.0), friction=friction)
 
 
-def sliding(terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0) -> World:
-    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction)))
+def sliding(
+    terrain: HeightMap | Terrain, x: float, speed: float, friction: float = 1.0, kind: PatchKind = "auto"
+) -> World:
+    world = World(terrain, WorldConfig(physics=PhysicsConfig(friction=friction), patch=PatchConfig(kind=kind)))
     world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((x, 0.0, 0.1), linear=(speed, 0.0, 0.0)))
     return world
 
@@ -142,3 +156,12 @@ def test_what_sleeps_on_a_slope_that_freezes_wakes_and_slides(how: str, friction
         assert bool(world.followers.awake.size) == slides
         world.step(120)
         assert (world.state("box").position[0] < before - 0.1) == slides
+
+
+@pytest.mark.parametrize("kind", ["heightfield", "hull"])
+def test_colliders_of_pybullet_have_the_friction_under_their_body(kind: PatchKind) -> None:
+    """A metre of ice, then gravel. The inner edges of a height field take some speed, too."""
+    speed_on_gravel = math.sqrt(3.0**2 - 2 * ICE * GRAVITY * 1.0)
+    expected = 1.0 + speed_on_gravel**2 / (2 * GRAVEL * GRAVITY)
+    assert way_of(sliding(flat(halves()), -1.05, 3.0, kind=kind)) == pytest.approx(expected, rel=0.1)
+    assert way_of(sliding(flat(ICE), -9.0, 2.0, kind=kind)) == pytest.approx(2.0**2 / (2 * ICE * GRAVITY), rel=0.1)
