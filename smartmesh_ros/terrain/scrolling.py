@@ -60,25 +60,35 @@ def carry_friction(before: HeightMap, after: HeightMap) -> None:
     their places if the map was scrolled by whole cells, and on the samples of a map that slides. New ground has 1, and
     so has a map on another grid.
     """
-    known = before.friction
     if after.has_friction or not before.has_friction:
-        return
-    if isinstance(known, float):
-        after.friction = known
         return
     motion = after.motion
     if motion.corrects:
         moved = cells_moved(before.geometry, _levelled(before, after))
     else:
         _, moved = follow(before.track, after.geometry, after.time, motion.max_interval, motion.max_velocity)
+    friction = friction_moved(before.friction, moved)
+    if friction is not None:
+        after.friction = friction
+
+
+def friction_moved(
+    known: float | NDArray[np.float32] | None, moved: tuple[int, int] | None
+) -> float | NDArray[np.float32] | None:
+    """Return the coefficients of friction (rows, columns) after a map ``moved`` by (rows, columns), NaN on new ground.
+
+    One coefficient stays; None: nothing is known, as after an unknown move (None).
+    """
+    if known is None or isinstance(known, float):
+        return known
     if moved is None:
-        return
+        return None
     (new_rows, old_rows), (new_columns, old_columns) = (
         overlap(cells, size) for cells, size in zip(moved, known.shape, strict=True)
     )
     friction = np.full(known.shape, np.nan, np.float32)
     friction[new_rows, new_columns] = known[old_rows, old_columns]
-    after.friction = friction
+    return friction
 
 
 def _levelled(before: HeightMap, after: HeightMap) -> GridGeometry:

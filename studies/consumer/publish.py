@@ -38,8 +38,8 @@ class Publisher(Node):
         origin = message.info.origin.position
         origin.x, origin.y, origin.z = geometry.origin
         self._bytes = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # After the heights: the length of the empty array of velocities.
-        at = len(self._bytes) - 4 - 4 * geometry.size
+        # After the heights: the lengths of the empty arrays of velocities and friction.
+        at = len(self._bytes) - 8 - 4 * geometry.size
         self._heights = np.ndarray((geometry.rows, geometry.columns), "<f4", self._bytes, at)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._publisher = self.create_publisher(Heightmap, f"{COLLIDER}/heightmap", qos)

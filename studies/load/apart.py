@@ -96,9 +96,9 @@ class Apart(Node):
             self._memory.unlink()
 
     def _on_map(self, data: bytes) -> None:
-        # The driver's maps are square and carry no velocities, so the heights end four bytes before the message does.
-        side = round(((len(data) - 100) / 4) ** 0.5)
-        heights = np.frombuffer(data, np.float32, side * side, len(data) - 4 - 4 * side * side)
+        # The driver's maps are square without velocities and friction: the heights end eight bytes before the message.
+        side = round(((len(data) - 104) / 4) ** 0.5)
+        heights = np.frombuffer(data, np.float32, side * side, len(data) - 8 - 4 * side * side)
         if self._memory is None:
             self._memory = SharedMemory(create=True, size=HEAD + 8 * side * side)
             arguments = (self._memory.name, side, self._rate, self._spawn, self._reports)

@@ -24,8 +24,8 @@ class TerrainMessages:
         message.header.frame_id = FRAME
         message.info.resolution, message.info.width, message.info.height = RESOLUTION, side, side
         self._map = np.frombuffer(serialize_message(message), np.uint8).copy()
-        # The heights are followed by the length of no velocities.
-        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 4 - 4 * side * side)
+        # The heights are followed by the lengths of no velocities and no friction.
+        self._map_heights = np.ndarray((side, side), "<f4", self._map, len(self._map) - 8 - 4 * side * side)
         update = HeightmapUpdate(width=window, height=window, heights=_floats(window * window))
         update.header.frame_id = FRAME
         self._region = np.frombuffer(serialize_message(update), np.uint8).copy()

@@ -12,18 +12,22 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, GridGeometry
+from smartmesh_ros.terrain.grid_track import cells_moved
+from smartmesh_ros.terrain.scrolling import friction_moved
 
 FloatGrid = NDArray[np.float32]
+Friction = float | FloatGrid | None
 # Messages that may wait. One more applies them all, so that memory stays bounded while no page is open.
 MAX_WAITING = 2000
 
 
 class Relief:
     """A height map of the terrain. New heights set ``changed``; ``geometry`` and ``first``, the heights of the first
-    map, are constant."""
+    map, are constant. ``friction``: one coefficient of the ground, or (rows, columns), or None = 1."""
 
-    def __init__(self, geometry: GridGeometry, heights: FloatGrid) -> None:
+    def __init__(self, geometry: GridGeometry, heights: FloatGrid, friction: Friction = None) -> None:
         self.geometry = geometry
+        self.friction = friction
         self.changed = True
         self.first = heights
         self._heights = heights
@@ -94,13 +98,16 @@ class Ground:
         """Queue a TerrainMeshUpdate message."""
         self._wait(self._move_mesh, data)
 
-    def put(self, tile: str, geometry: GridGeometry, heights: FloatGrid) -> None:
-        """Set the whole map of a tile."""
+    def put(self, tile: str, geometry: GridGeometry, heights: FloatGrid, friction: Friction = None) -> None:
+        """Set the whole map of a tile. Without ``friction`` its ground keeps that of before."""
         known = self.tiles.get(tile)
+        if friction is None and isinstance(known, Relief):
+            friction = friction_moved(known.friction, cells_moved(known.geometry, geometry))
         if isinstance(known, Relief) and known.geometry == geometry:
             known.replace(heights)
+            known.friction = friction
         else:
-            self.tiles[tile] = Relief(geometry, heights)
+            self.tiles[tile] = Relief(geometry, heights, friction)
 
     def apply_waiting(self) -> None:
         """Apply all waiting messages. Malformed ones are skipped, because the node reports them."""
@@ -129,7 +136,7 @@ class Ground:
         if new.geometry is None:
             self.tiles.pop(new.start.tile, None)
         else:
-            self.put(new.start.tile, new.geometry, new.heights)
+            self.put(new.start.tile, new.geometry, new.heights, new.friction)
 
     def _write_region(self, data: bytes) -> None:
         new = conversions.region_from(data, MOST_SAMPLES)

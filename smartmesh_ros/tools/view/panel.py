@@ -19,7 +19,7 @@ from smartmesh_ros.tools.view.cameras import Cameras
 from smartmesh_ros.tools.view.looks import PatchLook
 from smartmesh_ros.tools.view.remote import Remote
 from smartmesh_ros.tools.view.scene import Scene, radius_of
-from smartmesh_ros.tools.view.sunk import Depth
+from smartmesh_ros.tools.view.sunk import Band, Depth, Grip
 
 # Time span of the plot and period of its refreshes [s].
 MINUTE, PLOT_PERIOD = 60.0, 1.0
@@ -57,8 +57,9 @@ class Panel:
                 gui.add_html(_legend(PatchLook))
                 self._contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
                 self._shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
-            with gui.add_folder("Sunk ground", expand_by_default=False):
-                self._sunk = gui.add_checkbox("colour it", False, hint="It lies below its first map, such as ruts.")
+            with gui.add_folder("Ground", expand_by_default=False):
+                gui.add_html(_legend(Grip))
+                self._sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
                 gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):
                 self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
@@ -206,7 +207,7 @@ def plot_data(timings: list[tuple[float, Any]], now: float) -> tuple[Any, ...]:
     return (times, *(np.array([of_stages.get(stage, np.nan) for of_stages in medians]) for stage in STAGES))
 
 
-def _legend(looks: type[PatchLook] | type[Depth]) -> str:
+def _legend(looks: type[PatchLook] | type[Band]) -> str:
     rows = "".join(
         f'<div style="margin:1px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
         f'background:rgb{look.colour}"></span>{look.words}</div>'

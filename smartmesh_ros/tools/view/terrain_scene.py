@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from smartmesh_ros.tools.view.decimation import DecimationConfig, Surface, coarsest_level, decimate
 from smartmesh_ros.tools.view.ground import Ground, Mesh, Relief
 from smartmesh_ros.tools.view.looks import GROUND
-from smartmesh_ros.tools.view.sunk import SunkGround
+from smartmesh_ros.tools.view.sunk import Depth, Grip, Tint
 
 
 @dataclass(frozen=True)
 class TerrainConfig:
     """``margin``: distance around each body with full resolution, in radii. ``least``: minimum of that distance
     [samples]. ``period`` [s]: minimum time between two decimations, each of which takes tens of milliseconds for a
-    large map, and between two refreshes of the colours of sunk ground."""
+    large map, and between two refreshes of the colours of ground."""
 
     margin: float = 2.0
     least: float = 8.0
@@ -89,8 +89,7 @@ class _Relief:
         self._centres = np.zeros((0, 2))
         self._holes = np.zeros(0, np.bool_)
         self._due = 0.0
-        self._sunk = SunkGround(scene, f"/sunk{path}")
-        self._sunk_due, self._is_coloured = 0.0, False
+        self._sunk, self._grip = Tint(scene, f"/sunk{path}", Depth), Tint(scene, f"/grip{path}", Grip)
         geometry = tile.geometry
         shape = (geometry.rows, geometry.columns)
         self._is_whole = coarsest_level(shape, DecimationConfig().far_cells) == 0
@@ -100,6 +99,7 @@ class _Relief:
 
     def remove(self) -> None:
         self._sunk.remove()
+        self._grip.remove()
         if self._handle is not None:
             self._handle.remove()
 
@@ -112,18 +112,30 @@ class _Relief:
         else:
             return
         tile.changed = False
-        self._is_coloured = False
+        self._sunk.stale = self._grip.stale = True
 
     def colour(self, sunk: bool, period: float) -> None:
-        """Show the colours of sunk ground, or remove them."""
+        """Show the colours of sunk ground, or remove them, and those of friction."""
+        if self._surface is None:
+            return
+        rows, columns = self._surface.rows, self._surface.columns
         if not sunk:
             self._sunk.remove()
-            self._is_coloured = False
-        elif not self._is_coloured and monotonic() >= self._sunk_due and self._surface is not None:
-            self._sunk_due, self._is_coloured = monotonic() + period, True
-            rows, columns = self._surface.rows, self._surface.columns
+        elif self._sunk.is_due:
             depths = self._tile.first[rows, columns].astype(np.float64) - self._tile.heights[rows, columns]
-            self._sunk.show(self._vertices, depths, self._surface.triangles)
+            self._sunk.show(self._vertices, depths, self._surface.triangles, period)
+        friction = self._tile.friction
+        if friction is None:
+            self._grip.remove()
+        elif self._grip.is_due:
+            found = (
+                np.full(len(rows), friction)
+                if isinstance(friction, float)
+                else friction[rows, columns].astype(np.float64)
+            )
+            found = np.where(np.isnan(found) | (found == 1.0), -1.0, found)  # in no band
+            found[self._holes] = np.nan
+            self._grip.show(self._vertices, found, self._surface.triangles, period)
 
     def _cut(self, bodies: NDArray[np.float64], radii: NDArray[np.float64], config: TerrainConfig) -> bool:
         """Decimate the map again if bodies have moved far; return True if it was decimated."""

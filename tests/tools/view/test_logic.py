@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
@@ -30,7 +31,7 @@ from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.server import start_server, stop_server
 from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
-from smartmesh_ros.tools.view.sunk import Depth, triangles_by_depth
+from smartmesh_ros.tools.view.sunk import Depth, Grip, triangles_by_band
 from smartmesh_ros.tools.view.terrain_scene import TerrainConfig, TerrainScene
 
 
@@ -194,7 +195,7 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
     sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
     triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
-    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
+    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_band(sunk, triangles, Depth).items()}
     assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
 
 
@@ -220,6 +221,38 @@ def test_ruts_are_coloured_while_that_is_asked_for() -> None:
         ground.take_map(serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
         ground.apply_waiting()
         assert colours(sunk=True) == set()
+    finally:
+        stop_server(server)
+
+
+def test_ground_with_another_friction_than_1_is_coloured_where_it_lies() -> None:
+    """The ground of a map that scrolls keeps it; new ground has 1."""
+    ground = ground_of(np.zeros((40, 40)), resolution=0.1)
+    server = start_server("127.0.0.1", 0)
+    try:
+        drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, TerrainConfig(period=0.0))
+
+        def coloured(x: float = 0.0, **friction: ArrayLike) -> dict[str, tuple[float, float]]:
+            """Names of the colours, and from where to where along x [m]."""
+            message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **friction)
+            ground.take_map(serialize_message(message))
+            ground.apply_waiting()
+            scene.show(ground, np.zeros((0, 3)), np.zeros(0))
+            names = {band.name: drawn.get(f"/grip/terrain/map/{band.name}") for band in Grip}
+            along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
+            return {
+                name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()
+            }
+
+        friction = np.ones((40, 40))
+        friction[:, :10], friction[:, 20:] = 0.1, 1.5
+        assert coloured() == {}
+        assert coloured(friction=1.0) == {}
+        assert coloured(friction=friction) == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+        assert coloured() == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
+        assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
+        assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
+        assert coloured(x=0.5, friction=np.nan) == {}
     finally:
         stop_server(server)
 
