@@ -12,6 +12,7 @@ STUDIES = {
     "bench": ("studies.bench", "running times against the report's tables"),
     "consumer": ("studies.consumer.study", "MuJoCo on served patches, and on the whole map"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
+    "friction": ("studies.friction_picture", "a picture of boxes on ice beside gravel"),
     "lidar": ("studies.lidar_picture", "a picture of what a lidar measures"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "rising": ("studies.rising_picture", "the README's moving picture: bodies sink into rising ground"),
