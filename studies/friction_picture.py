@@ -1,4 +1,4 @@
-"""``make friction``: boxes slide on ice beside gravel; their ways and stopping distances in docs/images/friction.png."""
+"""``make friction``: boxes slide on ice beside gravel; docs/images/friction.png shows how far."""
 
 from __future__ import annotations
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,6 +152,18 @@ def test_a_layer_of_a_grid_map_holds_the_friction(shared: Probe) -> None:
     with changed(shared, {"terrain.friction_layer": "grip"}):
         refused(shared, "grid_map", "layer", lambda: maps.publish(grid_map(shared, halves())))
     assert ways(shared) == expected(ICE, GRAVEL)
+
+
+def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None:
+    """docs/friction.md; bodies have the friction 0.5."""
+    page = (Path(__file__).parents[2] / "docs" / "friction.md").read_text()
+    [code] = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "rclpy" in code]
+    with probe.running(), subprocess.Popen([sys.executable, "-c", code]) as publisher:
+        try:
+            probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+            assert ways(probe) == expected(0.5 * 0.2, 0.5 * 1.2)
+        finally:
+            publisher.kill()
 
 
 def test_the_depth_of_outputs_is_an_override_of_qos(shared: Probe) -> None:
