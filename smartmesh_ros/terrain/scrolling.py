@@ -39,7 +39,7 @@ def velocities_across(
 def follow_across(before: HeightMap, after: HeightMap) -> None:
     """Estimate the motion of a map from the map before it, which it replaces, unless its velocities were given."""
     if not after.has_velocities:
-        if _levelled(before, after) == before.geometry:
+        if levelled(before.geometry, after.geometry) == before.geometry:
             after.go_on_from(before)
         else:
             velocities = velocities_across(before, after.geometry, after.heights, after.time)
@@ -64,7 +64,7 @@ def carry_friction(before: HeightMap, after: HeightMap) -> None:
         return
     motion = after.motion
     if motion.corrects:
-        moved = cells_moved(before.geometry, _levelled(before, after))
+        moved = cells_moved(before.geometry, levelled(before.geometry, after.geometry))
     else:
         _, moved = follow(before.track, after.geometry, after.time, motion.max_interval, motion.max_velocity)
     friction = friction_moved(before.friction, moved)
@@ -91,7 +91,6 @@ def friction_moved(
     return friction
 
 
-def _levelled(before: HeightMap, after: HeightMap) -> GridGeometry:
-    """Return the grid of a map at the height of the map before it."""
-    x, y, _ = after.geometry.origin
-    return replace(after.geometry, origin=(x, y, before.geometry.origin[2]))
+def levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:
+    """Return the grid ``after`` at the height of the grid ``before`` it."""
+    return replace(after, origin=(*after.origin[:2], before.origin[2]))

@@ -13,7 +13,7 @@ from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import MOST_SAMPLES, GridGeometry
 from smartmesh_ros.terrain.grid_track import cells_moved
-from smartmesh_ros.terrain.scrolling import friction_moved
+from smartmesh_ros.terrain.scrolling import friction_moved, levelled
 
 FloatGrid = NDArray[np.float32]
 Friction = float | FloatGrid | None
@@ -102,7 +102,7 @@ class Ground:
         """Set the whole map of a tile. Without ``friction`` its ground keeps that of before."""
         known = self.tiles.get(tile)
         if friction is None and isinstance(known, Relief):
-            friction = friction_moved(known.friction, cells_moved(known.geometry, geometry))
+            friction = friction_moved(known.friction, cells_moved(known.geometry, levelled(known.geometry, geometry)))
         if isinstance(known, Relief) and known.geometry == geometry:
             known.replace(heights)
             known.friction = friction
