@@ -51,6 +51,7 @@ COSTS = {
     "ground/test_colliders.py": 12,
     "studies/test_bench.py": 12,
     "node/test_soil.py": 11,
+    "node/test_friction.py": 10,
     "node/test_testing.py": 11,
     "studies/test_mapper.py": 11,
     "node/test_robots.py": 10,
