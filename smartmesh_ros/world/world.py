@@ -210,8 +210,8 @@ class World(Population):
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""
-        self.ground.choose_tracked()
-        batches, remote = self.ground.batches, self.followers.table["remote"]
+        self.ground.patches.choose_tracked()
+        batches, remote = self.ground.patches.batches, self.followers.table["remote"]
         if not remote.any():
             return batches
         kept = (batch.of(np.flatnonzero(~remote[batch.bodies])) for batch in batches)

@@ -67,8 +67,8 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
 
         def update() -> None:
             world.refresh()
-            ground.choose_tracked()
-            engine.set_ground(ground.batches[0].vertices_w[0, :, 2].reshape(3, 3))
+            ground.patches.choose_tracked()
+            engine.set_ground(ground.patches.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 

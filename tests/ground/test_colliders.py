@@ -210,10 +210,10 @@ def test_colliders_that_pybullet_cannot_change_are_counted() -> None:
     with World(heightmap, config("trimesh")) as world:
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 0.2)))
         world.step(10)
-        assert world.ground.leaked == 1, "nothing changed, nothing is built"
+        assert world.ground.contacts.leaked == 1, "nothing changed, nothing is built"
         heightmap.update_region(9, 9, np.full((3, 3), -0.1), time=5.0)
         world.step(10)
-        assert world.ground.leaked == 2
+        assert world.ground.contacts.leaked == 2
 
 
 def test_a_body_that_gets_a_colliders_old_number_is_not_haunted_by_it() -> None:

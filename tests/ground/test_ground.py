@@ -63,7 +63,7 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
     client.setCollisionFilterGroupMask(follower.collider, -1, 1, -1)  # rays see no patch otherwise
     client.setCollisionFilterGroupMask(body, -1, 0, 0)
     client.performCollisionDetection()
-    support = ground.supports[0]
+    support = ground.patches.supports[0]
     assert support.stride == 1
     rows = support.row + rng.uniform(0.01, support.rows - 1.01, 200)
     columns = support.column + rng.uniform(0.01, support.columns - 1.01, 200)
@@ -82,9 +82,9 @@ def test_a_field_is_replaced_only_if_its_shape_changes(client: Any) -> None:
     ground.attach(body)
 
     def replaced(time: float) -> int:
-        before = ground.replacements
+        before = ground.contacts.replacements
         ground.update(time, DT)
-        return ground.replacements - before
+        return ground.contacts.replacements - before
 
     assert replaced(0.0) == 1
     assert replaced(0.0) == 0

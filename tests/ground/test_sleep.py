@@ -407,7 +407,7 @@ class SleepingBesideAwake(RuleBasedStateMachine):
                 fresh.spawn(name, BOX, 1.0, world.state(name))
             fresh.refresh()
             found, expected = (
-                {w.followers[slot].name: w.ground.supports[slot] for slot in w.followers.solid.tolist()}
+                {w.followers[slot].name: w.ground.patches.supports[slot] for slot in w.followers.solid.tolist()}
                 for w in (world, fresh)
             )
             assert found.keys() == expected.keys()

@@ -163,7 +163,9 @@ def test_guests_are_shown_by_their_owners_only() -> None:
             assert set(world.bodies) == {"b0", "b1"}
             names = world.followers.names
             assert [names[index] for batch in world.shown_batches() for index in batch.bodies.tolist()] == [own]
-            assert sum(len(batch.bodies) for batch in world.ground.batches) == 2  # guests stand on patches of their own
+            assert (
+                sum(len(batch.bodies) for batch in world.ground.patches.batches) == 2
+            )  # guests stand on patches of their own
             assert {contact.body for contact in world.contacts()} == {own}
             assert [wrench.body for wrench in world.wrenches()] == [own]
             assert [body.name for body in world.snapshot().bodies] == [own]

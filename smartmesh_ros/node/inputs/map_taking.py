@@ -26,5 +26,5 @@ def take_map(
     require_tile_fits(tile, geometry.size, terrain, settings)
     motion = settings.motion
     new = HeightMap(heights, geometry=geometry, time=time, velocities=velocities, variance=variances, motion=motion)
-    require_usable(settings.world.patch, new)
+    require_usable(settings.world.patch, new, exact=False)
     terrain.put(tile, new)

@@ -108,8 +108,8 @@ def _bodies(world: World, health: Health) -> tuple[bytes, str, dict[str, Any]]:
         "put back onto the ground": world.rescues,
         **{f"jumps on {topic}": count for topic, count in sorted(health.jumps.items())},
         **{f"patches, {kind}": count for kind, count in sorted(kinds.items())},
-        "colliders replaced": world.ground.replacements,
-        "colliders leaked": world.ground.leaked,
+        "colliders replaced": world.ground.contacts.replacements,
+        "colliders leaked": world.ground.contacts.leaked,
     }
     if health.peers:
         values["guests"] = remote
