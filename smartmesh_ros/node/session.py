@@ -148,17 +148,7 @@ class Session:
                 return end.value
             return Work(steps)
 
-        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
-        send = made.send_response
-
-        def respond(found: Any, header: Any) -> None:
-            if isinstance(found, Work):
-                self.turns.add(found, lambda response: send(response, header))
-            else:
-                send(found, header)
-
-        # The executors pass to this method what the callback returned.
-        made.send_response = respond
+        self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def serve(self, kind: Any, service: str, handle: Callable[[Any, Any], None]) -> None:
         """Serves ``~/service`` with a response of any type, which ``handle`` fills in."""
@@ -188,10 +178,7 @@ class Session:
         def start(request: Any, response: Any) -> Work:
             return Work(answer(request, response))
 
-        made = self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES)
-        send = made.send_response
-        # The executors pass to this method what the callback returned.
-        made.send_response = lambda work, header: self.turns.add(work, lambda response: send(response, header))
+        self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""

@@ -55,9 +55,7 @@ class CdrReader:
         """Read the length of a sequence; the bytes left must hold so many elements of at least ``size`` bytes each."""
         count = int(self.number("I"))
         if count * size > len(self._data) - self.at:
-            raise InputError(
-                "malformed", f"a sequence of {count} elements starts at byte {self.at} of {len(self._data)}"
-            )
+            raise InputError("malformed", f"{count} elements from byte {self.at} of {len(self._data)} on")
         return count
 
     def sequence(self, dtype: str, width: int = 1) -> NDArray[Any]:

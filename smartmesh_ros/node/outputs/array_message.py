@@ -18,8 +18,7 @@ class ArrayMessage:
     def __init__(self) -> None:
         self._layouts: dict[Hashable, Elements] = {}
         self._buffer = np.zeros(4096, np.uint8)  # without the CDR header
-        self._end = self._start = 0  # of what is written, and of the sequence's elements
-        self._count = 0
+        self._end = self._start = self._count = 0  # what is written; of the sequence: where it starts, its length
 
     def start(self, key: Hashable, empty: Callable[[], Any], fields: dict[str, Any] | None = None) -> None:
         """Starts a message: writes what is before the sequence, with these values of ``fields``.
