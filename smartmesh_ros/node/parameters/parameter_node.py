@@ -10,8 +10,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from smartmesh_ros.node.parameters.declaring import Spec, objection
-from smartmesh_ros.node.parameters.qos_overrides import with_overrides
+from smartmesh_ros.node.parameters.declaring import Spec, nearest
+from smartmesh_ros.node.parameters.qos_overrides import require_overrides, with_overrides
 from smartmesh_ros.node.parameters.refused_arguments import refused_arguments
 
 
@@ -27,11 +27,24 @@ class ParameterNode(Node):
         self._specs, self._removed = specs, removed
         with refused_arguments():
             super().__init__(name, **options)
+        require_overrides(self)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, with refusals that say what would be right."""
-        refusal = objection(self, parameter_list, self._specs, self._removed)
-        return refusal or super().set_parameters_atomically(parameter_list)
+        for name in (parameter.name for parameter in parameter_list):
+            if reason := self._objection(name):
+                return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
+
+    def _objection(self, name: str) -> str:
+        """Return why a parameter cannot change, empty = it can. The reasons of rclpy do not say what would be right."""
+        if name in self._removed:
+            return f"{name} is gone: {self._removed[name]}"
+        if not self.has_parameter(name):
+            return f"parameter {name!r} is unknown{nearest(name, self._specs)}"
+        if not any(spec.name == name and spec.read_only for spec in self._specs):
+            return ""
+        return f"{name} is fixed after the start; restart the node with -p {name}:=..., or with a file that sets it"
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
         """Create a publisher like rclpy, with the QoS that parameters give it."""
