@@ -17,6 +17,7 @@ from smartmesh_ros.node.endpoint_names import EndpointNames
 from smartmesh_ros.node.inputs.bounds import require_name
 from smartmesh_ros.node.inputs.conversions import BodyInput
 from smartmesh_ros.node.inputs.decoding import MOST_ITEMS, message_from
+from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.own_topics import OwnTopics
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import Settings
@@ -39,7 +40,7 @@ class Session:
     terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``rival_maps``: publishers whose maps disagree.
-    ``map_warning``: suspected misuse of the maps, empty = none. ``terrain_subscriptions``: subscriptions to terrain.
+    ``map_checks``: warn of maps that are misused. ``terrain_subscriptions``: subscriptions to terrain.
     ``topics``: the node's inputs and outputs. ``jumps``: number of jumps of tracked bodies, by topic. ``unstamped``:
     number of transforms without stamp, by topic. ``stamp_ages``: steady age of the stamps of each input on arrival [s],
     None = without stamps. ``names``: names of the peer nodes. ``turns``: answers under way. ``robots``: prepares
@@ -71,7 +72,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.rival_maps: list[str] = []
-        self.map_warning = ""
+        self.map_checks = MapChecks(node.get_logger())
         self.turns = Turns()
         self.robots = RobotPreparation()
 

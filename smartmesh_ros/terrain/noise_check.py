@@ -23,7 +23,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import cells_moved, same_grid
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.sample_lattice import Counts, lattice_of
+from smartmesh_ros.terrain.sample_lattice import lattice_of
 
 # Mean absolute difference between the changes of two samples with noise of standard deviation one.
 MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
@@ -31,24 +31,21 @@ MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseCheckConfig:
-    """Thresholds of the detection. Raising a field delays the warning unless its description says otherwise.
+    """Thresholds of the detection.
 
-    ``samples``: maximum number of compared samples along each side of the map. Raising it costs time and detects
-    smaller features.
+    ``samples``: maximum number of compared samples along each side of the map.
     ``least_change`` [m]: smaller changes are ignored, because contacts of heavy bodies give way by as much.
     ``reversed`` [-]: minimum fraction of changes that reverse the change before. White noise has 2/3, a drifting mapper
     1/4 and more, periodic motion sampled n times a period 2 / n.
-    ``agreeing`` [-]: maximum fraction of places where changes tilt in the same direction on both sides of a sample;
-    raising it warns sooner. White noise has 1/3, smoothed noise 1/2, a wave sampled n times a wavelength 1 - 2 / n
-    along its direction.
+    ``agreeing`` [-]: maximum fraction of places where changes tilt in the same direction on both sides of a sample.
+    White noise has 1/3, smoothed noise 1/2, a wave sampled n times a wavelength 1 - 2 / n along its direction.
     ``share`` [-]: minimum fraction of samples that change from map to map; fewer changes may come from a wheel or tool.
     ``changes``, ``maps``: minimum numbers of changes and maps for a result. ``lasting`` [s]: minimum duration of noise.
     ``memory`` [s]: time constant of the decay of counts.
     ``least_jump`` [m]: smaller jumps are ignored, because they throw no bodies. ``acceleration`` [m/s^2]: ground that
     needs no more than this to get from rest to rest between two maps may be a lift or a platform.
     ``rest`` [s]: time at rest before and after a jump. ``still`` [-]: maximum change from map to map of ground at rest,
-    as a fraction of the jump; raising it warns sooner, in stronger noise.
-    ``hold`` [s]: time after which findings expire; raising it keeps the warning longer.
+    as a fraction of the jump. ``hold`` [s]: time after which findings expire.
     """
 
     samples: int = 12
@@ -99,7 +96,7 @@ class NoiseCheck:
         self._time = self._last_found = -math.inf  # times of the last map and of the last detection [s]
         self._geometry: GridGeometry | None = None
         self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
-        self._maps, self._counts = 0.0, Counts()  # number of maps, and counts in them, both decaying
+        self._maps, self._counts = 0.0, np.zeros(6)  # number of maps, and counts in them, both decaying
         self._noisy_since = math.inf  # [s]
         self._start = -math.inf  # time of the first map [s]
         self._new, self._old = deque[Change](), deque[Change]()  # changes of the last ``rest`` seconds, and before
@@ -115,8 +112,8 @@ class NoiseCheck:
         self._time = time
         found, step = CORE.compare_maps(*self._lattice, *self._placed(geometry, heights))
         fading = math.exp(-interval / self.config.memory)
-        self._counts = Counts(*(fading * old + new for old, new in zip(self._counts, found, strict=True)))
-        if not self._counts.known:
+        self._counts = fading * self._counts + found
+        if not self._counts[0]:
             return
         self._maps = fading * self._maps + 1.0
         noise = self._noise(time) if heightmap.noise == 0.0 else 0.0
@@ -140,7 +137,7 @@ class NoiseCheck:
 
     def _restart(self, time: float) -> None:
         """Forget the maps before ``time`` [s], but not the findings."""
-        self._maps, self._counts = 0.0, Counts()
+        self._maps, self._counts = 0.0, np.zeros(6)
         self._noisy_since, self._start = math.inf, time
         self._new.clear()
         self._old.clear()
@@ -149,15 +146,15 @@ class NoiseCheck:
 
     def _noise(self, time: float) -> float:
         """Return the standard deviation of the noise [m]; zero if noise is absent or has not lasted long enough."""
-        counts, config = self._counts, self.config
-        enough = self._maps >= config.maps and counts.tilted >= config.changes
-        enough = enough and counts.changed >= max(config.changes, config.share * counts.known)
-        reverses = counts.reversed >= config.reversed * counts.changed
-        if not (enough and reverses and counts.agreeing <= config.agreeing * counts.tilted):
+        config = self.config
+        known, changed, reversed_, tilted, agreeing, tilt = self._counts.tolist()
+        enough = self._maps >= config.maps and tilted >= config.changes
+        enough = enough and changed >= max(config.changes, config.share * known)
+        if not (enough and reversed_ >= config.reversed * changed and agreeing <= config.agreeing * tilted):
             self._noisy_since = math.inf
             return 0.0
         self._noisy_since = min(self._noisy_since, time)
-        return counts.tilt / counts.tilted / MEAN_DIFFERENCE if time - self._noisy_since >= config.lasting else 0.0
+        return float(tilt / tilted / MEAN_DIFFERENCE) if time - self._noisy_since >= config.lasting else 0.0
 
     def _jump(self, newest: Change) -> float:
         """Return the height of a jump [m] that the rest between it and the ``newest`` change confirms; else zero."""

@@ -18,7 +18,12 @@ STENCIL = 3
 
 
 class Lattice(NamedTuple):
-    """State of the lattice points, a ring buffer of (n, m), for ``CORE.compare_maps`` and ``CORE.moved_as_one``.
+    """State of the lattice points, a ring buffer of (n, m), for ``CORE.moved_as_one`` and ``CORE.compare_maps``.
+
+    The latter returns the median of the changes [m], and the numbers of points that are *known* in this map and the one
+    before; *changed* now and before; of these, *reversed*, with opposite signs; *tilted*, with changes that differ from
+    those of both neighbours; of these, *agreeing*, with differences of the same sign; and the *tilt* [m], the sum of
+    the differences to one neighbour.
 
     ``cells`` (n, m, 2): row and column of each point in the lattice of the world. ``heights`` (n, m, STENCIL) [m]: last
     heights there, NaN = unknown. ``steps`` (n, m) [m]: last change of each point, zero = none yet. ``stride``: distance
@@ -29,22 +34,6 @@ class Lattice(NamedTuple):
     heights: FloatArray
     steps: FloatArray
     stride: tuple[int, int]
-
-
-class Counts(NamedTuple):
-    """Numbers of lattice points.
-
-    ``known``: in this map and the one before. ``changed``: now and before. ``reversed``: of these, with opposite signs.
-    ``tilted``: with changes that differ from those of both neighbours. ``agreeing``: of these, with differences of the
-    same sign. ``tilt`` [m]: sum of the differences to one neighbour.
-    """
-
-    known: float = 0.0
-    changed: float = 0.0
-    reversed: float = 0.0
-    tilted: float = 0.0
-    agreeing: float = 0.0
-    tilt: float = 0.0
 
 
 def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:

@@ -45,7 +45,7 @@ class ClockPublishing:
 
     def _note_rivals(self) -> None:
         node = self._session.node
-        names = self._session.names.of_all(node.get_publishers_info_by_topic(self._publisher.topic_name))
+        names = self._session.names.of_publishers(node, [self._publisher.topic_name])
         others = [name for name in names or [] if name != node.get_fully_qualified_name()]
         self.rivals = others or ["another node"]
         if names is not None:

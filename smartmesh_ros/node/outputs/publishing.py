@@ -278,7 +278,7 @@ class Publishing:
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
-            map_warning=session.map_warning,
+            map_warning=session.map_checks.warning,
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 
+NONE: Mapping[str, str] = MappingProxyType({})
 # Beginning of the names of parameters that change the QoS of topics.
 QOS = "qos_overrides."
 
@@ -57,7 +58,7 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
     return given
 
 
-def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
+def declare(node: Node, specs: Sequence[Spec], removed: Mapping[str, str] = NONE) -> dict[str, Any]:
     """Declares every parameter on ``node``, warns about overrides of unknown ones, and returns the checked values.
 
     ``removed``: parameters of earlier versions, and what replaces them. Raises `InputError` if one of these is set or a
@@ -118,9 +119,7 @@ def checked_value(spec: Spec, value: Any) -> Any:
 
 def _kind(spec: Spec) -> type:
     """Return the type of a parameter's value, or of the entries of a list."""
-    if isinstance(spec.default, list):
-        return type(spec.default[0]) if spec.default else str
-    return type(spec.default)
+    return type(next(iter(spec.default), "")) if isinstance(spec.default, list) else type(spec.default)
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

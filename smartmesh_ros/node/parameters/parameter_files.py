@@ -10,13 +10,10 @@ from typing import Any
 
 import yaml
 
-OPTION = "--params-file"
-PARAMETERS = "ros__parameters"
-
 
 def files_of(arguments: Sequence[str]) -> list[Path]:
     """Return the parameter files that a command line names, in order."""
-    return [Path(value) for option, value in pairwise(arguments) if option == OPTION]
+    return [Path(value) for option, value in pairwise(arguments) if option == "--params-file"]
 
 
 def mismatch(file: Path, node: str) -> str | None:
@@ -37,7 +34,7 @@ def mismatch(file: Path, node: str) -> str | None:
 def _node_names(content: Any, path: str = "") -> Iterator[str]:
     """Yield the fully qualified names of the nodes that a file has parameters for; namespaces may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
-        if key == PARAMETERS:
+        if key == "ros__parameters":
             yield path
         else:
             yield from _node_names(value, f"{path}/{str(key).strip('/')}")

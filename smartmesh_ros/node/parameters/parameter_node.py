@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from smartmesh_ros.node.parameters.declaring import Spec, nearest
+from smartmesh_ros.node.parameters.declaring import NONE, Spec, nearest
 from smartmesh_ros.node.parameters.qos_overrides import require_overrides, with_overrides
 from smartmesh_ros.node.parameters.refused_arguments import refused_arguments
 
@@ -21,9 +20,7 @@ class ParameterNode(Node):
     Its topics take ``qos_overrides``. ``removed``: parameters of earlier versions, and what replaces them.
     """
 
-    def __init__(
-        self, name: str, specs: Sequence[Spec], *, removed: Mapping[str, str] = MappingProxyType({}), **options: Any
-    ) -> None:
+    def __init__(self, name: str, specs: Sequence[Spec], removed: Mapping[str, str] = NONE, **options: Any) -> None:
         self._specs, self._removed = specs, removed
         with refused_arguments():
             super().__init__(name, **options)
