@@ -41,13 +41,13 @@ def with_overrides(
     node: Node, kind: Literal["publisher", "subscription"], topic: str, qos: QoSProfile | int
 ) -> dict[str, Any]:
     """Return the arguments of rclpy that give a topic the QoS ``qos``, changed by the node's parameters."""
-    prefix = f"{QOS}{node.resolve_topic_name(topic)}.{kind}."
-    given = [name.removeprefix(prefix).upper() for name in given_parameters(node) if name.startswith(prefix)]
-    if not given:
+    given, prefix = given_parameters(node), f"{QOS}{node.resolve_topic_name(topic)}.{kind}."
+    policies = [QoSPolicyKind[policy.upper()] for policy in POLICIES if f"{prefix}{policy}" in given]
+    if not policies:
         return {"qos_profile": qos}
     # A copy, because rclpy changes the profile, which topics share.
     profile = QoSProfile(depth=qos) if isinstance(qos, int) else copy.copy(qos)
-    return {"qos_profile": profile, "qos_overriding_options": QoSOverridingOptions([QoSPolicyKind[p] for p in given])}
+    return {"qos_profile": profile, "qos_overriding_options": QoSOverridingOptions(policies)}
 
 
 def warn_of_unused_overrides(node: Node) -> None:
