@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+PARAMETERS = "ros__parameters"
+
 
 def files_of(arguments: Sequence[str]) -> list[Path]:
     """Return the parameter files that a command line names, in order."""
@@ -34,7 +36,7 @@ def mismatch(file: Path, node: str) -> str | None:
 def _node_names(content: Any, path: str = "") -> Iterator[str]:
     """Yield the fully qualified names of the nodes that a file has parameters for; namespaces may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
-        if key == "ros__parameters":
+        if key == PARAMETERS:
             yield path
         else:
             yield from _node_names(value, f"{path}/{str(key).strip('/')}")
