@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import cache, partial, reduce
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from rcl_interfaces.msg import SetParametersResult
@@ -23,6 +23,7 @@ from smartmesh_ros.node.timing.clock import require_one_clock
 ConfigT = TypeVar("ConfigT")
 
 DEFAULTS = Settings()
+_types: Callable[[Any], dict[str, Any]] = cache(get_type_hints)  # of a config's fields
 
 
 def _param(
@@ -30,8 +31,8 @@ def _param(
 ) -> Spec:
     """Return the parameter for a field of the settings, from which it has its default and choices."""
     *owners, field = place.split(".")
-    owner = reduce(getattr, owners, DEFAULTS)
-    default, kind = getattr(owner, field), get_type_hints(type(owner))[field]
+    owner: Any = reduce(getattr, owners, DEFAULTS)
+    default, kind = getattr(owner, field), _types(type(owner))[field]
     choices = get_args(kind) if get_origin(kind) is Literal else ()
     return Spec(name, list(default) if isinstance(default, tuple) else default, about, low, high, choices, fixed, place)
 
