@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
-from smartmesh_ros.terrain.sample_lattice import Lattice, compare
+from smartmesh_ros.terrain.sample_lattice import Lattice
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.mapper import NO_DRIFT, LoopPath, MappingConfig, mapped_terrain
@@ -304,7 +305,7 @@ def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) ->
         np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
     )
     for heights in maps:
-        found, step = compare(lattice, heights, 0.0, (0, 0), 0.002)
+        found, step = CORE.compare_maps(*lattice, heights, 0.0, (0, 0), 0.002)
     first, last = np.diff(maps.astype(np.float64), axis=0)
     both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
     tilts = np.diff(last, axis=1)

@@ -29,7 +29,7 @@ from smartmesh_ros.node.outputs import body_outputs, diagnostics, patch_outputs,
 from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.clock_watch import ClockWatch
-from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.connections import Namesakes, incompatible_peers, publishers_of
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.states import SimulatedStates
@@ -122,6 +122,7 @@ class Publishing:
         self._clock = ClockPublishing(session)
         self._transforms = TransformOutputs(session, transforms)
         self._clock_watch = ClockWatch(session)
+        self._namesakes = Namesakes(session.node)
         self._descriptions = BodyDescriptions(session)
         self._qos = QoSProfile(
             depth=session.settings.output_depth, durability=DurabilityPolicy[session.settings.output_durability.upper()]
@@ -136,9 +137,7 @@ class Publishing:
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
             "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
         }
-        self._diagnostics = _Output(
-            self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
-        )
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         # Staggered, so that no step publishes all outputs.
         start = monotonic()
         self._due = {
@@ -162,7 +161,8 @@ class Publishing:
         self._descriptions.publish()
         if time >= self._diagnostics_due or (time >= self._connections_due and self._connections_changed()):
             self._diagnostics_due = time + DIAGNOSTICS_PERIOD
-            self._diagnostics.publisher.publish(self._diagnostics.make())
+            self._diagnostics.publish(self._make_diagnostics())
+            self._namesakes.check()
 
     def close(self) -> None:
         """Deletes the patches from the displays of subscribers, which keep them else."""
@@ -278,7 +278,7 @@ class Publishing:
             publishers=publishers_of(session.subscriptions),
             rival_clocks=self._clock.rivals,
             rival_maps=session.rival_maps,
-            map_warning=session.map_warning,
+            map_warning=session.map_checks.warning,
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,

@@ -61,8 +61,8 @@ def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
             assert (knob.low, knob.high) == (spec.low, spec.high)
             assert knob.low <= knob.value <= knob.high
             assert type(knob.step) is type(spec.default)
-        sent = parameter_of(knob, knob.value).value
-        assert declaring._checked(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, sent
+        sent = parameter_of(knob, knob.value)
+        assert declaring.checked_value(spec, declaring.plain_value(sent)) == spec.default, sent.value
 
 
 def test_kinds_of_knobs() -> None:
