@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
 
 from smartmesh_ros.errors import InputError
 
@@ -36,19 +35,20 @@ class Figures:
     note: str = ""
 
     @property
+    def failed(self) -> int:
+        """Number of lost bodies and rescues."""
+        return self.lost + self.rescued
+
+    @property
     def error(self) -> float:
         """Penetration for the chart [m], at least `FLOOR`; infinite if it was not measured."""
         return math.inf if math.isnan(self.penetration) or self.note else max(self.penetration, FLOOR)
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures as a JSON object without NaN values."""
-        return {name: value for name, value in asdict(self).items() if value == value}
 
-    @classmethod
-    def from_json(cls, values: dict[str, Any]) -> Figures:
-        """Return the figures of a JSON object from `as_json`."""
-        known = {field.name for field in fields(cls)}
-        return cls(**{name: value for name, value in values.items() if name in known})
+def require_positive(option: str, value: float | None) -> None:
+    """Raise `InputError` if the value of an option is given, and is no number greater than zero."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise InputError("parameter", f"--{option} is {value:g}; it must be a number greater than zero")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +67,7 @@ class Asked:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError("budget", f"--{field.name} is {value:g}; it must be a number greater than zero")
+            require_positive(field.name, getattr(self, field.name))
 
     @property
     def words(self) -> str:
@@ -122,7 +120,7 @@ class Limits:
             longest=asked.deadline or math.inf,
             hover=allowed(asked.hover, defaults.hover, ALLOWANCE.hover),
             deviation=allowed(asked.deviation, defaults.deviation, ALLOWANCE.deviation),
-            failed=defaults.lost + defaults.rescued,
+            failed=defaults.failed,
         )
 
     def tightened(self, share: float) -> Limits:
@@ -134,13 +132,14 @@ class Limits:
         )  # fmt: skip
 
     def excess(self, figures: Figures) -> dict[str, float]:
-        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name."""
+        """Return the relative excess (figure / limit - 1) over each exceeded limit, by name; those that the axes of the
+        chart do not show come first."""
         found = {
-            "cost": figures.cost / self.cost,
-            "penetration": figures.error / self.penetration if math.isfinite(self.penetration) else figures.error / 1e9,
-            "longest": figures.longest / self.longest,
+            "failed": (1.0 + figures.failed) / (1.0 + self.failed),
             "hover": figures.hover / self.hover,
             "deviation": 0.0 if math.isnan(figures.deviation) else figures.deviation / self.deviation,
-            "failed": (1.0 + figures.lost + figures.rescued) / (1.0 + self.failed),
+            "longest": figures.longest / self.longest,
+            "penetration": figures.error / self.penetration if math.isfinite(self.penetration) else figures.error / 1e9,
+            "cost": figures.cost / self.cost,
         }
         return {name: ratio - 1.0 if ratio > 1.0 else math.inf for name, ratio in found.items() if not ratio <= 1.0}

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Vector
@@ -25,8 +24,9 @@ from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.parts import Part, Pose, parts_of, pose_of
 from smartmesh_ros.tools.tune.replay import Replay
 
-# Type of Part.key.
-Key = tuple[str, int, Vector]
+Say = Callable[[str], None]
+# For each part (see `Part.key`) at an instant: clearance [m], centre below the ground, body supported.
+Measurements = dict[tuple[str, int, Vector], tuple[float, bool, bool]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +47,6 @@ class Measuring:
 MEASURING = Measuring()
 
 
-class Measurements(dict[Key, tuple[float, bool, bool]]):
-    """For each part at an instant: clearance [m], centre below the ground (bool), body supported (bool)."""
-
-
 @dataclass
 class Snapshot:
     """Poses of all parts at ``time`` [s]; ``held``: supported bodies; ``positions``: of the bodies [m]."""
@@ -62,38 +58,36 @@ class Snapshot:
 
 
 class Runner:
-    """One setting in a case: steps its world, times the steps and records snapshots for measurements."""
+    """One setting in a case: steps its world, times the steps [s] and records snapshots. ``note``: why it stopped."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
         self.note = ""
-        self.used = 0.0
-        self.steps: list[float] = []  # processor time of each step [s]
+        self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
-        self.measured: list[Measurements] = []
-        self._case = case
-        self._rate = settings.world.physics.rate
+        self.replay = Replay(settings, case.bodies(), case.events())
+        self.rate = settings.world.physics.rate
         self._gravity = settings.world.physics.gravity
-        self._fed = -math.inf
-        self.replay = Replay(settings, case.bodies())
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return len(self.steps) / self._rate
+        return len(self.steps) / self.rate
+
+    @property
+    def cost(self) -> float:
+        """Processor time per simulated second [s]."""
+        return sum(self.steps) / self.time if self.steps else math.nan
 
     def advance(self, until: float) -> None:
         """Step to ``until`` [s] and take a snapshot."""
-        world, last = self.replay.world, round(until * self._rate)
-        before: dict[str, Vector] = {}
+        last, before = round(until * self.rate), dict[str, Vector]()
         while len(self.steps) < last:
-            events = self._case.events(self._fed, world.time)
-            self._fed = world.time
+            events = self.replay.due()
             if len(self.steps) == last - 1:
                 before = self._velocities()
             start = process_time()
             self.replay.step(events)
             self.steps.append(process_time() - start)
-            self.used += self.steps[-1]
         self._take_snapshot(before)
 
     def _velocities(self) -> dict[str, Vector]:
@@ -105,95 +99,31 @@ class Runner:
     def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
         world = self.replay.world
         poses = [(part, pose_of(world.client, part)) for part in parts_of(world)]
-        weight = HELD_UP * math.hypot(*self._gravity)
+        after = self._velocities()
         held = set()
-        for name, after in self._velocities().items():
-            if name in before:
-                felt = [(b - a) * self._rate - g for a, b, g in zip(before[name], after, self._gravity, strict=True)]
-                held |= {name} if math.hypot(*felt) > weight else set()
-        positions = {name: world.state(name).position for name, body in world.bodies.items() if not body.tracked}
-        self.snapshots.append(Snapshot(self.time, poses, held, positions))
-
-    def measure(self, grounds: Mapping[float, Sequence[Ground]]) -> None:
-        """Measure the snapshots since the last call against the true ground by time [s]."""
-        for snapshot in self.snapshots[len(self.measured) :]:
-            self.measured.append(_measure_parts(snapshot, grounds[snapshot.time]))
-
-    def figures(self, reference: Mapping[str, Vector] | None, steps: Sequence[float] | None = None) -> Figures:
-        """Return all figures; ``steps``: times of the steps [s] instead of the runner's own."""
-        times = self.steps if steps is None else steps
-        world, case = self.replay.world, self._case
-        keys = list(dict.fromkeys(key for seen in self.measured for key in seen))
-        cost, ran = (sum(times) / self.time if times else math.nan), self.time
-        skip = sum(snapshot.time < case.span.settle for snapshot in self.snapshots)
-        if not keys or len(self.measured) <= skip:
-            return Figures(cost=cost, ran=ran, note=self.note or "no body was ever over the ground")
-        nothing = (math.nan, False, False)
-        table = np.array([[seen.get(key, nothing) for key in keys] for seen in self.measured])
-        below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
-        found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
-        settled = times[round(case.span.settle * self._rate) :]
-        return Figures(
-            cost=cost,
-            longest=max(settled, default=math.nan),
-            penetration=found.p99,
-            hover=found.hover,
-            deviation=self._deviation(reference),
-            lost=len({keys[index][0] for index in np.flatnonzero(below[-1])} | set(world.lost)),
-            rescued=world.rescues,
-            bodies=len({key[0] for key in keys}),
-            ran=ran,
-            note=self.note,
-        )
-
-    def _deviation(self, reference: Mapping[str, Vector] | None) -> float:
-        horizon = self._case.span.horizon
-        snapshot = next((snapshot for snapshot in self.snapshots if snapshot.time >= horizon - 0.5 / self._rate), None)
-        if reference is None or snapshot is None:
-            return math.nan
-        apart = [
-            math.dist(snapshot.positions[name], reference[name]) for name in reference if name in snapshot.positions
-        ]
-        return float(np.median(apart)) if apart else math.nan
+        for name in before.keys() & after.keys():
+            felt = (np.array(after[name]) - before[name]) * self.rate - self._gravity
+            held |= {name} if np.linalg.norm(felt) > HELD_UP * math.hypot(*self._gravity) else set()
+        self.snapshots.append(Snapshot(self.time, poses, held, {name: world.state(name).position for name in after}))
 
 
 def run(
-    case: Case,
-    settings: Sequence[Settings],
-    duration: float,
-    reference: Mapping[str, Vector] | None,
-    *,
-    repeats: int = 1,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[Figures]:
-    """Run the settings for ``duration`` [s] of simulated time in turns, and return their figures.
+    case: Case, settings: Sequence[Settings], duration: float, *, repeats: int = 1, say: Say = lambda _: None
+) -> list[Runner]:
+    """Run the settings for ``duration`` [s] of simulated time in turns.
 
     A setting that costs `Measuring.cost_factor` times as much as the first one is stopped. The time of every step is
     the median over ``repeats``, so that other load on the machine has little influence.
     """
-    times: list[list[list[float]]] = [[] for _ in settings]
-    found: list[Runner] = []
-    for repeat in range(repeats):
-        runners = _once(case, settings, duration, measured=repeat == 0, say=say)
-        for index, runner in enumerate(runners):
-            times[index].append(runner.steps)
-        found = found or runners
-        for runner in runners:
-            runner.replay.close()
-    return [runner.figures(reference, _middle(steps)) for runner, steps in zip(found, times, strict=True)]
+    found = []
+    for repeated in zip(*[_once(case, settings, duration, say) for _ in range(repeats)], strict=True):
+        count = min(len(runner.steps) for runner in repeated)
+        repeated[0].steps = np.median([runner.steps[:count] for runner in repeated], axis=0).tolist()
+        found.append(repeated[0])
+    return found
 
 
-def _middle(repeats: Sequence[Sequence[float]]) -> list[float]:
-    """Return the median time of each step."""
-    count = min(map(len, repeats))
-    middle: list[float] = np.median(np.array([steps[:count] for steps in repeats]), axis=0).tolist()
-    return middle
-
-
-def _once(
-    case: Case, settings: Sequence[Settings], duration: float, *, measured: bool, say: Callable[[str], None]
-) -> list[Runner]:
-    case.fresh()
+def _once(case: Case, settings: Sequence[Settings], duration: float, say: Say) -> list[Runner]:
     runners = [Runner(case, chosen) for chosen in settings]
     instants = np.arange(1, math.floor(duration * MEASURING.samples + 1e-6) + 1) / MEASURING.samples
     pieces = np.array_split(instants, min(MEASURING.pieces, max(len(instants), 1)))
@@ -201,42 +131,73 @@ def _once(
         turn = part % len(runners)
         for index, runner in enumerate(runners[turn:] + runners[:turn]):
             say(f"{part + 1}/{len(pieces)} {index + 1}/{len(runners)}")
-            if runner.note:
-                continue
-            with _without_collector():
+            if not runner.note:
+                gc.disable()  # its pauses are not caused by the step in which they occur
                 for instant in piece.tolist():
                     runner.advance(instant)
-            _stop_if_too_slow(runner, runners[0])
-        if measured:
-            fresh = {snapshot.time for runner in runners for snapshot in runner.snapshots[len(runner.measured) :]}
-            grounds = {time: case.truth(time) for time in sorted(fresh)}
-            for runner in runners:
-                runner.measure(grounds)
-        case.forget(float(piece[-1]) if len(piece) else 0.0)
+                gc.enable()
+                _stop_if_too_slow(runner, runners[0])
+    for runner in runners:
+        runner.replay.world.close()
     return runners
 
 
 def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
     """Stop a setting that costs far more than the first one."""
-    if runner is first or runner.used < MEASURING.grace or not first.steps:
-        return
-    if runner.used / runner.time > MEASURING.cost_factor * first.used / first.time:
+    if sum(runner.steps) > MEASURING.grace and first.steps and runner.cost > MEASURING.cost_factor * first.cost:
         runner.note = f"stopped after {runner.time:.2f} s: it costs too much"
 
 
-@contextmanager
-def _without_collector() -> Iterator[None]:
-    """Disable Python's garbage collector, because its pauses are not caused by the step in which they occur."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
+def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vector] | None) -> list[Figures]:
+    """Return the figures of runs; ``reference``: positions of bodies at the span's horizon [m], None = unknown."""
+    truth = case.truth()
+    measured: list[list[Measurements]] = [[] for _ in runners]
+    snapshots = [(taken.time, index, taken) for index, runner in enumerate(runners) for taken in runner.snapshots]
+    for time, group in groupby(sorted(snapshots, key=lambda entry: entry[:2]), key=lambda entry: entry[0]):
+        grounds = truth(time)
+        for _, index, snapshot in group:
+            measured[index].append(_measure_parts(snapshot, grounds))
+    return [_figures(case, *pair, reference) for pair in zip(runners, measured, strict=True)]
+
+
+def _figures(
+    case: Case, runner: Runner, measured: Sequence[Measurements], reference: Mapping[str, Vector] | None
+) -> Figures:
+    """Return the figures of a run from the measurements at its snapshots."""
+    keys = list(dict.fromkeys(key for seen in measured for key in seen))
+    skip = sum(snapshot.time < case.span.settle for snapshot in runner.snapshots)
+    if not keys or len(measured) <= skip:
+        return Figures(cost=runner.cost, ran=runner.time, note=runner.note or "no body was ever over the ground")
+    nothing = (math.nan, False, False)
+    table = np.array([[seen.get(key, nothing) for key in keys] for seen in measured])
+    below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
+    found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
+    world = runner.replay.world
+    return Figures(
+        cost=runner.cost,
+        longest=max(runner.steps[round(case.span.settle * runner.rate) :], default=math.nan),
+        penetration=found.p99,
+        hover=found.hover,
+        deviation=_deviation(runner, case.span.horizon, reference or {}),
+        lost=len({keys[index][0] for index in np.flatnonzero(below[-1])} | set(world.lost)),
+        rescued=world.rescues,
+        bodies=len({key[0] for key in keys}),
+        ran=runner.time,
+        note=runner.note,
+    )
+
+
+def _deviation(runner: Runner, horizon: float, reference: Mapping[str, Vector]) -> float:
+    """Return the median distance of the bodies from the reference at ``horizon`` [s]; NaN = unknown [m]."""
+    reached = (snapshot for snapshot in runner.snapshots if snapshot.time >= horizon - 0.5 / runner.rate)
+    positions = next((snapshot.positions for snapshot in reached), {})
+    apart = [math.dist(positions[name], place) for name, place in reference.items() if name in positions]
+    return float(np.median(apart)) if apart else math.nan
 
 
 def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurements:
     """Measure all parts of a snapshot."""
-    found = Measurements()
+    found: Measurements = {}
     shapes: dict[Shape, list[tuple[Part, Pose]]] = {}
     for part, pose in snapshot.poses:
         shapes.setdefault(part.shape, []).append((part, pose))
@@ -274,13 +235,3 @@ def _in_tile_frame(pose: Pose, ground: Ground) -> Pose:
     x, y, z = pose.position[0] - x0, pose.position[1] - y0, pose.position[2]
     half = (0.0, 0.0, math.sin(-0.5 * ground.yaw), math.cos(0.5 * ground.yaw))
     return Pose((x0 + x * cos + y * sin, y0 - x * sin + y * cos, z), product(half, pose.orientation))
-
-
-def require_measurable(figures: Figures) -> None:
-    """Raise `InputError` if the figures cannot be used to compare settings."""
-    if figures.note or math.isnan(figures.penetration):
-        raise InputError(
-            "bodies",
-            f"nothing can be measured here: {figures.note or 'no body was ever over the ground'}; the parameter "
-            "file's bodies.spawn or robot.description must put bodies over the maps",
-        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,13 +44,11 @@ class Pose(NamedTuple):
 def parts_of(world: World) -> list[Part]:
     """Return all parts of simulated bodies that are spheres, boxes, cylinders or capsules."""
     found: list[Part] = []
-    for body in world.bodies.values():
-        if body.tracked:
-            continue
-        if body.shape is not None:
-            found.append(Part(body.name, body.uid, -1, body.shape))
-        else:
+    for body in (body for body in world.bodies.values() if not body.tracked):
+        if body.shape is None:
             found += _links(world.client, body)
+        else:
+            found.append(Part(body.name, body.uid, -1, body.shape))
     return found
 
 
@@ -63,8 +62,7 @@ def pose_of(client: Any, part: Part) -> Pose:
     return Pose((x, y, z), product(orientation, part.turn))
 
 
-def _links(client: Any, body: Body) -> list[Part]:
-    found = []
+def _links(client: Any, body: Body) -> Iterator[Part]:
     for link in body.links:
         for _, _, kind, size, _, offset, turn in client.getCollisionShapeData(body.uid, link):
             try:
@@ -72,8 +70,7 @@ def _links(client: Any, body: Body) -> list[Part]:
             except InputError:  # outside the range of sizes that is measured
                 continue
             if shape is not None:
-                found.append(Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False))
-    return found
+                yield Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False)
 
 
 def _shape(kind: int, size: Any) -> Shape | None:
