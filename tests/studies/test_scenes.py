@@ -9,9 +9,10 @@ import pytest
 from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
-from smartmesh_ros.tools.evaluation.presets import NAMES, read_presets
-from smartmesh_ros.tools.evaluation.reference import reference_positions
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
+from smartmesh_ros.tools.tune.start import PRESETS
+from studies.presets import read_presets
+from studies.reference import reference_positions
 
 SCENES = read_scenes()
 
@@ -68,7 +69,7 @@ def test_unknown_grounds_and_settings_are_refused() -> None:
 
 def test_presets_are_points_of_the_chart() -> None:
     found = {preset.name: preset for preset in read_presets()}
-    assert set(found) == set(NAMES)
+    assert set(found) == set(PRESETS)
     assert found["fast"].physics.rate == 120.0
     assert found["fast"].physics.solver_residual > found["rover"].physics.solver_residual
     assert found["rover"].physics.rate == 240.0

@@ -21,7 +21,6 @@ from smartmesh_ros.tools.tune.case import BodiesCame, Case, Event, MapCame, Span
 from smartmesh_ros.tools.tune.recording import HEIGHTMAP_UPDATE, Recording, read_recording
 from smartmesh_ros.tools.tune.start import NODE, settings_of
 from smartmesh_ros.tools.tune.truth import RecordedGround
-from smartmesh_ros.world.world import World
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,10 +67,11 @@ class BagCase(Case):
             )  # fmt: skip
         self.notes = _notes(recording, balls)
         self.sources = _sources(bag, recording, settings)
-        self.identity = self._digest()
+        known = f"{sorted(self.start.items())} {self.span} {terrain_topic} {bag.metadata}"
+        self.identity = hashlib.sha256(known.encode()).hexdigest()[:12]
 
     def bodies(self) -> Sequence[Start]:
-        return [partial(_start, entry) for entry in self._bodies]
+        return [partial(spawn, entry=entry) for entry in self._bodies]
 
     def events(self) -> Iterator[Event]:
         return iter(self._recording.events)
@@ -91,18 +91,6 @@ class BagCase(Case):
         for time in (number / LIMITS.truth_rate for number in itertools.count()):
             for tile, raster in ground.rasters(time):
                 yield MapCame(arrives=time, at=time, tile=tile, raster=raster)
-
-    def _digest(self) -> str:
-        arrivals = [event.arrives for event in self._recording.events]
-        digest = hashlib.sha256(repr((sorted(self.start.items()), self.span, arrivals, self._bodies)).encode())
-        for event in self._recording.changes:
-            heights = event.heights if not isinstance(event, MapCame) else event.raster and event.raster.heights
-            digest.update(b"" if heights is None else np.ascontiguousarray(heights).tobytes())
-        return digest.hexdigest()[:12]
-
-
-def _start(entry: Entry, world: World) -> bool:
-    return spawn(world, entry)
 
 
 def _entries(settings: Settings) -> list[Entry]:
@@ -140,11 +128,11 @@ def _test_balls(recording: Recording, settings: Settings) -> list[Entry]:
 def _sources(bag: Bag, recording: Recording, settings: Settings) -> list[str]:
     """Return a sentence on each topic of the replayed maps, and on the node's input topic for it."""
     found = []
-    for topic in bag.topics:
-        if topic.name in recording.map_topics:
-            own = "~/heightmap_update" if topic.type_name == HEIGHTMAP_UPDATE else f"~/{settings.input}"
-            remap = "" if topic.name == own.replace("~", NODE) else f": start it with -r {own}:={topic.name}"
-            found.append(f"Maps: {topic.name} ({topic.type_name}), which the node takes on {own}{remap}.")
+    for name in sorted(recording.map_topics):
+        kind = bag.topics[name].type_name
+        own = "~/heightmap_update" if kind == HEIGHTMAP_UPDATE else f"~/{settings.input}"
+        remap = "" if name == own.replace("~", NODE) else f": start it with -r {own}:={name}"
+        found.append(f"Maps: {name} ({kind}), which the node takes on {own}{remap}.")
     return found
 
 

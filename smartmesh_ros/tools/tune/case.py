@@ -31,25 +31,28 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MapCame(Event):
-    """A whole map of a tile; ``raster`` None = the tile is removed. ``delay`` [s]: see `HeightMap.delay`."""
+class Change(Event):
+    """A change of a tile. ``delay`` [s]: see `HeightMap.delay`."""
 
     tile: str
-    raster: Raster | None
     velocities: FloatGrid | None = None
     delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RegionCame(Event):
-    """New heights [m] of a rectangle of a tile. ``delay`` [s]: see `HeightMap.delay`."""
+class MapCame(Change):
+    """A whole map; ``raster`` None = the tile is removed."""
 
-    tile: str
+    raster: Raster | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionCame(Change):
+    """New heights [m] of a rectangle."""
+
     row: int
     column: int
     heights: FloatGrid
-    velocities: FloatGrid | None = None
-    delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,9 +68,6 @@ class JointsCame(Event):
     """A command to robots' joints, as a sensor_msgs/JointState."""
 
     message: Any
-
-
-Change = MapCame | RegionCame
 
 
 class Ground(NamedTuple):

@@ -11,15 +11,11 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Figures
+from smartmesh_ros.tools.tune.report import NAMES
 from smartmesh_ros.tools.tune.search import Search
 
-# Labels and colours of settings that exceed a limit which the axes do not show.
-UNSEEN = {
-    "failed": ("loses bodies", "tab:brown"),
-    "hover": ("exceeds the limit of hover", "tab:purple"),
-    "deviation": ("exceeds the limit of deviation", "tab:pink"),
-    "longest": ("exceeds the limit of the longest step", "tab:olive"),
-}
+# Colours of settings that exceed a limit which the axes do not show.
+UNSEEN = {"failed": "tab:brown", "hover": "tab:purple", "deviation": "tab:pink", "longest": "tab:olive"}
 
 
 def draw(path: Path, search: Search, verdict: Verdict) -> Any:
@@ -46,6 +42,7 @@ def draw(path: Path, search: Search, verdict: Verdict) -> Any:
         ylabel="penetration, 99 % [mm]", title=search.case.title,
     )  # fmt: skip
     axes.margins(0.12)
+    axes.tick_params(axis="x", which="minor", labelsize=7)
     axes.grid(visible=True, which="both", linewidth=0.3)
     axes.legend(fontsize=8)
     figure.savefig(path, dpi=110)
@@ -60,8 +57,7 @@ def _draw_search(axes: Any, search: Search) -> None:
         groups.setdefault(exceeded if exceeded in UNSEEN else "", []).append(point.figures)
     _draw(axes, groups.pop("", []), "o", label="tried", color="0.75", markersize=4)
     for name, tried in groups.items():
-        label, colour = UNSEEN[name]
-        _draw(axes, tried, "x", label=f"tried, {label}", color=colour, markersize=4)
+        _draw(axes, tried, "x", label=f"exceeds the limit of {NAMES[name]}", color=UNSEEN[name], markersize=4)
     front = [point.figures for point in search.front()]
     _draw(axes, front, "o-", label="front of the search", color="tab:blue", markersize=4, linewidth=1.0)
 

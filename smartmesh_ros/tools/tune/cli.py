@@ -18,8 +18,6 @@ from pathlib import Path
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.quiet import silence_pybullet
 
-INTERRUPTED = 130
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a search and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 =
@@ -37,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"tune: {error}", file=sys.stderr)
     except KeyboardInterrupt:
         print("\ninterrupted; the results are stored, and the same command resumes the search", file=sys.stderr)
-        return INTERRUPTED
+        return 130
     return 2
 
 
@@ -49,7 +47,7 @@ def take_part(options: argparse.Namespace, index: int) -> None:
     with suppress(KeyboardInterrupt):
         from smartmesh_ros.tools.tune.session import open_search
 
-        open_search(options, index).run(options.trials, lambda _: None)
+        open_search(options, index).run(options.trials)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -1,22 +1,21 @@
-"""The confirming run, longer than the search: the best candidates, the defaults, the user's settings and the
-presets."""
+"""The confirming run, longer than the search: the best candidates, the defaults, the user's settings and the presets;
+and the choice among them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.tools.evaluation.presets import NAMES as PRESETS
 from smartmesh_ros.tools.tune import space
-from smartmesh_ros.tools.tune.choice import Point, nearest, ranked
-from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.measuring import Say, measure, run
+from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.measuring import measure, run
 from smartmesh_ros.tools.tune.search import Search
-from smartmesh_ros.tools.tune.start import preset_values, settings_of
+from smartmesh_ros.tools.tune.start import PRESETS, preset_values, settings_of
 
-# Prefixes of the preset parameters that affect the core.
-OF_THE_CORE = ("physics.", "patch.", "terrain.motion", "terrain.changes", "terrain.noise", "terrain.settle")
+# Penetrations within this factor count as equal; the cheaper point is then better.
+SAME_PENETRATION = 1.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,23 +53,15 @@ class Verdict:
         """Figures of the defaults."""
         return self.confirmed[-1].figures
 
-    @property
-    def on_front(self) -> bool:
-        """True if the defaults are chosen, because no point is better."""
-        return self.chosen is self.confirmed[-1]
 
-
-def confirm(search: Search, say: Say) -> Verdict:
+def confirm(search: Search) -> Verdict:
     """Run the best points for longer, in turns with the defaults, and choose one by these figures."""
     case, asked = search.case, search.asked
     candidates = _candidates(search.points(), asked, search.limits)
     beside = _beside(case.start)
     values = [{**case.start, **space.defaults()}, *beside.values()]
     values += [{**case.start, **point.values} for point in candidates]
-    runners = run(
-        case, [settings_of(one) for one in values], case.span.confirm, repeats=CONFIRMING.repeats,
-        say=lambda text: say(f"the confirming run {text}"),
-    )  # fmt: skip
+    runners = run(case, [settings_of(one) for one in values], case.span.confirm, CONFIRMING.repeats)
     defaults, *found = measure(case, runners, search.reference)
     again = [Point(point.values, new) for point, new in zip(candidates, found[len(beside) :], strict=True)]
     limits, confirmed = Limits.of(asked, defaults), [*again, Point(space.defaults(), defaults)]
@@ -104,7 +95,26 @@ def _beside(start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     if any(start.get(name, value) != value for name, value in space.defaults().items()):
         found["as given"] = dict(start)
-    for name in PRESETS:
-        ours = {key: value for key, value in preset_values(name).items() if key.startswith(OF_THE_CORE)}
-        found[f"preset {name}"] = {**start, **space.defaults(), **ours}
-    return found
+    presets = {f"preset {name}": {**start, **space.defaults(), **preset_values(name)} for name in PRESETS}
+    return {**found, **presets}
+
+
+def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]:
+    """Return the points within all limits, the best first.
+
+    If only a budget or a deadline is given, the best is the one with the least penetration, otherwise the cheapest.
+    """
+    truest = asked.penetration is None and (asked.budget is not None or asked.deadline is not None)
+
+    def order(point: Point) -> tuple[float, float]:
+        cost, error = point.figures.cost, point.figures.error
+        return (math.log(error) // math.log(SAME_PENETRATION), cost) if truest else (cost, error)
+
+    return sorted((point for point in points if not limits.excess(point.figures)), key=order)
+
+
+def nearest(points: Iterable[Point], limits: Limits) -> list[Point]:
+    """Return the points sorted by their maximum excess over the limits, equals by cost."""
+    return sorted(
+        points, key=lambda point: (max(limits.excess(point.figures).values(), default=0.0), point.figures.cost)
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from time import process_time
@@ -24,24 +24,17 @@ from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.parts import Part, Pose, parts_of, pose_of
 from smartmesh_ros.tools.tune.replay import Replay
 
-Say = Callable[[str], None]
-# For each part (see `Part.key`) at an instant: clearance [m], centre below the ground, body supported.
-Measurements = dict[tuple[str, int, Vector], tuple[float, bool, bool]]
+# For each part at an instant: clearance [m], centre below the ground, body supported.
+Measurements = dict[Part, tuple[float, bool, bool]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measuring:
-    """How runs are measured.
-
-    ``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns within a
-    run. ``cost_factor``: a setting is stopped if it costs this many times as much as the first of its run, after at
-    least ``grace`` [s] of processor time.
-    """
+    """``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns
+    within a run."""
 
     samples: float = 30.0
     pieces: int = 10
-    cost_factor: float = 8.0
-    grace: float = 1.0
 
 
 MEASURING = Measuring()
@@ -58,10 +51,9 @@ class Snapshot:
 
 
 class Runner:
-    """One setting in a case: steps its world, times the steps [s] and records snapshots. ``note``: why it stopped."""
+    """One setting in a case: steps its world, times the steps [s] and records snapshots."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
-        self.note = ""
         self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
         self.replay = Replay(settings, case.bodies(), case.events())
@@ -107,45 +99,29 @@ class Runner:
         self.snapshots.append(Snapshot(self.time, poses, held, {name: world.state(name).position for name in after}))
 
 
-def run(
-    case: Case, settings: Sequence[Settings], duration: float, *, repeats: int = 1, say: Say = lambda _: None
-) -> list[Runner]:
-    """Run the settings for ``duration`` [s] of simulated time in turns.
-
-    A setting that costs `Measuring.cost_factor` times as much as the first one is stopped. The time of every step is
-    the median over ``repeats``, so that other load on the machine has little influence.
-    """
-    found = []
-    for repeated in zip(*[_once(case, settings, duration, say) for _ in range(repeats)], strict=True):
-        count = min(len(runner.steps) for runner in repeated)
-        repeated[0].steps = np.median([runner.steps[:count] for runner in repeated], axis=0).tolist()
-        found.append(repeated[0])
-    return found
+def run(case: Case, settings: Sequence[Settings], duration: float, repeats: int = 1) -> list[Runner]:
+    """Run the settings for ``duration`` [s] of simulated time in turns. The time of every step is the median over
+    ``repeats``, so that other load on the machine has little influence."""
+    rounds = [_once(case, settings, duration) for _ in range(repeats)]
+    for index, runner in enumerate(rounds[0]):
+        runner.steps = np.median([runners[index].steps for runners in rounds], axis=0).tolist()
+    return rounds[0]
 
 
-def _once(case: Case, settings: Sequence[Settings], duration: float, say: Say) -> list[Runner]:
+def _once(case: Case, settings: Sequence[Settings], duration: float) -> list[Runner]:
     runners = [Runner(case, chosen) for chosen in settings]
     instants = np.arange(1, math.floor(duration * MEASURING.samples + 1e-6) + 1) / MEASURING.samples
     pieces = np.array_split(instants, min(MEASURING.pieces, max(len(instants), 1)))
     for part, piece in enumerate(pieces):
         turn = part % len(runners)
-        for index, runner in enumerate(runners[turn:] + runners[:turn]):
-            say(f"{part + 1}/{len(pieces)} {index + 1}/{len(runners)}")
-            if not runner.note:
-                gc.disable()  # its pauses are not caused by the step in which they occur
-                for instant in piece.tolist():
-                    runner.advance(instant)
-                gc.enable()
-                _stop_if_too_slow(runner, runners[0])
+        for runner in runners[turn:] + runners[:turn]:
+            gc.disable()  # its pauses are not caused by the step in which they occur
+            for instant in piece.tolist():
+                runner.advance(instant)
+            gc.enable()
     for runner in runners:
         runner.replay.world.close()
     return runners
-
-
-def _stop_if_too_slow(runner: Runner, first: Runner) -> None:
-    """Stop a setting that costs far more than the first one."""
-    if sum(runner.steps) > MEASURING.grace and first.steps and runner.cost > MEASURING.cost_factor * first.cost:
-        runner.note = f"stopped after {runner.time:.2f} s: it costs too much"
 
 
 def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vector] | None) -> list[Figures]:
@@ -164,12 +140,12 @@ def _figures(
     case: Case, runner: Runner, measured: Sequence[Measurements], reference: Mapping[str, Vector] | None
 ) -> Figures:
     """Return the figures of a run from the measurements at its snapshots."""
-    keys = list(dict.fromkeys(key for seen in measured for key in seen))
+    parts = list(dict.fromkeys(part for seen in measured for part in seen))
     skip = sum(snapshot.time < case.span.settle for snapshot in runner.snapshots)
-    if not keys or len(measured) <= skip:
-        return Figures(cost=runner.cost, ran=runner.time, note=runner.note or "no body was ever over the ground")
+    if not parts or len(measured) <= skip:
+        return Figures(cost=runner.cost)
     nothing = (math.nan, False, False)
-    table = np.array([[seen.get(key, nothing) for key in keys] for seen in measured])
+    table = np.array([[seen.get(part, nothing) for part in parts] for seen in measured])
     below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
     found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
     world = runner.replay.world
@@ -179,11 +155,8 @@ def _figures(
         penetration=found.p99,
         hover=found.hover,
         deviation=_deviation(runner, case.span.horizon, reference or {}),
-        lost=len({keys[index][0] for index in np.flatnonzero(below[-1])} | set(world.lost)),
+        lost=len({parts[index].body for index in np.flatnonzero(below[-1])} | set(world.lost)),
         rescued=world.rescues,
-        bodies=len({key[0] for key in keys}),
-        ran=runner.time,
-        note=runner.note,
     )
 
 
@@ -204,7 +177,7 @@ def _measure_parts(snapshot: Snapshot, grounds: Sequence[Ground]) -> Measurement
     for shape, members in shapes.items():
         clearance, below = _over(grounds, shape, [pose for _, pose in members])
         for (part, _), gap, under in zip(members, clearance.tolist(), below.tolist(), strict=True):
-            found[part.key] = (gap, under, part.free and part.body in snapshot.held)
+            found[part] = (gap, under, part.free and part.body in snapshot.held)
     return found
 
 

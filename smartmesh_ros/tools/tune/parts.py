@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,14 @@ from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.world import World
+
+# Shapes from PyBullet's sizes. The surface of a mesh is not measured.
+_SHAPES: Mapping[int, Callable[[Sequence[float]], Shape]] = {
+    pb.GEOM_SPHERE: lambda size: Sphere(size[0]),
+    pb.GEOM_BOX: lambda size: Box(*size),
+    pb.GEOM_CYLINDER: lambda size: Cylinder(size[1], size[0]),
+    pb.GEOM_CAPSULE: lambda size: Capsule(size[1], size[0]),
+}
 
 
 class Part(NamedTuple):
@@ -27,11 +36,6 @@ class Part(NamedTuple):
     offset: Vector = (0.0, 0.0, 0.0)
     turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
     free: bool = True
-
-    @property
-    def key(self) -> tuple[str, int, Vector]:
-        """Key that identifies the part in every run."""
-        return self.body, self.link, self.offset
 
 
 class Pose(NamedTuple):
@@ -65,22 +69,6 @@ def pose_of(client: Any, part: Part) -> Pose:
 def _links(client: Any, body: Body) -> Iterator[Part]:
     for link in body.links:
         for _, _, kind, size, _, offset, turn in client.getCollisionShapeData(body.uid, link):
-            try:
-                shape = _shape(kind, size)
-            except InputError:  # outside the range of sizes that is measured
-                continue
-            if shape is not None:
-                yield Part(body.name, body.uid, link, shape, tuple(offset), tuple(turn), free=False)
-
-
-def _shape(kind: int, size: Any) -> Shape | None:
-    """Return the shape of PyBullet's collision data; None for a mesh, whose surface is not measured."""
-    if kind == pb.GEOM_SPHERE:
-        return Sphere(size[0])
-    if kind == pb.GEOM_BOX:
-        return Box(*size)
-    if kind == pb.GEOM_CYLINDER:
-        return Cylinder(size[1], size[0])
-    if kind == pb.GEOM_CAPSULE:
-        return Capsule(size[1], size[0])
-    return None
+            if kind in _SHAPES:
+                with suppress(InputError):  # outside the range of sizes that is measured
+                    yield Part(body.name, body.uid, link, _SHAPES[kind](size), tuple(offset), tuple(turn), free=False)

@@ -191,22 +191,19 @@ class Reader:
 
 def _body_takes(reader: Reader, bag: Bag, settings: Settings) -> dict[str, Take]:
     """Return the converter of each topic of bodies, joints and transforms."""
-
-    def topics(type_name: str, end: str) -> list[str]:
-        return [topic for topic in bag.of_type(type_name) if topic.endswith(end)]
-
     takes: dict[str, Take] = {}
-    for topic in set(bag.of_type(TRACKED)) - set(topics(TRACKED, OUTPUT)):
-        takes[topic] = partial(reader.take_bodies, TrackedBodyArray, conversions.bodies_from)
-    for topic in topics(POSES, "/body_poses"):
+    for topic in bag.of_type(TRACKED):
+        if not topic.endswith(OUTPUT):
+            takes[topic] = partial(reader.take_bodies, TrackedBodyArray, conversions.bodies_from)
+    for topic in bag.of_type(POSES, "/body_poses"):
         takes[topic] = partial(reader.take_bodies, PoseArray, conversions.poses_from)
-    for name, source in settings.poses:
-        topic = bag.require(source, POSE, f"bodies.poses names {name!r}")
+    for name, topic in settings.poses:
+        bag.require(topic, POSE, f"bodies.poses names {name!r}")
         takes[topic] = partial(reader.take_bodies, PoseStamped, partial(_from_pose, name))
-    for name, source in settings.odometry:
-        topic = bag.require(source, ODOMETRY, f"bodies.odometry names {name!r}")
+    for name, topic in settings.odometry:
+        bag.require(topic, ODOMETRY, f"bodies.odometry names {name!r}")
         takes[topic] = partial(reader.take_bodies, Odometry, partial(_from_odometry, name))
-    for topic in topics(JOINTS, "/joint_commands"):
+    for topic in bag.of_type(JOINTS, "/joint_commands"):
         takes[topic] = reader.take_joints
     for topic in bag.of_type(TRANSFORMS):
         takes[topic] = partial(reader.take_transforms, topic.endswith("static"))
@@ -225,8 +222,10 @@ def _terrain_takes(reader: Reader, bag: Bag, settings: Settings, chosen: str) ->
     """Return the converter of each topic of maps; raise `InputError` if there is none, or a choice among several."""
     kinds = {"heightmap": HEIGHTMAP, **{name: f"{a.package}/msg/{a.message}" for name, a in ADAPTERS.items()}}
     kind = kinds[settings.input]
-    topics = [bag.require(chosen, kind, "--terrain")] if chosen else bag.of_type(kind)
-    if not topics:
+    topics = [chosen] if chosen else bag.of_type(kind)
+    if chosen:
+        bag.require(chosen, kind, "--terrain")
+    elif not topics:
         other = [name for name, type_name in kinds.items() if bag.of_type(type_name)]
         hint = f"; it has maps for terrain.input {' or '.join(other)}: give --set terrain.input=" if other else ""
         message = f"no maps: terrain.input {settings.input!r} needs {kind}{hint}{''.join(other[:1])}"

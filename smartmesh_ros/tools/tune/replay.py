@@ -16,7 +16,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.robot_names import RobotNames
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.tune.case import BodiesCame, Case, Change, Event, JointsCame, RegionCame, Start
+from smartmesh_ros.tools.tune.case import BodiesCame, Case, Change, Event, JointsCame, MapCame, RegionCame, Start
 from smartmesh_ros.tools.tune.start import settings_of
 from smartmesh_ros.world.world import World
 
@@ -104,7 +104,7 @@ class Replay:
 
 
 def change_terrain(terrain: Terrain, settings: Settings, change: Change, now: float) -> None:
-    """Put a map or a region into the terrain at ``now`` [s]; raise `InputError` if the node would refuse it."""
+    """Apply a change at ``now`` [s]; raise `InputError` if the node would refuse it."""
     time = change.time(now)
     if isinstance(change, RegionCame):
         tile = terrain.tile(change.tile)
@@ -112,11 +112,11 @@ def change_terrain(terrain: Terrain, settings: Settings, change: Change, now: fl
             raise InputError("unknown_tile", f"tile {change.tile!r} is a general mesh")
         tile.update_region(change.row, change.column, change.heights, time=time, velocities=change.velocities)
         tile.delay = change.delay
-    elif change.raster is None:
-        terrain.remove(change.tile)
-    else:
+    elif isinstance(change, MapCame) and change.raster is not None:
         take_map(terrain, settings, change.tile, change.raster, change.velocities, time)
         terrain.tiles[change.tile].delay = change.delay
+    else:
+        terrain.remove(change.tile)
 
 
 def reference(case: Case) -> dict[str, Vector] | None:

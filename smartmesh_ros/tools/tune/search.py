@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,14 +17,12 @@ from optuna.trial import FrozenTrial, TrialState
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.tools.evaluation.presets import NAMES as PRESETS
 from smartmesh_ros.tools.tune import space
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.choice import Point
-from smartmesh_ros.tools.tune.figures import FLOOR, Asked, Figures, Limits
-from smartmesh_ros.tools.tune.measuring import Say, measure, run
+from smartmesh_ros.tools.tune.figures import FLOOR, Asked, Figures, Limits, Point
+from smartmesh_ros.tools.tune.measuring import measure, run
 from smartmesh_ros.tools.tune.replay import reference
-from smartmesh_ros.tools.tune.start import preset_values, settings_of
+from smartmesh_ros.tools.tune.start import PRESETS, preset_values, settings_of
 
 # Names of what is stored with the study and with a trial.
 BASE, REFERENCE, VALUES, FIGURES = "defaults", "reference", "values", "figures"
@@ -33,13 +31,11 @@ BASE, REFERENCE, VALUES, FIGURES = "defaults", "reference", "values", "figures"
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
     """``random``: number of random trials before the sampler uses results. ``repeats``: of the first run of the
-    defaults. ``unknown`` [m]: penetration that the sampler is told if it could not be measured. ``excess``: maximum
-    relative excess over a limit that it is told."""
+    defaults. ``unknown`` [m]: penetration that the sampler is told if it could not be measured."""
 
     random: int = 16
     repeats: int = 3
     unknown: float = 1.0
-    excess: float = 100.0
 
 
 SAMPLING = Sampling()
@@ -97,18 +93,17 @@ class Search:
         """Return the Pareto front of cost and penetration among points within the other limits, sorted by cost."""
         return sorted(map(_point, self.study.best_trials), key=lambda point: point.figures.cost)
 
-    def prepare(self, say: Say) -> None:
+    def prepare(self) -> None:
         """Measure the defaults and queue the first settings to try, unless that is stored already. Raise `InputError`
         if nothing can be measured."""
         if BASE in self.study.user_attrs:
             return
-        say("the reference, at an eighth of the step")
         positions = reference(self.case)
-        runners = run(self.case, [self._settings({})], self.case.span.search, repeats=SAMPLING.repeats, say=say)
+        runners = run(self.case, [self._settings({})], self.case.span.search, SAMPLING.repeats)
         [base] = measure(self.case, runners, positions)
         if math.isinf(base.error):
             raise InputError(
-                "bodies", f"nothing can be measured here: {base.note or 'all bodies were lost'}; the parameter file's "
+                "bodies", "nothing can be measured here: no body stayed over the ground; the parameter file's "
                 "bodies.spawn or robot.description must put bodies over the maps"
             )  # fmt: skip
         for values in _first(self.case.start):
@@ -117,10 +112,11 @@ class Search:
         self.study.set_user_attr(REFERENCE, positions)
         self.study.set_user_attr(BASE, asdict(base))
 
-    def run(self, trials: int, say: Say) -> None:
-        """Measure trials until all processes together have ``trials`` of them. Trials from before count."""
+    def run(self, trials: int, say: Callable[[], None] = lambda: None) -> None:
+        """Measure trials until all processes together have ``trials`` of them, and ``say`` so after each. Trials from
+        before count."""
         if len(self.points()) < trials:
-            self.study.optimize(self._measure, callbacks=[MaxTrialsCallback(trials), lambda _, __: say("")])
+            self.study.optimize(self._measure, callbacks=[MaxTrialsCallback(trials), lambda _, __: say()])
 
     def _measure(self, trial: optuna.Trial) -> tuple[float, float]:
         """Measure a trial in turns with the defaults. The sampler gets logarithms, so that equal factors count
@@ -134,7 +130,7 @@ class Search:
         trial.set_user_attr(FIGURES, asdict(figures))
         excess = self.limits.excess(figures)
         others = [value for name, value in excess.items() if name not in ("cost", "penetration")]
-        trial.set_constraint("limits", min(max(others, default=0.0), SAMPLING.excess))
+        trial.set_constraint("limits", max(others, default=0.0))
         return math.log10(figures.cost), math.log10(max(min(figures.error, SAMPLING.unknown), FLOOR))
 
     def _settings(self, values: Mapping[str, Any]) -> Any:

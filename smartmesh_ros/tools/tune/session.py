@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from time import monotonic
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.evaluation.scene import FOLDER, read_scene
@@ -45,17 +44,12 @@ def find(options: Namespace) -> tuple[Search, Verdict]:
     search = open_search(options)
     for note in search.case.notes:
         print(note)
-    search.prepare(_line)
-    began, before = monotonic(), len(search.points())
-
-    def say(_: str) -> None:
-        done = len(search.points())
-        left = (options.trials - done) * (monotonic() - began) / max(done - before, 1)
-        _line(report.progress(search, options.trials, left))
-
+    _line("measures the defaults and their reference")
+    search.prepare()
     with _helpers(options):
-        search.run(options.trials, say)
-    verdict = confirm(search, _line)
+        search.run(options.trials, lambda: _line(report.progress(search, options.trials)))
+    _line("confirms the best settings over a longer run")
+    verdict = confirm(search)
     _line("")
     return search, verdict
 
@@ -96,13 +90,11 @@ def _helpers(options: Namespace) -> Iterator[None]:
         helper.start()
     try:
         yield
-    except BaseException:
-        for helper in helpers:
-            helper.terminate()
-        raise
-    finally:
         for helper in helpers:
             helper.join()
+    finally:
+        for helper in helpers:
+            helper.terminate()
     if any(helper.exitcode for helper in helpers):
         raise InputError("jobs", "a process of the search has failed; see its output above")
 

@@ -9,16 +9,15 @@ from typing import Any
 
 import yaml
 
+import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.parameter_files import PARAMETERS, mismatch
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
-from smartmesh_ros.tools.evaluation.presets import folder
 
+PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
 NODE = "/terrain_collider"
 DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
-# Parameters of every ROS node, which do not affect measurements.
-OF_EVERY_NODE = frozenset({"use_sim_time"})
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
@@ -38,7 +37,7 @@ def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[st
             raise InputError("parameter", f"--set {entry!r} must be name=value, as in --set physics.rate=120.0")
         values[name] = yaml.safe_load(text)
     for name in values:
-        if name not in NAMES | OF_EVERY_NODE:
+        if name not in NAMES | {"use_sim_time"}:  # the latter is one of every ROS node
             near = difflib.get_close_matches(name, NAMES, n=1)
             raise InputError(
                 "parameter", f"parameter {name!r} is unknown{f'; did you mean {near[0]!r}?' if near else ''}"
@@ -47,9 +46,18 @@ def read_start(file: Path | None, preset: str, single: Sequence[str]) -> dict[st
     return values
 
 
+def preset_folder() -> Path | None:
+    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
+    for above in Path(smartmesh_ros.__file__).parents[1:]:
+        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
+            if (candidate / "fast.yaml").is_file():
+                return candidate
+    return None
+
+
 def preset_values(name: str) -> dict[str, Any]:
     """Return the parameters of a preset; raise `InputError` with the known presets if it does not exist."""
-    found = folder()
+    found = preset_folder()
     path = (found or Path()) / f"{name}.yaml"
     if found is None or not path.is_file():
         known = sorted(file.stem for file in found.glob("*.yaml")) if found else []

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +18,11 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.evaluation.distance import Surface
-from smartmesh_ros.tools.tune.case import Change, Ground, MapCame
+from smartmesh_ros.tools.tune.case import Change, Ground, MapCame, RegionCame
 from smartmesh_ros.tools.tune.replay import change_terrain
+
+# A time [s], and a tile from then on; None = the tile was removed.
+State = tuple[float, Raster | None]
 
 
 class RecordedGround:
@@ -45,49 +47,42 @@ class RecordedGround:
         ]
 
 
-class _Known(NamedTuple):
-    """A tile at ``time`` [s]; no raster = the tile was removed."""
-
-    time: float
-    raster: Raster | None
-
-
 class _Moving:
     """One tile, interpolated between the map before and the map after an instant."""
 
     def __init__(self, tile: str, changes: Sequence[Change]) -> None:
         self._tile = tile
         self._states = _states(sorted(changes, key=lambda change: change.at))
-        self._before: _Known | None = None
-        self._after: _Known | None = next(self._states)
+        self._before: State | None = None
+        self._after: State | None = next(self._states)
 
     def at(self, time: float) -> Iterator[tuple[str, Raster]]:
-        while self._after is not None and self._after.time <= time:
+        while self._after is not None and self._after[0] <= time:
             self._before, self._after = self._after, next(self._states, None)
-        before, after = self._before, self._after
-        if before is None or before.raster is None:
+        begin, before = self._before or (0.0, None)
+        end, after = self._after or (0.0, None)
+        if before is None:
             return
-        geometry, heights, _ = before.raster
-        if after is not None and after.raster is not None and after.raster.geometry == geometry:
-            share = np.float32((time - before.time) / (after.time - before.time))
-            heights = heights + share * (after.raster.heights - heights)
+        geometry, heights, _ = before
+        if after is not None and after.geometry == geometry:
+            heights = heights + np.float32((time - begin) / (end - begin)) * (after.heights - heights)
         yield self._tile, Raster(geometry, heights)
 
 
-def _states(changes: Sequence[Change]) -> Iterator[_Known]:
+def _states(changes: Sequence[Change]) -> Iterator[State]:
     """Yield a tile after each of its changes."""
     raster: Raster | None = None
     for change in changes:
         if isinstance(change, MapCame):
             raster = change.raster
-        elif raster is not None:
+        elif isinstance(change, RegionCame) and raster is not None:
             heights = raster.heights.copy()
             rows, columns = change.heights.shape
             part = heights[change.row : change.row + rows, change.column : change.column + columns]
             if part.shape == change.heights.shape:  # else the node refuses it
                 part[...] = change.heights
             raster = raster._replace(heights=heights)
-        yield _Known(change.at, raster)
+        yield change.at, raster
 
 
 class _Corrected:

@@ -6,10 +6,10 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from smartmesh_ros.tools.tune.front import SAME_PENETRATION, Point, front, nearest, ranked
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.front import SAME_PENETRATION, Point, front, nearest, ranked
 from smartmesh_ros.tools.tune.session import Request
 from tests.examples import examples
 

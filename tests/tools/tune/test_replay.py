@@ -13,6 +13,8 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from smartmesh_ros.tools.tune.front import Point
+from smartmesh_ros.tools.tune.parameter_file import parameter_file
 
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.terrain_collider import TerrainCollider
@@ -22,9 +24,7 @@ from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.bag_case import BagCase
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.front import Point
 from smartmesh_ros.tools.tune.measuring import run
-from smartmesh_ros.tools.tune.parameter_file import parameter_file
 from smartmesh_ros.tools.tune.replay import Replay
 from smartmesh_ros.tools.tune.start import settings_of
 

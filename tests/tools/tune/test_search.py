@@ -10,12 +10,12 @@ import yaml
 from optuna.trial import TrialState
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
+from smartmesh_ros.tools.tune.front import Point
+from smartmesh_ros.tools.tune.idle_changes import without_idle_changes
 
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.tools.tune import cli, idle_changes, space
 from smartmesh_ros.tools.tune.figures import Asked, Figures
-from smartmesh_ros.tools.tune.front import Point
-from smartmesh_ros.tools.tune.idle_changes import without_idle_changes
 from smartmesh_ros.tools.tune.search import Search, prepare, work
 from smartmesh_ros.tools.tune.session import Request
 

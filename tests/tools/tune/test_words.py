@@ -3,14 +3,14 @@
 from typing import Any
 
 import pytest
+from smartmesh_ros.tools.tune.front import Point
+from smartmesh_ros.tools.tune.store import Store, open_storage
+from smartmesh_ros.tools.tune.words import binding, closing_lines
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.tune import chart, space
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits
-from smartmesh_ros.tools.tune.front import Point
-from smartmesh_ros.tools.tune.store import Store, open_storage
-from smartmesh_ros.tools.tune.words import binding, closing_lines
 
 BASE = Figures(cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2, bodies=3, ran=1.5)
 
