@@ -79,11 +79,6 @@ class Scene:
         return GridGeometry(rows=size, columns=size, resolution=resolution)
 
     @property
-    def side(self) -> float:
-        """Side length of the map [m]."""
-        return (self.grid[0] - 1) * self.grid[1]
-
-    @property
     def moves(self) -> bool:
         """True if the ground moves."""
         return self.map_rate > 0.0
@@ -108,10 +103,11 @@ class Scene:
         apart = 2.0 * bodies.make_shape().bounding_radius
         rng = np.random.default_rng(bodies.seed)
         places: list[FloatArray] = []
+        middle = 0.5 * (self.grid[0] - 1) * self.grid[1]
         for _ in range(100_000):
             if len(places) == bodies.count:
                 break
-            place = 0.5 * self.side + rng.uniform(-1.0, 1.0, 2) * bodies.spread
+            place = middle + rng.uniform(-1.0, 1.0, 2) * bodies.spread
             if all(np.hypot(*(place - other)) >= apart for other in places):
                 places.append(place)
         if len(places) < bodies.count:

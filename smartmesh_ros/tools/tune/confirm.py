@@ -92,11 +92,9 @@ def _candidates(points: Sequence[Point], asked: Asked, limits: Limits) -> list[P
 
 def _beside(start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the user's settings, if they differ from the defaults, and the settings of each preset."""
-    found: dict[str, dict[str, Any]] = {}
-    if any(start.get(name, value) != value for name, value in space.defaults().items()):
-        found["as given"] = dict(start)
+    differs = any(start.get(name, value) != value for name, value in space.defaults().items())
     presets = {f"preset {name}": {**start, **space.defaults(), **preset_values(name)} for name in PRESETS}
-    return {**found, **presets}
+    return {"as given": dict(start), **presets} if differs else presets
 
 
 def ranked(points: Iterable[Point], asked: Asked, limits: Limits) -> list[Point]:

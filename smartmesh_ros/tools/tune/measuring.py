@@ -83,10 +83,8 @@ class Runner:
         self._take_snapshot(before)
 
     def _velocities(self) -> dict[str, Vector]:
-        world = self.replay.world
-        return {
-            name: world.client.getBaseVelocity(body.uid)[0] for name, body in world.bodies.items() if not body.tracked
-        }
+        bodies = [body for body in self.replay.world.bodies.values() if not body.tracked]
+        return {body.name: self.replay.world.client.getBaseVelocity(body.uid)[0] for body in bodies}
 
     def _take_snapshot(self, before: Mapping[str, Vector]) -> None:
         world = self.replay.world

@@ -35,8 +35,6 @@ HEIGHTMAP, HEIGHTMAP_UPDATE = "smartmesh_msgs/msg/Heightmap", "smartmesh_msgs/ms
 TRACKED, POSES = "smartmesh_msgs/msg/TrackedBodyArray", "geometry_msgs/msg/PoseArray"
 POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-# End of the name of an output of the node that a recording of all topics contains too.
-OUTPUT = "/body_states"
 
 # Converts a record, given its arrival after the start [s].
 Take = Callable[[Record, float], Iterator[Event]]
@@ -193,7 +191,7 @@ def _body_takes(reader: Reader, bag: Bag, settings: Settings) -> dict[str, Take]
     """Return the converter of each topic of bodies, joints and transforms."""
     takes: dict[str, Take] = {}
     for topic in bag.of_type(TRACKED):
-        if not topic.endswith(OUTPUT):
+        if not topic.endswith("/body_states"):  # an output of the node, which a recording of all topics contains too
             takes[topic] = partial(reader.take_bodies, TrackedBodyArray, conversions.bodies_from)
     for topic in bag.of_type(POSES, "/body_poses"):
         takes[topic] = partial(reader.take_bodies, PoseArray, conversions.poses_from)

@@ -15,7 +15,6 @@ from smartmesh_ros.tools.tune.figures import ALLOWANCE, Asked, Limits, Point
 from smartmesh_ros.tools.tune.search import Search
 from smartmesh_ros.tools.tune.start import DEFAULTS
 
-WIDTH = 118
 # Names of the limits, and the options that set them, by the field of `Limits`.
 NAMES = {
     "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
@@ -137,7 +136,7 @@ def parameter_file(search: Search, verdict: Verdict) -> str:
         "longest step. Penetration and hover: 99 %. Deviation: of bodies from a run at an eighth of the step, median. "
         "Failed: bodies lost or put back.",
     ]
-    lines = [line for text in about for line in textwrap.wrap(text, WIDTH)]
+    lines = [line for text in about for line in textwrap.wrap(text, 118)]
     comments = "\n".join(f"# {line}".rstrip() for line in [*lines, "", *table(verdict).split("\n")])
     values = {**verdict.chosen.values, **case.start, **verdict.chosen.values}
     if values.get("physics.friction") == DEFAULTS["physics.friction"]:

@@ -69,9 +69,8 @@ def open_case(options: Namespace) -> Case:
     """Return the scene or bag; raise `InputError` if neither can be opened."""
     start = read_start(options.params_file, options.preset, options.single)
     path = Path(options.source)
-    named = FOLDER / f"{options.source}.yaml"
-    if named.is_file() and not path.exists():
-        return SceneCase(read_scene(named), start)
+    if not path.exists():
+        path = FOLDER / f"{options.source}.yaml"
     if path.suffix == ".yaml" and path.is_file() and path.name != "metadata.yaml":
         return SceneCase(read_scene(path), start)
     if path.exists():
