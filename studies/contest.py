@@ -166,7 +166,7 @@ def run_scene(
     maps = Maps(scene)
     results: dict[str, Result] = {}
     runners: list[Runner] = []
-    chosen = [configuration for configuration in chosen if scene.slides or not configuration.for_sliding]
+    chosen = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
     for configuration in chosen:
         try:
             runners.append(Runner(scene, configuration, maps))

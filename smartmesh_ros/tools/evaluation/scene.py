@@ -87,11 +87,6 @@ class Scene:
         """Return new ground, because some ground keeps its deformation."""
         return make_ground(self.geometry, **self.ground)
 
-    @property
-    def slides(self) -> bool:
-        """True if the map moves along x and y."""
-        return self.slide != (0.0, 0.0)
-
     def surface(self, heights: Any, time: float = 0.0) -> Surface:
         """Return the main mesh of a map of heights at its position at ``time`` [s]."""
         x, y = self.slide[0] * time, self.slide[1] * time

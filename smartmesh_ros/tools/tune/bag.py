@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import yaml
 
@@ -12,17 +11,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.testing.bags import Record, read
 
 
-class Topic(NamedTuple):
-    """A topic's type (``package/msg/Name``) and how many messages it has."""
-
-    type_name: str
-    messages: int
-
-
 class Bag:
     """A recorded bag, sqlite3 or MCAP: the folder that holds ``metadata.yaml``. Raises `InputError` if it is none.
 
-    ``metadata``: the text of that file. ``topics``: by name.
+    ``metadata``: the text of that file. ``topics``: their type (``package/msg/Name``) and number of messages, by name.
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,8 +26,8 @@ class Bag:
         try:
             self.metadata = file.read_text()
             entries = yaml.safe_load(self.metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]
-            self.topics = {
-                entry["topic_metadata"]["name"]: Topic(entry["topic_metadata"]["type"], int(entry["message_count"]))
+            self.topics: dict[str, tuple[str, int]] = {
+                entry["topic_metadata"]["name"]: (entry["topic_metadata"]["type"], int(entry["message_count"]))
                 for entry in entries
             }
         except (KeyError, TypeError, ValueError, yaml.YAMLError) as error:
@@ -43,7 +35,7 @@ class Bag:
 
     def of_type(self, type_name: str, end: str = "") -> list[str]:
         """Return the topics of a type that have messages, and a name with this ``end``."""
-        found = [name for name, topic in self.topics.items() if topic.type_name == type_name and topic.messages]
+        found = [name for name, (kind, messages) in self.topics.items() if kind == type_name and messages]
         return [name for name in found if name.endswith(end)]
 
     def require(self, name: str, type_name: str, what: str) -> None:
@@ -59,7 +51,7 @@ class Bag:
 
     def refusal(self, reason: str, message: str) -> InputError:
         """Return an error with the contents of the bag."""
-        lines = [f"  {name}  {topic.type_name}  {topic.messages} messages" for name, topic in self.topics.items()]
+        lines = [f"  {name}  {kind}  {messages} messages" for name, (kind, messages) in self.topics.items()]
         return InputError(reason, "\n".join([message, f"The bag {self.path} has", *(lines or ["  no topic"])]))
 
     def records(self) -> Iterator[Record]:

@@ -129,7 +129,7 @@ def _sources(bag: Bag, recording: Recording, settings: Settings) -> list[str]:
     """Return a sentence on each topic of the replayed maps, and on the node's input topic for it."""
     found = []
     for name in sorted(recording.map_topics):
-        kind = bag.topics[name].type_name
+        kind, _ = bag.topics[name]
         own = "~/heightmap_update" if kind == HEIGHTMAP_UPDATE else f"~/{settings.input}"
         remap = "" if name == own.replace("~", NODE) else f": start it with -r {own}:={name}"
         found.append(f"Maps: {name} ({kind}), which the node takes on {own}{remap}.")

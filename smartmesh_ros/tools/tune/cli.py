@@ -73,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     how = found.add_argument_group("search")
     how.add_argument("--trials", type=int, default=96, help="total number of settings to try (96)")
     how.add_argument("--jobs", type=int, default=1, help="processes on this machine (1)")
-    how.add_argument("--storage", default="", help="journal file or sqlite:///FILE that processes share (OUT/tune.journal)")
+    how.add_argument("--storage", default="", help="journal file or sqlite:///FILE (tune.journal in --out)")
     how.add_argument("--seed", type=int, help="seed of the sampler, for repeatable runs")
     how.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
     return found

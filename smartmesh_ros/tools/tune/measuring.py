@@ -31,10 +31,13 @@ Measurements = dict[Part, tuple[float, bool, bool]]
 @dataclass(frozen=True, kw_only=True)
 class Measuring:
     """``samples`` [Hz]: rate of measurements; the searched rates are multiples of it. ``pieces``: number of turns
-    within a run."""
+    within a run. ``cost_factor``: a setting is stopped if it costs this many times as much as the first of its run,
+    after at least ``grace`` [s] of processor time."""
 
     samples: float = 30.0
     pieces: int = 10
+    cost_factor: float = 8.0
+    grace: float = 1.0
 
 
 MEASURING = Measuring()
@@ -54,6 +57,7 @@ class Runner:
     """One setting in a case: steps its world, times the steps [s] and records snapshots."""
 
     def __init__(self, case: Case, settings: Settings) -> None:
+        self.stopped = False
         self.steps: list[float] = []
         self.snapshots: list[Snapshot] = []
         self.replay = Replay(settings, case.bodies(), case.events())
@@ -98,24 +102,27 @@ class Runner:
 
 
 def run(case: Case, settings: Sequence[Settings], duration: float, repeats: int = 1) -> list[Runner]:
-    """Run the settings for ``duration`` [s] of simulated time in turns. The time of every step is the median over
-    ``repeats``, so that other load on the machine has little influence."""
+    """Run the settings for ``duration`` [s] of simulated time in turns, those that cost too much for less. The time of
+    every step is the median over ``repeats``, so that other load on the machine has little influence."""
     rounds = [_once(case, settings, duration) for _ in range(repeats)]
     for index, runner in enumerate(rounds[0]):
-        runner.steps = np.median([runners[index].steps for runners in rounds], axis=0).tolist()
+        count = min(len(runners[index].steps) for runners in rounds)
+        runner.steps = np.median([runners[index].steps[:count] for runners in rounds], axis=0).tolist()
     return rounds[0]
 
 
 def _once(case: Case, settings: Sequence[Settings], duration: float) -> list[Runner]:
     runners = [Runner(case, chosen) for chosen in settings]
     instants = np.arange(1, math.floor(duration * MEASURING.samples + 1e-6) + 1) / MEASURING.samples
-    pieces = np.array_split(instants, min(MEASURING.pieces, max(len(instants), 1)))
-    for part, piece in enumerate(pieces):
+    for part, piece in enumerate(np.array_split(instants, MEASURING.pieces)):
         turn = part % len(runners)
         for runner in runners[turn:] + runners[:turn]:
             gc.disable()  # its pauses are not caused by the step in which they occur
             for instant in piece.tolist():
-                runner.advance(instant)
+                if not runner.stopped:
+                    runner.advance(instant)
+                    too_slow = runner.cost > MEASURING.cost_factor * runners[0].cost
+                    runner.stopped = too_slow and sum(runner.steps) > MEASURING.grace
             gc.enable()
     for runner in runners:
         runner.replay.world.close()
@@ -137,10 +144,10 @@ def measure(case: Case, runners: Sequence[Runner], reference: Mapping[str, Vecto
 def _figures(
     case: Case, runner: Runner, measured: Sequence[Measurements], reference: Mapping[str, Vector] | None
 ) -> Figures:
-    """Return the figures of a run from the measurements at its snapshots."""
+    """Return the figures of a run from the measurements at its snapshots; of a stopped one the cost alone."""
     parts = list(dict.fromkeys(part for seen in measured for part in seen))
     skip = sum(snapshot.time < case.span.settle for snapshot in runner.snapshots)
-    if not parts or len(measured) <= skip:
+    if runner.stopped or not parts or len(measured) <= skip:
         return Figures(cost=runner.cost)
     nothing = (math.nan, False, False)
     table = np.array([[seen.get(part, nothing) for part in parts] for seen in measured])

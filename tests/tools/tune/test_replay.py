@@ -17,12 +17,12 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import bags, heightmap_message
-from smartmesh_ros.tools.tune import space
+from smartmesh_ros.tools.tune import measuring, space
 from smartmesh_ros.tools.tune.bag import Bag
 from smartmesh_ros.tools.tune.bag_case import BagCase
 from smartmesh_ros.tools.tune.confirm import Verdict
 from smartmesh_ros.tools.tune.figures import Asked, Figures, Limits, Point
-from smartmesh_ros.tools.tune.measuring import measure, run
+from smartmesh_ros.tools.tune.measuring import Measuring, measure, run
 from smartmesh_ros.tools.tune.replay import Replay, reference
 from smartmesh_ros.tools.tune.report import parameter_file
 from smartmesh_ros.tools.tune.search import Search, open_study
@@ -124,6 +124,17 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.penetration < 0.5 * lagging.penetration
     assert kept.hover < 0.5 * lagging.hover
     assert kept.cost > 0.0 and kept.longest > 0.0
+
+
+def test_a_setting_that_costs_too_much_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measuring, "MEASURING", Measuring(cost_factor=1.5, grace=0.0))
+    bags.write(tmp_path / "bag", messages())
+    case = BagCase(Bag(tmp_path / "bag"), START)
+    slow = {**START, "physics.rate": 960.0, "patch.rate": 0.0}
+    runners = run(case, [settings_of({**START, "physics.rate": 60.0}), settings_of(slow)], case.span.confirm)
+    whole, stopped = measure(case, runners, None)
+    assert runners[1].time < runners[0].time and stopped.cost > 1.5 * whole.cost
+    assert math.isfinite(whole.error) and math.isinf(stopped.error)
 
 
 def test_the_file_says_which_topic_its_maps_were_on(tmp_path: Path) -> None:
