@@ -9,11 +9,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import read_scenes
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
 from studies.contest import PIECES, Result, run_scene
+from studies.machine import describe
 from studies.matrix.picture import draw_matrix, matrix_table
 from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.configurations import Configuration
 from studies.contest import Result, run_scene
 from studies.engines.checkout import HERE, CheckoutOptions
+from studies.machine import describe
 from studies.progress import Progress
 from studies.tables import table
 

@@ -13,13 +13,13 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import clearances
-from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
 from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, deviation, held_up, penetration
-from smartmesh_ros.tools.evaluation.reference import HORIZON, reference_positions
 from smartmesh_ros.tools.evaluation.scene import Scene
 from studies.configurations import Configuration
 from studies.engines.checkout import Checkout
+from studies.engines.engine import EngineBody, Setup
 from studies.engines.registry import build
+from studies.reference import HORIZON, reference_positions
 
 # Number of pieces of a run, in which all engines take turns. The cost is the median over the pieces.
 PIECES = 12
@@ -166,7 +166,7 @@ def run_scene(
     maps = Maps(scene)
     results: dict[str, Result] = {}
     runners: list[Runner] = []
-    chosen = [configuration for configuration in chosen if scene.slides or not configuration.for_sliding]
+    chosen = [configuration for configuration in chosen if scene.slide != (0.0, 0.0) or not configuration.for_sliding]
     for configuration in chosen:
         try:
             runners.append(Runner(scene, configuration, maps))

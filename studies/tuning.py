@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Tunes what is not in the results yet; with all of them there it only writes the table."""
     options = _parser().parse_args(arguments)
     silence_pybullet()
-    from smartmesh_ros.tools.evaluation.machine import describe
+    from studies.machine import describe
     from studies.pages import fill
 
     results = options.out / "results.json"
@@ -53,21 +53,18 @@ def _tuned(source: str, options: argparse.Namespace) -> dict[str, Any]:
     """The confirmed figures of one case."""
     from smartmesh_ros.tools.tune import space
     from smartmesh_ros.tools.tune.cli import parser
-    from smartmesh_ros.tools.tune.parameter_file import parameter_file
-    from smartmesh_ros.tools.tune.session import Request, find
+    from smartmesh_ros.tools.tune.report import parameter_file
+    from smartmesh_ros.tools.tune.session import find
 
-    given = parser().parse_args([source, "--trials", str(options.trials), "--out", str(options.out)])
-    request = Request.of(given)
+    words = [source, "--trials", str(options.trials), "--jobs", str(options.jobs), "--out", str(options.out)]
+    given = parser().parse_args(words)
     if options.bag is not None and source == str(options.bag):
-        request = replace(request, params_file=options.params_file)
-    case = request.open_case()
-    _, verdict = find(request, case, options.jobs)
-    (options.out / f"{case.name}_tuned.yaml").write_text(parameter_file(case, request.asked, verdict))
-    known = space.defaults()
-    changed = {name: value for name, value in verdict.chosen.values.items() if known[name] != value}
+        given.params_file = options.params_file
+    search, verdict = find(given)
+    (options.out / f"{search.case.name}_tuned.yaml").write_text(parameter_file(search, verdict))
     return {
-        "title": case.title, "defaults": verdict.defaults.as_json(), "tuned": verdict.chosen.figures.as_json(),
-        "changed": changed,
+        "title": search.case.title, "defaults": asdict(verdict.defaults), "tuned": asdict(verdict.chosen.figures),
+        "changed": space.changes(verdict.chosen.values),
     }  # fmt: skip
 
 

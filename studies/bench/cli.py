@@ -9,7 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from smartmesh_ros.tools.evaluation import machine
+from studies import machine
 from studies.bench import (
     collecting,
     crowds,

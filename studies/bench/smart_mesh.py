@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.engines.engine import Setup
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import (
     FRAME,
@@ -19,6 +18,7 @@ from studies.bench.moving import (
     height_map,
 )
 from studies.bench.report import LARGER, RINGS
+from studies.engines.engine import Setup
 from studies.engines.registry import build, missing
 
 # Main mesh of the measurements that vary the collider [vertices on a side].

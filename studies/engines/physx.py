@@ -11,7 +11,7 @@ import numpy as np
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Engine, EngineBody, Setup
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here

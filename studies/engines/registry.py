@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, Setup
+from studies.engines.engine import Engine, Setup
 
 
 class _Entry(NamedTuple):
@@ -18,9 +18,9 @@ class _Entry(NamedTuple):
 
 
 _ENTRIES = {
-    "smartmesh": _Entry("smartmesh_ros.tools.evaluation.engines.smartmesh", "SmartMesh"),
-    "bullet_trimesh": _Entry("smartmesh_ros.tools.evaluation.engines.bullet", "BulletTrimesh"),
-    "bullet_heightfield": _Entry("smartmesh_ros.tools.evaluation.engines.bullet", "BulletHeightfield"),
+    "smartmesh": _Entry("studies.engines.smartmesh", "SmartMesh"),
+    "bullet_trimesh": _Entry("studies.engines.bullet", "BulletTrimesh"),
+    "bullet_heightfield": _Entry("studies.engines.bullet", "BulletHeightfield"),
     "mujoco": _Entry("studies.engines.mujoco_hfield", "MujocoHfield"),
     "physx": _Entry("studies.engines.physx", "PhysxTrimesh"),
     "rapier": _Entry("studies.engines.rapier", "RapierHeightfield"),

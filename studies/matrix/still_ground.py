@@ -12,12 +12,13 @@ from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
-from smartmesh_ros.tools.evaluation.engines.bullet import BulletTrimeshOptions
-from smartmesh_ros.tools.evaluation.engines.engine import EngineBody, Setup
-from smartmesh_ros.tools.evaluation.measures import GRAVITY, angles_between, energies
+from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import lowest
+from studies.engines.bullet import BulletTrimeshOptions
+from studies.engines.engine import EngineBody, Setup
 from studies.engines.registry import build
 from studies.matrix.arena import Arena, deepest
+from studies.matrix.quantities import angles_between, energies
 from studies.matrix.row import Row
 
 SPEED = 3.0

@@ -8,9 +8,9 @@ from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-from smartmesh_ros.tools.evaluation.presets import read_presets
 from studies.configurations import RATE, Family
 from studies.engines.registry import missing
+from studies.presets import read_presets
 from studies.robots.bullet_robots import WorldOptions, WorldRobots
 from studies.robots.engine import RobotEngine, RobotSetup
 

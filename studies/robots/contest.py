@@ -14,8 +14,8 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, deviation, held_up, penetration
-from smartmesh_ros.tools.evaluation.reference import HORIZON
 from studies.contest import Result, result_of
+from studies.reference import HORIZON
 from studies.robots.bullet_robots import WorldRobots
 from studies.robots.configurations import RobotConfiguration
 from studies.robots.engine import Links, RobotEngine, RobotSetup

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.evaluation.machine import describe
 from studies.chart import draw_all, draw_scene
 from studies.configurations import Family
 from studies.contest import Result
+from studies.machine import describe
 from studies.pages import fill
 from studies.progress import Progress
 from studies.results_file import save_results

@@ -10,10 +10,10 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.tools.evaluation.engines.bullet import BulletTrimesh, BulletTrimeshOptions
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
-from smartmesh_ros.tools.evaluation.engines.smartmesh import SmartMesh, SmartMeshOptions
 from smartmesh_ros.tools.evaluation.scene import Scene
+from studies.engines.bullet import BulletTrimesh, BulletTrimeshOptions
+from studies.engines.engine import Engine, EngineBody, Setup
+from studies.engines.smartmesh import SmartMesh, SmartMeshOptions
 
 # Step rate of the reference [Hz], and instant of the comparison [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.

@@ -10,9 +10,9 @@ from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.tools.evaluation.engines.bullet import body_arrays
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, Setup
 from smartmesh_ros.world.world import World, WorldConfig
+from studies.engines.bullet import body_arrays
+from studies.engines.engine import Engine, Setup
 
 
 @dataclass(frozen=True, kw_only=True)

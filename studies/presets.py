@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 
 import yaml
 
-import smartmesh_ros
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.patches.config import PatchConfig
-
-NAMES = ("accurate", "fast", "fleet", "quadruped", "rover")
+from smartmesh_ros.tools.tune.start import PRESETS, preset_folder
 
 
 class Preset(NamedTuple):
@@ -23,20 +21,10 @@ class Preset(NamedTuple):
     physics: PhysicsConfig
 
 
-def folder() -> Path | None:
-    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
-    package = Path(smartmesh_ros.__file__).parent
-    for above in package.parents:
-        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
-            if (candidate / "fast.yaml").is_file():
-                return candidate
-    return None
-
-
 def read_presets() -> list[Preset]:
     """Return all presets; an empty list if they are not installed."""
-    found = folder()
-    return [_read(found / f"{name}.yaml") for name in NAMES] if found else []
+    found = preset_folder()
+    return [_read(found / f"{name}.yaml") for name in PRESETS] if found else []
 
 
 def _read(path: Path) -> Preset:

@@ -15,7 +15,7 @@ from smartmesh_ros.ground.colliders.field import HOLE
 from smartmesh_ros.ground.colliders.whole_mesh import MOST_INDICES, MOST_VERTICES
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.evaluation.engines.engine import Engine, EngineBody, Setup
+from studies.engines.engine import Engine, EngineBody, Setup
 
 # Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
 # in their colliders only.
