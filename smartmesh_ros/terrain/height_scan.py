@@ -1,16 +1,17 @@
-"""Height scans: heights of the ground around a body on a grid in its yaw frame, as policies of legged robots observe them.
+"""Height scans: heights of the ground on a grid in a body's yaw frame, as policies of legged robots observe them.
 
 The layouts are those of the training environments that are used most:
 
 - ``isaac_lab``: Isaac Lab's locomotion tasks, ``GridPatternCfg(resolution=0.1, size=[1.6, 1.0])`` in the order "xy" of
   ``isaaclab/sensors/ray_caster/patterns/patterns.py``, and the observation ``mdp.height_scan``: sensor z - hit z - 0.5,
-  clipped to -1 to 1. A ray that hits nothing gives -1 there. The policy was trained with uniform noise of 0.1 m.
+  clipped to -1 to 1. A ray that hits nothing gives -1 there. Training adds uniform noise of 0.1 m.
 - ``unitree_rl_lab``: Unitree's tasks for Isaac Lab, with the same scanner, and values clipped to -1 to 5
   (``tasks/locomotion/robots/go2/velocity_env_cfg.py``).
 - ``unitree_rl_mjlab``: Unitree's tasks for mjlab: the same grid, body z - hit z divided by the range of 5 m, which also
   stands for a ray that hits nothing.
-- ``legged_gym``: ``measured_points_x``, ``measured_points_y`` and ``compute_observations`` of legged_gym, which
-  unitree_rl_gym has taken over: y runs fastest, and values are 5 clip(base z - 0.5 - height, -1, 1). Its noise is 0.1 m.
+- ``legged_gym``, and ``unitree_rl_gym``, which has its code: ``measured_points_x``, ``measured_points_y`` and
+  ``compute_observations`` of ``legged_gym/envs/base``. y runs fastest, and values are
+  5 clip(base z - 0.5 - height, -1, 1). Training adds uniform noise of 0.1 m after the clipping.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
 Order = Literal["xy", "yx"]
@@ -43,11 +44,11 @@ class HeightScan:
 
     ``size`` [m]: extent of the grid along x and y; ``spacing`` [m] of its points. ``offset`` [m]: x and y of the grid's
     middle in the body's yaw frame; z is subtracted from all values. ``order``: the axis that runs fastest comes first.
-    ``values``: height, the ground's z; or clearance, the z of the body's frame minus that of the ground. ``noise`` [m] is
-    added to them: the bound of a uniform ``distribution``, or the standard deviation of a normal one. Then they are
-    limited to ``clip`` [m], and multiplied by ``scale``. ``fill`` is the final value where there is no ground. ``delay``
-    [s]: age at which values become known. ``seed``: noise is a function of it and of the instant, so scans of one instant
-    need different seeds.
+    ``values``: height, the ground's z; or clearance, the z of the body's frame minus that of the ground. To them
+    ``noise`` [m] is added: the bound of a uniform ``distribution``, or the standard deviation of a normal one. Then they
+    are limited to ``clip`` [m], and multiplied by ``scale``. ``fill`` is the final value where there is no ground.
+    ``delay`` [s]: age at which values become known. ``seed``: noise is a function of it and of the instant, so scans of
+    one instant need different seeds.
 
     Raises `InputError` for an impossible value.
     """
@@ -80,14 +81,16 @@ class HeightScan:
         _require(math.isfinite(self.scale), "scale", self.scale, "finite")
         _require(0.0 <= self.delay <= LONGEST_DELAY, "delay", self.delay, f"0 to {LONGEST_DELAY:g} s")
         _require(type(self.seed) is int and self.seed >= 0, "seed", self.seed, "a whole number from 0 on")
-        count = math.prod(size / self.spacing + 1.0 for size in self.size)
+        count = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
         _require(count <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
 
     @classmethod
     def of(cls, layout: str, **changes: Any) -> HeightScan:
         """Return the scan of one of the `LAYOUTS`, with some settings changed. Raises `InputError`."""
         if layout not in LAYOUTS:
-            raise InputError("height_scan", f"there is no layout {layout!r} of height scans; choose one of {[*LAYOUTS]}")
+            raise InputError(
+                "height_scan", f"there is no layout {layout!r} of height scans; choose one of {[*LAYOUTS]}"
+            )
         return replace(LAYOUTS[layout], **changes)
 
     @cached_property
@@ -133,8 +136,8 @@ class HeightScan:
 
 
 def yaws_of(orientations: ArrayLike) -> FloatArray:
-    """Return the turns about z (n,) [rad] of unit quaternions (n, 4) (x, y, z, w): the direction of the body's x axis seen
-    from above, as ``yaw_quat`` of Isaac Lab."""
+    """Return the turns about z (n,) [rad] of unit quaternions (n, 4) (x, y, z, w): the directions of the x axes seen from
+    above, as ``yaw_quat`` of Isaac Lab."""
     x, y, z, w = np.asarray(orientations, np.float64).reshape(-1, 4).T
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 

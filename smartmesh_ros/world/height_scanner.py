@@ -25,17 +25,22 @@ class HeightScanner:
         """Scan now. Raises `InputError` if there is no body of one of the names."""
         world = self._world
         if self._waiting and self._waiting[-1][0] > world.time:  # the world's time was reset
-            self._waiting.clear()
+            self.forget()
         self._waiting.append((world.time, world.height_scan(self._names, self._scan)))
 
     def take(self) -> FloatArray | None:
-        """Return the newest values (n, k) that are known by now and were not returned before, None if there are none."""
+        """Return the newest values (n, k) that are known by now and were not returned before; None: there are none."""
         found = None
         # A share of a step, because times are sums of rounded steps.
         now = self._world.time - self._delay + 1e-3 * self._world.dt
         while self._waiting and self._waiting[0][0] <= now:
             found = self._waiting.popleft()[1]
         return found
+
+    def forget(self) -> None:
+        """Forget what was measured."""
+        self._waiting.clear()
+        self._last = None
 
     def read(self) -> FloatArray:
         """Scan now, and return the newest values (n, k) that are known by now; the first ones at the beginning."""

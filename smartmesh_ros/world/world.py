@@ -232,9 +232,9 @@ class World(Population):
         return [wrench for wrench in found if not self._is_guest(wrench.body)]
 
     def height_scan(self, names: str | Sequence[str], scan: HeightScan) -> FloatArray:
-        """Return the values (n, k) of a scan around n bodies now: of a robot, around the frame of its base link. Bodies are
-        no ground, so none hides it. Raises `InputError` if there is no body of one of the names, or if the scan has a
-        delay, for which `HeightScanner` keeps earlier scans."""
+        """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base
+        link. Raises `InputError` if there is no body of one of the names, or if the scan has a delay, for which
+        `HeightScanner` keeps earlier scans."""
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
         bodies = [self._body(name) for name in ([names] if isinstance(names, str) else names)]

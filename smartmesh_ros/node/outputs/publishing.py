@@ -30,6 +30,7 @@ from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.height_scans import ScanOutput
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.states import SimulatedStates
@@ -136,6 +137,7 @@ class Publishing:
             "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
             "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
         }
+        self._scans = [ScanOutput(session, entry, self._qos) for entry in session.settings.height_scans]
         self._diagnostics = _Output(
             self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE), self._make_diagnostics
         )
@@ -157,6 +159,8 @@ class Publishing:
         """Publishes every output that has subscribers and is due; ``now``: due or not."""
         time = monotonic()
         self._publish(self._outputs, time, now=now)
+        for scan in self._scans:
+            scan.publish(now=now)
         self._clock.publish(time)
         self._transforms.publish(time, at_once=now)
         self._descriptions.publish()

@@ -19,9 +19,11 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.io.rasters import FirstRow, RasterConfig
 from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.node.inputs.body_sources import body_sources
+from smartmesh_ros.node.outputs.scan_entries import scan_entries
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.settings import (
+    LONGEST_NAME,
     Durability,
     PublishRates,
     Reliability,
@@ -229,7 +231,6 @@ SPECS = (
     ),
     Spec("bodies.spawn", list(_D.spawn), "Bodies spawned at start, each a YAML mapping; see config/.", read_only=True),
     Spec("bodies.most", _D.most_bodies, "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000),
-    Spec("bodies.longest_name", _D.longest_name, "Longest name of a body, tile or frame [characters].", 1, 65_535),
     Spec("bodies.longest_urdf", _D.longest_urdf, "Longest robot description [bytes].", 1, 2**31),
     Spec(
         "bodies.urdf_folders", list(_D.urdf_folders),
@@ -324,6 +325,12 @@ SPECS = (
         "Serve the standard services of simulation_interfaces.",
         read_only=True,
     ),
+    Spec(
+        "height_scans", [],
+        "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: isaac_lab, rate: 50, "
+        "noise: 0.01}; see docs/height_scan.md.",
+        read_only=True,
+    ),
     Spec("frame_id", _D.frame_id, "Frame of the terrain; empty = the frame of the first map.", read_only=True),
     Spec(
         "executor", _D.executor,
@@ -349,7 +356,6 @@ _SETTINGS = {
     "map_depth": "terrain.map_depth",
     "update_depth": "terrain.update_depth",
     "most_bodies": "bodies.most",
-    "longest_name": "bodies.longest_name",
     "longest_urdf": "bodies.longest_urdf",
     "urdf_folders": "bodies.urdf_folders",
     "body_timeout": "bodies.timeout",
@@ -366,6 +372,7 @@ _SETTINGS = {
 
 # Parameters of earlier versions, and what replaces them.
 REMOVED = {
+    "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
@@ -390,6 +397,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         raster=_config(RasterConfig, "raster", v),
         robot=_config(RobotConfig, "robot", v),
         peers=peer_names(v["bodies.peers"]),
+        height_scans=scan_entries(v["height_scans"]),
         **own,
     )
 
