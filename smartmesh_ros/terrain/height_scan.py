@@ -44,9 +44,9 @@ class HeightScan:
 
     ``size`` [m]: extent of the grid along x and y; ``spacing`` [m] of its points. ``offset`` [m]: x and y of the grid's
     middle in the body's yaw frame; z is subtracted from all values. ``order``: the axis that runs fastest comes first.
-    ``values``: height, the ground's z; or clearance, the z of the body's frame minus that of the ground. To them
-    ``noise`` [m] is added: the bound of a uniform ``distribution``, or the standard deviation of a normal one. Then they
-    are limited to ``clip`` [m], and multiplied by ``scale``. ``fill`` is the final value where there is no ground.
+    ``values``: height, the ground's z; or clearance, the z of the body's frame minus that of the ground. Then ``noise``
+    [m] is added: the bound of a uniform ``distribution``, or the standard deviation of a normal one. Then values are
+    limited to ``clip`` [m], and multiplied by ``scale``. ``fill`` is the final value where there is no ground.
     ``delay`` [s]: age at which values become known. ``seed``: noise is a function of it and of the instant, so scans of
     one instant need different seeds.
 
@@ -81,8 +81,8 @@ class HeightScan:
         _require(math.isfinite(self.scale), "scale", self.scale, "finite")
         _require(0.0 <= self.delay <= LONGEST_DELAY, "delay", self.delay, f"0 to {LONGEST_DELAY:g} s")
         _require(type(self.seed) is int and self.seed >= 0, "seed", self.seed, "a whole number from 0 on")
-        count = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
-        _require(count <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
+        most = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
+        _require(most <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
 
     @classmethod
     def of(cls, layout: str, **changes: Any) -> HeightScan:
@@ -136,8 +136,8 @@ class HeightScan:
 
 
 def yaws_of(orientations: ArrayLike) -> FloatArray:
-    """Return the turns about z (n,) [rad] of unit quaternions (n, 4) (x, y, z, w): the directions of the x axes seen from
-    above, as ``yaw_quat`` of Isaac Lab."""
+    """Return the turns about z (n,) [rad] of unit quaternions (n, 4) (x, y, z, w): the directions of the x axes seen
+    from above, as ``yaw_quat`` of Isaac Lab."""
     x, y, z, w = np.asarray(orientations, np.float64).reshape(-1, 4).T
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
