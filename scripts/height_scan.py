@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.world.joints import JointCommand
 
 ROBOT = f"{pybullet_data.getDataPath()}/a1/a1.urdf"
-# Positions of a standing robot's joints by a part of their names [rad], and the height of its base above the ground [m].
+# Positions of a standing robot's joints by a part of their names [rad]; height of its base above the ground [m].
 POSTURE, HEIGHT = {"upper": 0.8, "lower": -1.6}, 0.33
 RESOLUTION, SIDE = 0.05, 81
 # Size of the picture, how much finer it is drawn, and the radius of its points [m].
@@ -72,18 +72,31 @@ def picture(world: World, scan: HeightScan) -> Image.Image:
     x, y = scan.points_b.T
     point = client.createVisualShape(pb.GEOM_SPHERE, radius=RADIUS, rgbaColor=POINT_COLOUR)
     for u, v, z in zip(x, y, world.height_scan("robot", scan)[0], strict=True):
-        place = base.position[0] + u * np.cos(yaw) - v * np.sin(yaw), base.position[1] + u * np.sin(yaw) + v * np.cos(yaw)
+        place = (
+            base.position[0] + u * np.cos(yaw) - v * np.sin(yaw),
+            base.position[1] + u * np.sin(yaw) + v * np.cos(yaw),
+        )
         client.createMultiBody(0.0, -1, point, (*place, float(z)))
     robot = client.loadURDF(ROBOT, useFixedBase=True)
-    client.resetBasePositionAndOrientation(robot, *world.client.getBasePositionAndOrientation(world.bodies["robot"].uid))
+    client.resetBasePositionAndOrientation(
+        robot, *world.client.getBasePositionAndOrientation(world.bodies["robot"].uid)
+    )
     for joint in world.bodies["robot"].joints.values():
         client.resetJointState(robot, joint, world.client.getJointState(world.bodies["robot"].uid, joint)[0])
     width, height = (FINER * size for size in PIXELS)
     view = client.computeViewMatrix((1.6, -1.5, 1.25), (0.1, 0.12, 0.02), (0.0, 0.0, 1.0))
     lens = client.computeProjectionMatrixFOV(36.0, width / height, 0.1, 10.0)
     drawn = client.getCameraImage(
-        width, height, view, lens, lightDirection=(2.0, -1.0, 2.0), lightAmbientCoeff=0.55, lightDiffuseCoeff=0.5,
-        lightSpecularCoeff=0.0, shadow=0, renderer=pb.ER_TINY_RENDERER
+        width,
+        height,
+        view,
+        lens,
+        lightDirection=(2.0, -1.0, 2.0),
+        lightAmbientCoeff=0.55,
+        lightDiffuseCoeff=0.5,
+        lightSpecularCoeff=0.0,
+        shadow=0,
+        renderer=pb.ER_TINY_RENDERER,
     )
     client.disconnect()
     pixels = np.asarray(drawn[2], np.uint8).reshape(height, width, 4)[..., :3]

@@ -115,15 +115,17 @@ class HeightScan:
         """Return the values (n, k) around ``poses_w`` (n, 4), each x, y, z [m] and yaw [rad], at ``time`` [s]."""
         found = np.empty((len(poses_w), len(self.points_b)))
         CORE.scan_heights(terrain.readers, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found)
+        hole = None if math.isnan(self.fill) else np.isnan(found)
         if self.values == "clearance":
-            np.subtract(poses_w[:, 2:3], found, out=found)
-        hole = np.isnan(found) if not math.isnan(self.fill) else None
-        found -= self.offset[2]
+            np.subtract(poses_w[:, 2:3] - self.offset[2], found, out=found)
+        else:
+            found -= self.offset[2]
         if self.noise > 0.0:
             found += self._noise(found.shape, time)
         if self.clip != (-math.inf, math.inf):
             np.clip(found, *self.clip, out=found)
-        found *= self.scale
+        if self.scale != 1.0:
+            found *= self.scale
         if hole is not None:
             found[hole] = self.fill
         return found

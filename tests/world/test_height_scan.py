@@ -100,7 +100,7 @@ def flat() -> Iterator[World]:
 def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
     """Of bodies anywhere, also at and beyond the edge of the ground."""
     random = np.random.default_rng(3)
-    scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order=order)  # type: ignore[arg-type]
+    scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order=order)
     with World(GROUNDS[ground]()) as world:
         world.time = 0.22
         poses = np.column_stack(
@@ -135,7 +135,7 @@ def test_a_turned_body_sees_a_turned_ground() -> None:
 
 
 def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(flat: World) -> None:
-    flat.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)  # type: ignore[union-attr]
+    flat.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
     flat.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))
     flat.track("tracked", 0.2, turned(0.5, 0.3, 1.0, 0.9))
     base = flat.base_state("robot")
@@ -156,7 +156,7 @@ def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str
     indexing = ordering if ordering == "xy" else "ij"
     x = np.arange(-size[0] / 2, size[0] / 2 + 1.0e-9, resolution)
     y = np.arange(-size[1] / 2, size[1] / 2 + 1.0e-9, resolution)
-    grid_x, grid_y = np.meshgrid(x, y, indexing=indexing)  # type: ignore[call-overload]
+    grid_x, grid_y = np.meshgrid(x, y, indexing=indexing)
     return np.stack([grid_x.flatten(), grid_y.flatten()], axis=-1)
 
 
@@ -217,7 +217,7 @@ def test_both_orders_hold_the_same_values() -> None:
         world.spawn("robot", Sphere(0.1), 1.0, turned(0.3, 0.2, 1.0, 0.5))
         found = {}
         for order in ("xy", "yx"):
-            scan = HeightScan(size=(0.8, 0.4), spacing=0.1, order=order)  # type: ignore[arg-type]
+            scan = HeightScan(size=(0.8, 0.4), spacing=0.1, order=order)
             (slow, rows), (fast, columns) = scan.layout
             assert {slow: rows, fast: columns} == {"x": 9, "y": 5}
             found[order] = world.height_scan("robot", scan).reshape(rows, columns)
