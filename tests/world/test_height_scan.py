@@ -47,6 +47,15 @@ def moving(motion: MotionConfig | None = None, yaw: float = 0.0) -> HeightMap:
     return made
 
 
+def sliding() -> Terrain:
+    """A map that moves and turns as a whole."""
+    made = Terrain()
+    for k in range(4):
+        origin = (LOW + 0.03 * k, LOW - 0.02 * k)
+        made.put("", HeightMap(wave(0.0), resolution=RESOLUTION, origin=origin, yaw=0.01 * k, time=0.05 * k))
+    return made
+
+
 def holed() -> HeightMap:
     heights = wave(0.0)
     heights[60:75, 70:95] = np.nan
@@ -76,6 +85,7 @@ GROUNDS = {
     "moving": moving,
     "moving and turned": lambda: moving(yaw=0.3),
     "moving with noise": lambda: moving(MotionConfig(noise=0.01)),
+    "sliding": sliding,
     "corrected": lambda: moving(MotionConfig(changes="correction")),
     "with holes": holed,
     "tiles": tiles,
