@@ -143,12 +143,18 @@ def test_points_anywhere_do_no_harm(axis: int, value: float) -> None:
 
 
 @pytest.mark.parametrize("value", (np.nan, np.inf, -1e10))
-@pytest.mark.parametrize("key, column", (("poses", 0), ("poses", 1), ("poses", 2), ("pattern", 0), ("pattern", 1)))
-def test_scans_from_nowhere_are_refused(key: str, column: int, value: float) -> None:
-    function, given = calls()["scan_heights"]
-    given[key][-1, column] = value
-    with pytest.raises(REFUSED):
+def test_scans_from_nowhere_find_no_ground(value: float) -> None:
+    """A body may be at no place until it is removed; the grid around it may not."""
+    for column in range(3):
+        function, given = calls()["scan_heights"]
+        given["poses"][-1, column] = value
         function(**given)
+        assert np.isnan(given["heights"]).any(axis=1).tolist() == [False] * (COUNT - 1) + [True]
+    for column in range(2):
+        function, given = calls()["scan_heights"]
+        given["pattern"][-1, column] = value
+        with pytest.raises(REFUSED):
+            function(**given)
 
 
 @pytest.mark.parametrize("value", (np.nan, np.inf, 1e10))
