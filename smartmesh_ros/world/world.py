@@ -24,6 +24,7 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.world.base_frames import frame_pose
 from smartmesh_ros.world.bodies import Surface
 from smartmesh_ros.world.contacts import GroundContact, ground_contacts
 from smartmesh_ros.world.guest_config import GuestConfig
@@ -241,8 +242,7 @@ class World(Population):
         poses_w = BulletCalls(self.client).poses([body.uid for body in bodies])
         for row, body in enumerate(bodies):
             if body.is_robot:
-                base = self.base_state(body.name)
-                poses_w[row] = (*base.position, *base.orientation)
+                poses_w[row] = frame_pose(poses_w[row], body.inertial)
         return scan.read(self.terrain, np.column_stack([poses_w[:, :3], yaws_of(poses_w[:, 3:])]), self.time)
 
     def below_ground(self) -> list[str]:

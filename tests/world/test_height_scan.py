@@ -160,6 +160,15 @@ def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(flat: World)
         assert values[centre] == pytest.approx(state.position[2] - ground, abs=1e-9)
 
 
+def test_a_body_that_physics_threw_to_no_place_sees_no_ground(flat: World) -> None:
+    flat.spawn_robot("robot", LOPSIDED, turned(0.0, 0.0, 1.0, 0.0))
+    flat.spawn("ball", Sphere(0.2), 1.0, turned(1.0, 0.0, 1.0, 0.0))
+    for body in flat.bodies.values():
+        flat.client.resetBaseVelocity(body.uid, [1e308] * 3)
+    flat.client.stepSimulation()
+    assert np.isnan(flat.height_scan(["robot", "ball"], HeightScan())).all()
+
+
 def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str) -> np.ndarray:
     """``grid_pattern`` of isaaclab/sensors/ray_caster/patterns/patterns.py, whose torch.meshgrid takes the same
     indexing as NumPy's."""
