@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -54,6 +54,9 @@ robots:  ## robots on rough and moving ground, beside other engines (about 12 mi
 
 start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
 	@$(RUN) -- python scripts/start_study.py $(ARGS)
+
+height-scan:  ## what a legged robot's policy observes of moving ground, printed and drawn: out/height_scan.png
+	@$(RUN) -- python scripts/height_scan.py $(ARGS)
 
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
 	@$(RUN) studies -- $(STUDIES) rover $(ARGS)

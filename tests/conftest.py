@@ -85,6 +85,8 @@ COSTS = {
     "ground/test_sleep.py": 5,
     "soil/test_soil_world.py": 5,
     "studies/test_before_after.py": 5,
+    "node/test_height_scans.py": 5,
+    "world/test_height_scan.py": 5,
 }
 
 

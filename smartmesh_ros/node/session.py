@@ -229,6 +229,6 @@ class Session:
 
     def require_frame(self, frame_id: str) -> None:
         """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""
-        require_name(frame_id, self.settings)
+        require_name(frame_id)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")

@@ -218,7 +218,7 @@ class TerrainInputs:
             if update:
                 self._terrain.tile(tile)
             session.require_frame(frame_id)
-            require_name(tile, session.settings)
+            require_name(tile)
             clock = self._clocks.get(tile) or StampClock()
             longest = self._session.settings.motion.max_interval
             placed = clock.place(stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest)

@@ -30,6 +30,7 @@ from smartmesh_ros.node.outputs.body_descriptions import BodyDescriptions
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
 from smartmesh_ros.node.outputs.clock_watch import ClockWatch
 from smartmesh_ros.node.outputs.connections import Namesakes, incompatible_peers, publishers_of
+from smartmesh_ros.node.outputs.height_scans import HeightScans
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.states import SimulatedStates
@@ -138,6 +139,7 @@ class Publishing:
             "contact_wrenches": self._output(ContactWrenchArray, "~/contact_wrenches", self._make_contact_wrenches),
         }
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._scans = HeightScans(session, self._qos)
         # Staggered, so that no step publishes all outputs.
         start = monotonic()
         self._due = {
@@ -156,6 +158,7 @@ class Publishing:
         """Publishes every output that has subscribers and is due; ``now``: due or not."""
         time = monotonic()
         self._publish(self._outputs, time, now=now)
+        self._scans.publish(now=now)
         self._clock.publish(time)
         self._transforms.publish(time, at_once=now)
         self._descriptions.publish()
@@ -263,6 +266,7 @@ class Publishing:
         _, factor, _ = self._diagnostics_window.read()
         session = self._session
         refused = session.refusals.counts.total()
+        publishers = [output.publisher for output in self._outputs.values()]
         health = diagnostics.Health(
             map_age=None if session.last_map_time is None else monotonic() - session.last_map_time,
             maps=session.maps,
@@ -282,7 +286,7 @@ class Publishing:
             incompatible=incompatible_peers(
                 self._node,
                 session.subscriptions,
-                [self._descriptions.publisher, *(output.publisher for output in self._outputs.values())],
+                [self._descriptions.publisher, *self._scans.publishers, *publishers],
                 session.names,
             ),
             new_refusals=refused - self._refused_before,

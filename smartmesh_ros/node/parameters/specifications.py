@@ -15,9 +15,10 @@ from rclpy.parameter import Parameter
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.peer_names import peer_names
 from smartmesh_ros.node.inputs.body_sources import body_sources
+from smartmesh_ros.node.outputs.scan_entries import scan_entries
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
-from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME, Settings, TerrainChanges
 from smartmesh_ros.node.timing.clock import require_one_clock
 
 ConfigT = TypeVar("ConfigT")
@@ -136,7 +137,6 @@ SPECS = (
         "Radius of tracked bodies whose messages give none [m].", 0.001, 100.0),
     _fixed("bodies.spawn", "spawn", "Bodies spawned at start, each a YAML mapping; see config/."),
     _param("bodies.most", "most_bodies", "Most bodies, tracked and simulated; more are refused.", 1, 1_000_000),
-    _param("bodies.longest_name", "longest_name", "Longest name of a body, tile or frame [characters].", 1, 65_535),
     _param("bodies.longest_urdf", "longest_urdf", "Longest robot description [bytes].", 1, 2**31),
     _fixed("bodies.urdf_folders", "urdf_folders",
         "Folders from which services may load robot descriptions and their meshes; empty = pybullet_data and the share "
@@ -185,12 +185,16 @@ SPECS = (
     _param("publish.odometry", "publish.odometry", "Rate of ~/odometry for each robot [Hz].", 0.0, 1000.0),
     _param("publish.contact_wrenches", "publish.contact_wrenches", "Rate of ~/contact_wrenches [Hz].", 0.0, 1000.0),
     _fixed("simulation_interfaces", "simulation_interfaces", "Serve the standard services of simulation_interfaces."),
+    _fixed("height_scans", "height_scans",
+        "Height scans on ~/height_scan/<body>, each a YAML mapping such as {body: robot, layout: isaac_lab, rate: 50, "
+        "noise: 0.01}; see docs/height_scan.md."),
     _fixed("frame_id", "frame_id", "Frame of the terrain; empty = the frame of the first map."),
     _fixed("executor", "executor", "The rclpy executor that waits for messages."),
 )  # fmt: skip
 NAMES = frozenset(spec.name for spec in SPECS)
 # Parameters of earlier versions, and what replaces them.
 REMOVED = {
+    "bodies.longest_name": f"names have at most {LONGEST_NAME} characters; leave it out",
     "patch.edge_filter": "contacts from the map have no inner edges; leave it out",
     "patch.tolerance": "contacts from the map are exact; leave it out",
     "physics.landing": "contacts from the map stop bodies at the surface; leave it out",
@@ -204,6 +208,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})
     v["bodies.peers"] = peer_names(v["bodies.peers"])
+    v["height_scans"] = scan_entries(v["height_scans"])
     tree: dict[str, Any] = {}
     for spec in SPECS:
         *owners, field = spec.place.split(".")

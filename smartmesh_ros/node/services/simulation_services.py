@@ -224,7 +224,7 @@ class SimulationServices:
         with session.lock:
             if request.allow_renaming:
                 name = self._free_name(name)
-            bounds.require_name(name, session.settings)
+            bounds.require_name(name)
             bounds.require_room([name], session.world.bodies, session.settings)
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
