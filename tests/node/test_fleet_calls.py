@@ -37,7 +37,7 @@ def result_of(coroutine: Any) -> dict[str, str]:
 
 def test_a_node_that_dies_has_refused_all_bodies_of_the_call() -> None:
     front = Front()
-    calls = Calls(front, ["/a"], None)  # type: ignore[arg-type]
+    calls = Calls(front, ["/a"], None)
     call = calls.remove("/a", ["one", "two"])
     call.send(None)
     calls.give_up("/b")
@@ -59,10 +59,10 @@ def test_refusals_are_told_by_body(response: Any, refused: dict[str, str]) -> No
     front = Front()
     front.future.set_result(response)
     bodies = [BodySpecification(id=name) for name in ("one", "two")]
-    assert result_of(Calls(front, ["/a"], None).spawn("/a", bodies)) == refused  # type: ignore[arg-type]
+    assert result_of(Calls(front, ["/a"], None).spawn("/a", bodies)) == refused
 
 
 def test_a_node_without_services_refuses_at_once() -> None:
     front = Front()
     front.ready = False
-    assert result_of(Calls(front, ["/a"], None).remove("/a", ["one"])) == {"one": "/a serves no calls yet"}  # type: ignore[arg-type]
+    assert result_of(Calls(front, ["/a"], None).remove("/a", ["one"])) == {"one": "/a serves no calls yet"}
