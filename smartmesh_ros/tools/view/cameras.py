@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.tools.view.camera import Camera, Lens, camera_on
 from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.scene import bodies_of
 from smartmesh_ros.tools.view.sight import Sight
 
 # Camera of pages that open before any body is known [m].
 START = Camera((-6.3, -7.1, 6.9), (0.0, 0.0, 0.0))
 # Near clipping distance [m]. Lower values reduce the depth resolution of distant objects.
 NEAREST = 0.05
-# Longest time [s] that a new page waits for the poses of all described bodies.
-POSE_TIMEOUT = 2.0
 # Width of the panel and its margins [pixels].
 PANEL = 340
 # Positions closer together count as equal [m], because the page rounds to single precision.
@@ -31,24 +27,19 @@ class Cameras:
 
     def __init__(self, server: Any) -> None:
         self._server = server
-        self._given = [START]  # all initial cameras of pages
-        self._since: dict[int, float] = {}  # opening time of each page [s]
+        self._given: list[Camera] = []  # all initial cameras of pages
         self._done: set[int] = set()  # pages that were turned to the bodies
         self._start_with(START)
 
     def update(self, ground: Ground, sight: Sight) -> None:
-        """Turn the cameras of new pages to the bodies once all poses are known."""
-        clients = self._server.get_clients()
-        self._done &= clients.keys()
-        self._since = {number: self._since.get(number, monotonic()) for number in clients}
-        for number, client in clients.items():
-            if number in self._done:
-                continue
-            known = bool(sight.poses) and sight.appearances.keys() <= sight.poses.keys()
-            late = monotonic() > self._since[number] + POSE_TIMEOUT
+        """Turn the cameras of new pages to the bodies once the poses of all simulated bodies are known."""
+        described = {name for name, known in sight.appearances.items() if not known.tracked}
+        if not sight.poses or not described <= sight.poses.keys():
+            return
+        for number, client in self._server.get_clients().items():
             # A page may report the browser's default camera before it applies its initial one. So a camera that seems
             # moved is checked again in the next update.
-            if (known or (late and sight.poses)) and self._is_unmoved(client):
+            if number not in self._done and self._is_unmoved(client):
                 self._done.add(number)
                 self._turn(client, ground, sight)
 
@@ -69,13 +60,12 @@ class Cameras:
         camera = client.camera
         width, height = max(camera.image_width, 1), max(camera.image_height, 1)
         lens = Lens(camera.fov, width / height, PANEL / width if width > 2 * PANEL else 0.0)
-        self._place(client, camera_on(*bodies_of(sight), lens, ground))
+        self._place(client, camera_on(*sight.bodies, lens, ground))
 
     def _place(self, client: Any, found: Camera) -> None:
         camera = client.camera
         camera.near = NEAREST
-        camera.position = np.array(found.position)
-        camera.look_at = np.array(found.target)
+        camera.position, camera.look_at = np.array(found.position), np.array(found.target)
         self._start_with(found)
 
     def _start_with(self, found: Camera) -> None:

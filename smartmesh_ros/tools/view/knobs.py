@@ -21,10 +21,10 @@ SLIDER_STEPS = 200
 
 
 class Kind(Enum):
-    """Kind of widget of a parameter."""
+    """Kind of widget of a parameter, as viser calls it."""
 
-    SWITCH = "switch"
-    CHOICE = "choice"
+    SWITCH = "checkbox"
+    CHOICE = "dropdown"
     SLIDER = "slider"
     NUMBER = "number"
     TEXT = "text"
@@ -44,22 +44,30 @@ class Knob:
     step: float | int | None = None
     choices: tuple[str, ...] = ()
 
+    def add_to(self, gui: Any) -> Any:
+        """Add the widget to the page; return its handle."""
+        options: dict[str, Any] = {"options": self.choices} if self.choices else {}
+        if self.kind in (Kind.SLIDER, Kind.NUMBER):
+            options = {"min": self.low, "max": self.high, "step": self.step}
+        add = getattr(gui, f"add_{self.kind.value}")
+        return add(self.name.partition(".")[2] or self.name, initial_value=self.value, hint=self.hint, **options)
+
 
 def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
     """Return the knob of a parameter; None if the parameter is read-only, unset, or has no description."""
     if descriptor.read_only or not descriptor.description or value is None:
         return None
-    name, hint = descriptor.name, descriptor.description
-    if isinstance(value, bool):
-        return Knob(name=name, kind=Kind.SWITCH, hint=hint, value=value)
-    if isinstance(value, str):
-        choices = _choices(descriptor)
-        kind = Kind.CHOICE if value in choices else Kind.TEXT
-        return Knob(name=name, kind=kind, hint=hint, value=value, choices=choices if kind is Kind.CHOICE else ())
-    if isinstance(value, int | float):
+    if isinstance(value, int | float) and not isinstance(value, bool):
         return _number(descriptor, value)
-    limits = f" ({descriptor.additional_constraints})" if descriptor.additional_constraints else ""
-    return Knob(name=name, kind=Kind.TEXT, hint=hint + limits, value=text_of(list(value)))
+    words, hint, kind = descriptor.additional_constraints, descriptor.description, Kind.TEXT
+    choices: tuple[str, ...] = ()
+    if isinstance(value, bool):
+        kind = Kind.SWITCH
+    elif not isinstance(value, str):
+        hint += f" ({words})" if words else ""
+    elif words.startswith(CHOICES) and value in (found := words.removeprefix(CHOICES).split(", ")):
+        kind, choices = Kind.CHOICE, tuple(found)
+    return Knob(name=descriptor.name, kind=kind, hint=hint, value=shown_value(value), choices=choices)
 
 
 def parameter_of(knob: Knob, given: Any) -> Parameter:
@@ -76,18 +84,10 @@ def parameter_of(knob: Knob, given: Any) -> Parameter:
 
 
 def shown_value(value: Any) -> Any:
-    """Return a parameter's value as its widget shows it: lists as texts."""
-    return value if isinstance(value, bool | int | float | str) else text_of(list(value))
-
-
-def text_of(values: list[Any]) -> str:
-    """Return a list as YAML, in one line."""
-    return str(yaml.safe_dump(values, default_flow_style=True, width=math.inf)).strip()
-
-
-def _choices(descriptor: ParameterDescriptor) -> tuple[str, ...]:
-    words = descriptor.additional_constraints
-    return tuple(words.removeprefix(CHOICES).split(", ")) if words.startswith(CHOICES) else ()
+    """Return a parameter's value as its widget shows it: lists as YAML, in one line."""
+    if isinstance(value, bool | int | float | str):
+        return value
+    return str(yaml.safe_dump(list(value), default_flow_style=True, width=math.inf)).strip()
 
 
 def _number(descriptor: ParameterDescriptor, value: float) -> Knob:

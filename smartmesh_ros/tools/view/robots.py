@@ -14,7 +14,7 @@ import yourdfpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from viser.extras import ViserUrdf
 
-from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
+from smartmesh_ros.tools.view.sight import Appearance, Sight
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
@@ -28,39 +28,38 @@ class Robot:
     """A robot of a viser server. ``readable``: True if its description can be drawn."""
 
     def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
-        self.appearance = appearance
-        self._name = name
-        self._root = _root_link(appearance.urdf)
+        self.appearance, self._name = appearance, name
         self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
-        self._shown: ViserUrdf | None = None
+        self._joints: list[str] = []
         self._values: list[float] = []
-        self._top = UNKNOWN_TOP
+        self._root, self._top = "", UNKNOWN_TOP
+        self.readable = False
         try:
-            urdf = _load(appearance)
+            self._root = _root_link(appearance.urdf)
+            folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
+            urdf = yourdfpy.URDF.load(
+                io.BytesIO(_drawable(appearance.urdf, folder)), filename_handler=lambda fname: str(_path(fname, folder))
+            )
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
             self._joints = list(urdf.actuated_joint_names)
-        except Exception:  # noqa: BLE001  # a description may be anything, and the libraries' errors have no common base
-            self.readable = False
-        else:
+            if (bounds := urdf.scene.bounds) is not None:
+                self._top = float(bounds[1][2]) + GAP
             self.readable = True
-            self._top = _top_of(urdf)
+        except Exception:  # noqa: BLE001  # a description may be anything; the errors have no common base
+            pass  # it is drawn as a ball
         self._label = server.scene.add_label(f"/labels/{name}", name, anchor="bottom-center", visible=False)
 
-    def base_in(self, sight: Sight) -> Pose | None:
-        """Return the pose of the base link, None if it is not known yet; of a robot whose description cannot be read,
-        the pose of its centre of mass."""
-        if not self._root:
-            return sight.poses.get(self._name)
-        return sight.bases.get(f"{self._name}/{self._root}", sight.bases.get(self._root))
-
-    def place(self, base: Pose, joints: dict[str, float]) -> None:
-        """Move the base link and the label, and set the joints to positions of ~/joint_states."""
-        self._frame.position, self._frame.wxyz = base.position, base.wxyz
+    def show(self, sight: Sight) -> None:
+        """Move the base link, the label and the joints, once the pose of the base link is known; of a robot whose
+        description cannot be read, the pose of its centre of mass."""
+        base = sight.bases.get(f"{self._name}/{self._root}", sight.bases.get(self._root))
+        base = base if self._root else sight.poses.get(self._name)
+        if base is None:
+            return
+        self._frame.position, self._frame.wxyz = base
         x, y, z = base.position
         self._label.position, self._label.visible = (x, y, z + self._top), True
-        if self._shown is None:
-            return
-        values = [joints.get(f"{self._name}/{joint}", joints.get(joint, 0.0)) for joint in self._joints]
+        values = [sight.joints.get(f"{self._name}/{joint}", sight.joints.get(joint, 0.0)) for joint in self._joints]
         if values != self._values:
             self._values = values
             self._shown.update_cfg(np.array(values))
@@ -72,29 +71,10 @@ class Robot:
 
 
 def _root_link(urdf: str) -> str:
-    """Return the name of the link that is the child of no joint; empty if the text has no such link."""
-    try:
-        robot = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError:
-        return ""
+    """Return the name of the link that is the child of no joint. Raises an error if there is none."""
+    robot = ElementTree.fromstring(urdf)
     children = {child.get("link") for child in robot.iterfind("joint/child")}
-    return next((link.get("name", "") for link in robot.iterfind("link") if link.get("name") not in children), "")
-
-
-def _load(appearance: Appearance) -> yourdfpy.URDF:
-    folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
-
-    def found(fname: str) -> str:
-        return str(_path(fname, folder))
-
-    text = _readable(appearance.urdf, folder)
-    return yourdfpy.URDF.load(io.BytesIO(text), filename_handler=found, load_meshes=True)
-
-
-def _top_of(urdf: yourdfpy.URDF) -> float:
-    """Return the height [m] of a label above the base link."""
-    bounds = urdf.scene.bounds
-    return UNKNOWN_TOP if bounds is None else float(bounds[1][2]) + GAP
+    return next(name for link in robot.iterfind("link") if (name := link.get("name", "")) not in children)
 
 
 def _path(name: str, folder: Path | None) -> Path:
@@ -109,7 +89,7 @@ def _path(name: str, folder: Path | None) -> Path:
     return path if folder is None or path.is_absolute() else folder / path
 
 
-def _readable(urdf: str, folder: Path | None) -> bytes:
+def _drawable(urdf: str, folder: Path | None) -> bytes:
     """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, and links
     whose meshes are missing are drawn by their collision shapes."""
     root = ElementTree.fromstring(urdf)

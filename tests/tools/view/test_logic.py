@@ -30,8 +30,7 @@ from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.server import start_server, stop_server
 from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
-from smartmesh_ros.tools.view.sunk import Depth, triangles_by_depth
-from smartmesh_ros.tools.view.terrain_scene import TerrainConfig, TerrainScene
+from smartmesh_ros.tools.view.terrain_scene import Depth, TerrainConfig, TerrainScene, triangles_by_depth
 
 
 def knobs() -> dict:
@@ -114,28 +113,30 @@ def test_shapes_are_closed_and_reach_as_far_as_their_radius(kind: int, dimension
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
-    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(looks.radius_of(kind, dimensions), rel=1e-3)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(Appearance(kind, dimensions).radius, rel=1e-3)
+
+
+def contacts_of(forces: list[float]) -> np.ndarray:
+    """Contacts of upright forces at the origin."""
+    return np.column_stack([np.zeros((len(forces), 5)), np.ones(len(forces)), forces])
 
 
 @given(forces=st.lists(st.floats(0.1, 1e4), min_size=1, max_size=20))
 @examples(50)
 def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[float]) -> None:
-    count = len(forces)
-    normals = np.tile([0.0, 0.0, 1.0], (count, 1))
-    points = looks.arrows(np.zeros((count, 3)), normals, np.array(forces), 0.7)
+    points = looks.arrows(contacts_of(forces), 0.7)
     lengths = points[:, 1, 2] - points[:, 0, 2]
     assert lengths.max() == pytest.approx(0.7)
     assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
 
 
 def test_contacts_without_force_have_no_arrow() -> None:
-    normals = np.tile([0.0, 0.0, 1.0], (3, 1))
-    assert len(looks.arrows(np.zeros((3, 3)), normals, np.array([math.nan, 0.0, 5.0]), 1.0)) == 1
+    assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1
 
 
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground = Ground()
-    ground.take_map(serialize_message(heightmap_message(heights, **options)))
+    ground.take("heightmap", serialize_message(heightmap_message(heights, **options)))
     ground.apply_waiting()
     return ground
 
@@ -175,18 +176,18 @@ def test_a_click_meets_the_nearest_body_on_its_way() -> None:
 def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
     ground = ground_of(np.zeros((6, 8)))
     region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
-    ground.take_region(serialize_message(region))
+    ground.take("heightmap_update", serialize_message(region))
     ground.apply_waiting()
     expected = np.zeros((6, 8))
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
-    ground.take_region(serialize_message(region))
-    ground.take_map(serialize_message(heightmap_message(np.full((6, 8), 2.0))))
+    ground.take("heightmap_update", serialize_message(region))
+    ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), 2.0))))
     ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all()
     for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        ground.take_region(spoilt)
-        ground.take_map(spoilt)
+        ground.take("heightmap_update", spoilt)
+        ground.take("heightmap", spoilt)
         ground.apply_waiting()
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
 
@@ -194,7 +195,7 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
     sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
     triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
-    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles).items()}
+    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_depth(sunk, triangles)}
     assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
 
 
@@ -210,14 +211,14 @@ def test_ruts_are_coloured_while_that_is_asked_for() -> None:
 
         assert colours(sunk=True) == set()
         rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-        ground.take_region(serialize_message(rut))
+        ground.take("heightmap_update", serialize_message(rut))
         ground.apply_waiting()
         assert colours(sunk=True) == {"DEEP"}
         mesh = drawn["/sunk/terrain/map/DEEP"]
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
         assert colours(sunk=False) == set()
-        ground.take_map(serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
+        ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
         ground.apply_waiting()
         assert colours(sunk=True) == set()
     finally:
