@@ -39,7 +39,8 @@ class Cameras:
         for number, client in self._server.get_clients().items():
             # A page may report the browser's default camera before it applies its initial one. So a camera that seems
             # moved is checked again in the next update.
-            if number not in self._done and self._is_unmoved(client):
+            moved = min(math.dist(client.camera.position, given.position) for given in self._given) > SAME_POSITION
+            if number not in self._done and not moved:
                 self._done.add(number)
                 self._turn(client, ground, sight)
 
@@ -52,9 +53,6 @@ class Cameras:
         """Set the cameras of all pages."""
         for client in self._server.get_clients().values():
             self._place(client, found)
-
-    def _is_unmoved(self, client: Any) -> bool:
-        return any(math.dist(client.camera.position, given.position) < SAME_POSITION for given in self._given)
 
     def _turn(self, client: Any, ground: Ground, sight: Sight) -> None:
         camera = client.camera

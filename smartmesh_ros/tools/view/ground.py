@@ -20,15 +20,13 @@ from smartmesh_ros.terrain.ray_cast import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
-# Types of the node's topics of terrain, and what reads their messages.
-MAPS = {
-    "heightmap": Heightmap, "heightmap_update": HeightmapUpdate, "terrain_mesh": TerrainMesh,
-    "terrain_mesh_update": TerrainMeshUpdate,
-}  # fmt: skip
-READERS: dict[str, Callable[[bytes, int], Any]] = {
-    "heightmap": conversions.map_from, "heightmap_update": conversions.region_from,
-    "terrain_mesh": conversions.mesh_from, "terrain_mesh_update": conversions.mesh_update_from,
-}  # fmt: skip
+# The node's topics of terrain: their types, and what reads their messages.
+MAPS: dict[str, tuple[Any, Callable[[bytes, int], Any]]] = {
+    "heightmap": (Heightmap, conversions.map_from),
+    "heightmap_update": (HeightmapUpdate, conversions.region_from),
+    "terrain_mesh": (TerrainMesh, conversions.mesh_from),
+    "terrain_mesh_update": (TerrainMeshUpdate, conversions.mesh_update_from),
+}
 # The ground is shown as the last map says.
 STILL = MotionConfig(mode="hold")
 # Messages that may wait. One more applies them all, so that memory stays bounded while no page is open.
@@ -68,13 +66,13 @@ class Ground:
         """Return the height (n,) [m] of the ground at points (n, 2) [m]; NaN where there is none."""
         return self._terrain.at(xy_w, 0.0).heights
 
-    def distances(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
+    def distances(self, origins: FloatArray, directions: FloatArray, reach: float = 500.0) -> FloatArray:
         """Return the distances (n,) [m] at which rays from (n, 3) [m] along (n, 3) first meet the ground, infinity =
         not within ``reach`` [m]."""
         return RayCaster(self._terrain).cast(checked_rays(origins, directions, reach), 0.0).distances
 
     def _apply(self, topic: str, tile: str, data: bytes) -> None:
-        known, new = self.tiles.get(tile), READERS[topic](data, MOST_SAMPLES)
+        known, new = self.tiles.get(tile), MAPS[topic][1](data, MOST_SAMPLES)
         if isinstance(new, conversions.RegionInput):
             if isinstance(known, HeightMap):
                 known.update_region(new.row, new.column, new.heights, time=0.0)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from smartmesh_msgs.msg import BodyDescription
 
 from smartmesh_ros.terrain.grid import FloatArray
@@ -58,6 +60,7 @@ def patch_look(kind: str, stride: float) -> PatchLook:
     return [look for look in PatchLook if look.least <= max(stride, 1)][-1]
 
 
+@cache
 def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     """Return the mesh of a primitive shape of BodyDescription with its ``dimensions`` [m]. Not for robots."""
     make: Any = trimesh.creation
@@ -70,10 +73,17 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
 
 
-def greyed(colour: Colour) -> Colour:
-    """Return the colour of a sleeping body."""
-    r, g, b = np.rint((1.0 - GREYNESS) * np.array(colour) + GREYNESS * np.array(ASLEEP)).astype(int).tolist()
-    return r, g, b
+@cache
+def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:
+    """Return the radius [m] of a shape's bounding sphere around its centre."""
+    return float(np.linalg.norm(shape_mesh(kind, dimensions).vertices, axis=1).max())
+
+
+def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uint8]:
+    """Return the colours (n, 3) of bodies of one kind; sleeping ones are greyed."""
+    own = np.array(TRACKED if tracked else BODY_COLOURS.get(kind, TRACKED))
+    grey = (1.0 - GREYNESS) * own + GREYNESS * np.array(ASLEEP)
+    return np.rint(np.where(np.array(asleep)[:, None], grey, own)).astype(np.uint8)
 
 
 def with_edges(mesh: Any) -> Any:
@@ -90,8 +100,3 @@ def arrows(contacts: FloatArray, length: float) -> FloatArray:
     pressing = contacts[np.nan_to_num(contacts[:, 6]) > 0.0]
     starts, normals, forces = pressing[:, :3], pressing[:, 3:6], pressing[:, 6:]
     return np.stack([starts, starts + length * np.sqrt(forces / forces.max(initial=1e-9)) * normals], axis=1)
-
-
-def ring() -> Any:
-    """Return a ring of radius 1 around z, the mark of the selected body."""
-    return trimesh.creation.torus(1.0, 0.05, major_sections=2 * SECTIONS, minor_sections=8)

@@ -20,7 +20,6 @@ from smartmesh_ros.node.parameters.refused_arguments import own_arguments
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
-from smartmesh_ros.tools.view.remote import Remote
 
 # Updates of the page [Hz]. More is smoother and costs more processor time.
 RATE = 12.0
@@ -39,6 +38,7 @@ def main(args: list[str] | None = None) -> None:
     options = parser.parse_args(own_arguments(given))
     try:
         from smartmesh_ros.tools.view.page import Page
+        from smartmesh_ros.tools.view.remote import Remote
     except ModuleNotFoundError as error:
         sys.exit(f"the view needs {error.name}, which is not installed; pip install 'viser[urdf]'")
     use_large_message_profile()

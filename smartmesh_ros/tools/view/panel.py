@@ -11,17 +11,13 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.srv import SpawnBody, StepPhysics
-from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.view import picking
 from smartmesh_ros.tools.view.cameras import Cameras
 from smartmesh_ros.tools.view.chart import Chart
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.remote import Remote
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.sight import Sight
 from smartmesh_ros.tools.view.terrain_scene import Depth
 
 # Time over which missed deadlines are counted [s].
@@ -76,9 +72,9 @@ class Panel:
                 self._chart = Chart(gui)
             with gui.add_folder("Warnings and refusals"):
                 self._warnings = gui.add_markdown("none")
-        self._on(self._pause.on_click, lambda: self._call("pause", SetBool, data=not remote.paused))
-        self._on(step.on_click, lambda: self._call("step", StepPhysics, steps=int(self._steps.value)))
-        self._on(reset.on_click, lambda: self._call("reset", Trigger))
+        self._on(self._pause.on_click, lambda: self._call("pause", data=not remote.paused))
+        self._on(step.on_click, lambda: self._call("step", steps=int(self._steps.value)))
+        self._on(reset.on_click, lambda: self._call("reset"))
         self._on(look.on_click, lambda: cameras.look(remote.ground, remote.sight))
         self._on(shadows.on_update, lambda: scene.light(shadows=shadows.value))
         self._on(contacts.on_update, lambda: setattr(scene, "show_contacts", contacts.value))
@@ -119,25 +115,23 @@ class Panel:
         """Let the loop, not the page's thread, do the act."""
         listen(lambda _: self._actions.put(act))
 
-    def _call(self, service: str, kind: Any, **fields: Any) -> None:
+    def _call(self, service: str, **fields: Any) -> None:
         def done(refused: str) -> None:
             if refused:
                 self._remote.log.append(f"{service}: {refused}")
             elif service == "pause":
                 self._remote.paused = fields["data"]
 
-        self._remote.call(service, kind, done, **fields)
+        self._remote.call(service, done, **fields)
 
     def _clicked(self, origin: FloatArray, direction: FloatArray) -> None:
         direction = direction / np.linalg.norm(direction)
         if self._click.value == SELECT:
-            self._selected = picking.body_hit(origin, direction, self._remote.sight)
-            return
-        place = picking.ground_hit(origin, direction, self._remote.ground)
-        if place is None:
-            self._about.content = "There is no ground where you clicked."
+            self._selected = self._remote.sight.hit(origin, direction)
+        elif np.isfinite(distance := self._remote.ground.distances(origin[None], direction[None])[0]):
+            self._spawn(*(origin + distance * direction).tolist())
         else:
-            self._spawn(*place.tolist())
+            self._about.content = "There is no ground where you clicked."
 
     def _spawn(self, x: float, y: float, z: float) -> None:
         (kind, proportions), size = SPAWNS[self._click.value], float(self._size.value)
@@ -147,30 +141,27 @@ class Panel:
         while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in self._remote.sight.appearances:
             self._spawned += 1
         self._call(
-            "spawn_body", SpawnBody, id=name, shape=SolidPrimitive(type=kind, dimensions=dimensions),
+            "spawn_body", id=name, shape=SolidPrimitive(type=kind, dimensions=dimensions),
             mass=DENSITY * volume,
             pose=Pose(position=Point(x=x, y=y, z=z + ABOVE * size), orientation=Quaternion(w=1.0)),
         )  # fmt: skip
 
     def _show_selected(self) -> None:
+        """Mark the selected body, and tell its position and the kind, stride and deviation of its patches."""
         name, sight = self._selected, self._remote.sight
         if name is None or name not in sight.poses:
             self._scene.mark(None)
             return
-        self._scene.mark(sight.poses[name].position, sight.radius_of(name))
-        self._about.content = selected_words(name, sight)
-
-
-def selected_words(name: str, sight: Sight) -> str:
-    """Return the page's text on a body: name, position, and kind, stride and deviation of its patches."""
-    x, y, z = sight.poses[name].position
-    lines = [f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m"]
-    for patch in sight.patches:
-        if patch.name == name or patch.name.startswith(f"{name}/"):
-            known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
-            part = patch.name.removeprefix(name).strip("/")
-            lines.append(f"{part or 'patch'}: {patch.kind}, stride {patch.stride}, deviation {known}")
-    return "\n\n".join(lines if len(lines) > 1 else [*lines, "no patch: no ground within reach"])
+        x, y, z = sight.poses[name].position
+        self._scene.mark((x, y, z), sight.radius_of(name))
+        lines = []
+        for patch in sight.patches:
+            if patch.name == name or patch.name.startswith(f"{name}/"):
+                known = "unknown" if np.isnan(patch.deviation) else f"{1000 * patch.deviation:.3f} mm"
+                part = patch.name.removeprefix(name).strip("/") or "patch"
+                lines.append(f"{part}: {patch.kind}, stride {patch.stride}, deviation {known}")
+        lines = lines or ["no patch: no ground within reach"]
+        self._about.content = "\n\n".join([f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m", *lines])
 
 
 def _legend(entries: type[Entry]) -> str:

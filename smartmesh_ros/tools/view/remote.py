@@ -17,6 +17,8 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
+from smartmesh_msgs.srv import SpawnBody, StepPhysics
+from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
@@ -26,22 +28,23 @@ from smartmesh_ros.tools.view.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
 OUTPUTS: dict[str, Any] = {**KINDS, "collider_patches": ColliderPatchArray, "timing": Timing}
+SERVICES = {"pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody}
 # Outputs that are empty without robots.
 ROBOT_OUTPUTS = {"joint_states", "odometry"}
-# Depth of queues. Of most topics only the newest message is shown. Every region counts; 200 last for 3 s at 60 Hz.
-NEWEST = 1
-DEPTHS = dict.fromkeys(("terrain_mesh", "collider_patches", "odometry", "timing"), 10) | dict.fromkeys(
+# Depths of queues. Of most topics only the newest message is shown. Each robot has a message of ~/odometry. Every
+# region counts; 200 last for 3 s at 60 Hz.
+DEPTHS = dict.fromkeys(("terrain_mesh", "collider_patches", "timing", "odometry"), 100) | dict.fromkeys(
     ("heightmap_update", "terrain_mesh_update"), 200
 )
-# Period of checks of the QoS of publishers [s].
-QOS_CHECK_PERIOD = 1.0
+# Period of checks for publishers [s].
+CHECK_PERIOD = 1.0
 # Size [bytes] above which whole maps are received only once in a period [s], because the transfer to one more process
 # delays the machine, and so the node, by a tenth of a second and more. Regions are always received.
 LARGE_MAP, LARGE_MAP_PERIOD = 16_000_000, 5.0
 # Prefix of the keys of diagnostics that count refusals.
 REFUSED = "refused, "
-# Numbers of stored messages between two refreshes, log lines and messages of ~/timing.
-WAITING, LOG_LINES, TIMINGS = 100, 6, 600
+# Numbers of stored log lines and messages of ~/timing.
+LOG_LINES, TIMINGS = 6, 600
 
 
 class Remote:
@@ -64,11 +67,11 @@ class Remote:
         self.paused: bool | None = None
         self.changed_parameters: dict[str, Any] = {}
         self.parameters = AsyncParameterClient(self.node, name)
-        self._services: dict[str, Any] = {}
+        self._clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
         self._new: dict[str, deque[bytes]] = {}
         self._watched: set[str] = set()
-        self._subscriptions: dict[str, tuple[Any, QoSProfile]] = {}
-        self._qos_check_due = 0.0
+        self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
+        self._check_due = 0.0
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -81,52 +84,46 @@ class Remote:
 
     def spin(self, seconds: float) -> None:
         """Handle messages for this long."""
-        if monotonic() >= self._qos_check_due:
+        if monotonic() >= self._check_due:
             self._subscribe()
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
             if monotonic() < self._no_maps_until and "heightmap" in self._subscriptions:
-                self._qos_check_due = 0.0
+                self._check_due = 0.0
                 return
 
     def watch(self, topics: set[str]) -> None:
         """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers."""
         if topics != self._watched:
-            self._watched, self._qos_check_due = topics, 0.0
+            self._watched, self._check_due = topics, 0.0
 
     @property
     def is_running(self) -> bool:
         """True if the node publishes its body states."""
         return bool(self.node.count_publishers(f"{self.name}/body_states"))
 
-    def call(self, service: str, kind: Any, done: Callable[[str], None], **fields: Any) -> None:
-        """Call a service of the node. ``done`` gets the reason of a refusal, or "" after success."""
-        name = f"{self.name}/{service}"
-        client = self._services.get(name) or self.node.create_client(kind, name)
-        self._services[name] = client
+    def call(self, service: str, done: Callable[[str], None], **fields: Any) -> None:
+        """Call one of `SERVICES`. ``done`` gets the reason of a refusal, or "" after success."""
+        client = self._clients[service]
         if not client.service_is_ready():
-            done(f"there is no service {name}: is the node running?")
+            done(f"there is no service {self.name}/{service}: is the node running?")
             return
-        future = client.call_async(kind.Request(**fields))
+        future = client.call_async(client.srv_type.Request(**fields))
         future.add_done_callback(lambda _: done("" if future.result().success else future.result().message))
 
     def apply_waiting(self) -> None:
         """Apply all received messages to ``ground`` and ``sight``."""
         self.ground.apply_waiting()
         for topic in KINDS:
-            # The newest message is complete, except that odometry has a message for each robot.
-            count = max(len(self.sight.robots), 1) if topic == "odometry" else 1
-            for data in list(self._new.pop(topic, ()))[-count:]:
+            for data in self._new.pop(topic, ()):
                 self.sight.take(topic, data)
         self._apply_patches()
         for data in self._new.pop("timing", ()):
             self.timings.append((monotonic(), deserialize_message(data, Timing)))
 
     def _apply_patches(self) -> None:
-        waiting = list(self._new.pop("collider_patches", ()))
-        whole = [index for index, data in enumerate(waiting) if not _is_incremental(data)]
-        for data in waiting[whole[-1] if whole else 0 :]:
+        for data in self._new.pop("collider_patches", ()):
             try:
                 message = read_patches(data)
             except InputError:
@@ -136,35 +133,33 @@ class Remote:
             self.sight.patches = list((known | {patch.name: patch for patch in message.patches}).values())
 
     def _subscribe(self) -> None:
-        """Subscribe to maps and watched outputs with the QoS of their publishers, so that a latched message arrives
-        after its publication; unsubscribe from all others."""
+        """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a
+        latched message arrives after its publication; unsubscribe from all others."""
         now = monotonic()
-        self._qos_check_due = now + QOS_CHECK_PERIOD
+        self._check_due = now + CHECK_PERIOD
         wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set()) | self._watched
-        qos = {topic: self._qos_of(topic) for topic in wanted}
-        for topic, (subscription, known) in list(self._subscriptions.items()):
-            if qos.get(topic) != known:
+        counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
+        for topic, (subscription, count) in list(self._subscriptions.items()):
+            if counts.get(topic) != count:
                 self.node.destroy_subscription(subscription)
                 del self._subscriptions[topic]
                 self._new.pop(topic, None)
         for topic in wanted - self._subscriptions.keys():
-            kind, name = {**MAPS, **OUTPUTS}[topic], f"{self.name}/{topic}"
-            made = self.node.create_subscription(kind, name, partial(self._take, topic), qos[topic], raw=True)
-            self._subscriptions[topic] = made, qos[topic]
-
-    def _qos_of(self, topic: str) -> QoSProfile:
-        peers = [info.qos_profile for info in self.node.get_publishers_info_by_topic(f"{self.name}/{topic}")]
-        latched = bool(peers) and all(peer.durability == DurabilityPolicy.TRANSIENT_LOCAL for peer in peers)
-        reliable = all(peer.reliability == ReliabilityPolicy.RELIABLE for peer in peers)
-        return QoSProfile(
-            depth=DEPTHS.get(topic, NEWEST),
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        )
+            if counts[topic]:
+                kind, take = MAPS[topic][0] if topic in MAPS else OUTPUTS[topic], partial(self._take, topic)
+                qos = QoSProfile(
+                    depth=DEPTHS.get(topic, 1),
+                    durability=DurabilityPolicy.BEST_AVAILABLE,
+                    reliability=ReliabilityPolicy.BEST_AVAILABLE,
+                )
+                made = self.node.create_subscription(kind, f"{self.name}/{topic}", take, qos, raw=True)
+                self._subscriptions[topic] = made, counts[topic]
 
     def _take(self, topic: str, data: bytes) -> None:
         if topic not in MAPS:
-            self._new.setdefault(topic, deque(maxlen=WAITING)).append(data)
+            if topic == "collider_patches" and not _is_incremental(data):
+                self._new.pop(topic, None)
+            self._new.setdefault(topic, deque(maxlen=DEPTHS.get(topic, 1))).append(data)
             return
         self.ground.take(topic, data)
         if topic == "heightmap" and len(data) > LARGE_MAP:

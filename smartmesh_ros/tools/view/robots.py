@@ -11,10 +11,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import yourdfpy
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from viser.extras import ViserUrdf
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.view.sight import Appearance, Sight
+from smartmesh_ros.world.robots.files import named_file
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
@@ -35,13 +36,9 @@ class Robot:
         self._root, self._top = "", UNKNOWN_TOP
         self.readable = False
         try:
-            self._root = _root_link(appearance.urdf)
-            folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
-            urdf = yourdfpy.URDF.load(
-                io.BytesIO(_drawable(appearance.urdf, folder)), filename_handler=lambda fname: str(_path(fname, folder))
-            )
+            urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=str)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
-            self._joints = list(urdf.actuated_joint_names)
+            self._root, self._joints = urdf.base_link, list(urdf.actuated_joint_names)
             if (bounds := urdf.scene.bounds) is not None:
                 self._top = float(bounds[1][2]) + GAP
             self.readable = True
@@ -70,38 +67,22 @@ class Robot:
         self._label.remove()
 
 
-def _root_link(urdf: str) -> str:
-    """Return the name of the link that is the child of no joint. Raises an error if there is none."""
-    robot = ElementTree.fromstring(urdf)
-    children = {child.get("link") for child in robot.iterfind("joint/child")}
-    return next(name for link in robot.iterfind("link") if (name := link.get("name", "")) not in children)
-
-
-def _path(name: str, folder: Path | None) -> Path:
-    """Return the path of a mesh. If its package is not installed, the path may not exist."""
-    if name.startswith("package://"):
-        package, _, rest = name.removeprefix("package://").partition("/")
-        try:
-            return Path(get_package_share_directory(package)) / rest
-        except (PackageNotFoundError, ValueError):
-            return Path(rest)
-    path = Path(name.removeprefix("file://"))
-    return path if folder is None or path.is_absolute() else folder / path
-
-
-def _drawable(urdf: str, folder: Path | None) -> bytes:
-    """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, and links
-    whose meshes are missing are drawn by their collision shapes."""
-    root = ElementTree.fromstring(urdf)
+def _drawable(appearance: Appearance) -> bytes:
+    """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, meshes have
+    the paths of their files, and links whose meshes are missing are drawn by their collision shapes."""
+    folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
+    root = ElementTree.fromstring(appearance.urdf)
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):
             if _NO_NUMBERS.search(origin.get(key, "")):
                 origin.set(key, "0 0 0")
     for link in root.iter("link"):
         for part in [*link.iterfind("visual"), *link.iterfind("collision")]:
-            mesh = part.find("geometry/mesh")
-            if mesh is not None and not _path(mesh.get("filename", ""), folder).is_file():
-                link.remove(part)
+            for mesh in part.iterfind("geometry/mesh"):
+                try:
+                    mesh.set("filename", str(named_file(mesh.get("filename", ""), folder)))
+                except InputError:
+                    link.remove(part)
         if link.find("visual") is None:
             for part in link.iterfind("collision"):
                 part.tag = "visual"

@@ -45,16 +45,7 @@ class Scene:
         scene.configure_fog(near=40.0, far=160.0, color=(255, 255, 255))
         self.light(shadows=False)
         self._contacts = scene.add_arrows("/contacts", np.zeros((1, 2, 3)), looks.CONTACT, visible=False)
-        ring = looks.ring()
-        self._selected = scene.add_mesh_simple(
-            "/selected",
-            ring.vertices,
-            ring.faces,
-            color=looks.SELECTED,
-            cast_shadow=False,
-            side="double",
-            visible=False,
-        )
+        self._selected = scene.add_icosphere("/selected", 1.0, looks.SELECTED, wireframe=True, visible=False)
 
     def show(self, ground: Ground, sight: Sight) -> None:
         """Refresh the whole scene."""
@@ -67,10 +58,10 @@ class Scene:
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
 
     def mark(self, position: Vector | None, radius: float = DEFAULT_RADIUS) -> None:
-        """Mark a position by a ring; None removes the ring."""
+        """Mark a position by a wire ball; None removes it."""
         self._selected.visible = position is not None
         if position is not None:
-            self._selected.position, self._selected.scale = position, 1.4 * radius
+            self._selected.position, self._selected.scale = position, 1.2 * radius
 
     def light(self, *, shadows: bool) -> None:
         """Set the sun, with shadows or without."""
@@ -89,8 +80,7 @@ class Scene:
         for shape, names in groups.items():
             poses = [sight.poses[name] for name in names]
             positions, turns = (np.array(values, np.float32) for values in zip(*poses, strict=True))
-            own = looks.TRACKED if shape.tracked else looks.BODY_COLOURS.get(shape.kind, looks.TRACKED)
-            colours = np.array([looks.greyed(own) if name in sight.asleep else own for name in names], np.uint8)
+            colours = looks.body_colours(shape.kind, shape.tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
                 mesh = looks.with_edges(looks.shape_mesh(shape.kind, shape.dimensions))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -10,14 +9,17 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
+from smartmesh_ros.tools.view import looks
 
 Vector = tuple[float, float, float]
 # Radius of bodies of unknown shape [m].
 DEFAULT_RADIUS = 0.25
+# Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
+CLICK_MARGIN = 0.05
 # Types of the node's topics that `Sight.take` reads. ~/odometry has a message for each robot.
 KINDS = {
     "body_descriptions": BodyDescriptionArray,
@@ -49,14 +51,8 @@ class Appearance:
     @property
     def radius(self) -> float:
         """Radius [m] of the bounding sphere around the centre. Robots have a common one."""
-        sizes = self.dimensions
-        if self.urdf or not sizes:
-            return 2.0 * DEFAULT_RADIUS
-        if self.kind == BodyDescription.BOX:
-            return 0.5 * math.hypot(*sizes)
-        if self.kind == BodyDescription.CYLINDER:
-            return math.hypot(sizes[0], 0.5 * sizes[1])
-        return sizes[0] + (0.5 * sizes[1] if self.kind == BodyDescription.CAPSULE else 0.0)
+        robot = self.urdf or not self.dimensions
+        return 2.0 * DEFAULT_RADIUS if robot else looks.radius_of(self.kind, self.dimensions)
 
 
 @dataclass
@@ -88,6 +84,14 @@ class Sight:
         """Return the radius of a body [m]."""
         known = self.appearances.get(name)
         return DEFAULT_RADIUS if known is None else known.radius
+
+    def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
+        """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
+        positions, radii = self.bodies
+        along = (positions - origin) @ direction
+        beside = np.linalg.norm(positions - origin - along[:, None] * direction, axis=1)
+        hit = np.flatnonzero((along > 0.0) & (beside <= radii + CLICK_MARGIN))
+        return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
 
     def take(self, topic: str, data: bytes) -> None:
         """Update with a message of a topic of `KINDS`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from time import monotonic
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.tools.view.decimation import DecimationConfig, decimate
+from smartmesh_ros.tools.view.decimation import decimate
 from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.looks import GROUND, Entry
 from smartmesh_ros.tools.view.meshes import Mesh, Meshes
@@ -40,7 +40,6 @@ class TerrainConfig:
     margin: float = 2.0
     least: float = 8.0
     period: float = 0.5
-    decimation: DecimationConfig = field(default_factory=DecimationConfig)
 
 
 class TerrainScene:
@@ -115,7 +114,7 @@ class _Relief:
         if not moved or monotonic() < self._due:
             return False
         self._due, self._centres, self._coloured = monotonic() + config.period, centres, -1
-        self._surface = decimate((geometry.rows, geometry.columns), centres, near, config.decimation)
+        self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True
 
