@@ -21,10 +21,6 @@ from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
 
-# Updates of the page [Hz]. More is smoother and costs more processor time.
-RATE = 12.0
-PORT = 8080
-
 
 def main(args: list[str] | None = None) -> None:
     """Run the view until SIGINT or SIGTERM."""
@@ -32,8 +28,10 @@ def main(args: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
-    parser.add_argument("--port", type=int, default=PORT, help="port, or the next free one (%(default)s)")
-    parser.add_argument("--rate", type=float, default=RATE, help="updates of the page a second (%(default)s)")
+    parser.add_argument("--port", type=int, default=8080, help="port, or the next free one (%(default)s)")
+    parser.add_argument(
+        "--rate", type=float, default=12.0, help="updates of the page a second; more cost more (%(default)s)"
+    )
     parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
     options = parser.parse_args(own_arguments(given))
     try:

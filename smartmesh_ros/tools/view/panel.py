@@ -13,7 +13,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.view.cameras import Cameras
+from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.chart import Chart
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.remote import Remote
