@@ -26,7 +26,7 @@ from smartmesh_ros.tools.view.remote import Remote
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
 # Run times before the pictures [s]: until bodies have fallen onto the ground, and until the page's plot has a history.
-FALL, HISTORY = 1.0, 6.0
+FALL, HISTORY = 1.0, 20.0
 # The robot stands on its wheels if the tilt of its z axis [rad] and the height of its base link above the ground [m]
 # are below these bounds.
 MAX_TILT, MAX_HEIGHT = math.radians(25.0), 0.4
@@ -61,7 +61,9 @@ class Stage:
             close.click()
 
     def on_wheels(self) -> bool:
-        """Return True if the robot stands on its wheels."""
+        """Return True if the robot is known and stands on its wheels."""
+        if ROBOT not in self.remote.sight.bases:
+            return False
         (x, y, z), (_, i, j, _) = self.remote.sight.bases[ROBOT]
         ground = float(self.remote.ground.heights(np.array([[x, y]]))[0])
         return 1.0 - 2.0 * (i * i + j * j) > math.cos(MAX_TILT) and z - ground < MAX_HEIGHT
@@ -99,7 +101,7 @@ class Stage:
         away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
         towards = away / max(float(np.linalg.norm(away)), 1e-9)
         position, target = robot + (*(-BEHIND * towards), ABOVE), robot + (*(AHEAD * towards), 0.0)
-        self.page.cameras.turn(Camera(tuple(position.tolist()), tuple(target.tolist())))
+        self.page.cameras.turn(Camera(position, target))
 
 
 @contextmanager

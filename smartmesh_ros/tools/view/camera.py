@@ -10,7 +10,7 @@ import numpy as np
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.view.ground import Ground
-from smartmesh_ros.tools.view.sight import Sight, Vector
+from smartmesh_ros.tools.view.sight import Sight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,20 +52,19 @@ class Lens(NamedTuple):
 class Camera(NamedTuple):
     """Position of a camera and the point that it looks at [m]."""
 
-    position: Vector
-    target: Vector
+    position: FloatArray
+    target: FloatArray
 
 
 # Camera of pages that open before any body is known [m].
-START = Camera((-6.3, -7.1, 6.9), (0.0, 0.0, 0.0))
+START = Camera(np.array([-6.3, -7.1, 6.9]), np.zeros(3))
 
 
 def camera_on(positions: FloatArray, radii: FloatArray, lens: Lens, ground: Ground) -> Camera:
     """Return the nearest camera that shows bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     near = away <= CONFIG.far * max(float(np.median(away)), CONFIG.nearest)
-    if near.any():
-        positions, radii = positions[near], radii[near]
+    positions, radii = positions[near], radii[near]
     found = [_fitted(positions, radii, lens, elevation) for elevation in CONFIG.elevations]
     return found[int(np.argmin([_hidden(camera, positions, radii, ground) for camera in found]))]
 
@@ -100,15 +99,13 @@ def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: flo
     position = middle - distance * forward
     for side in sides:
         position = position + 0.5 * sum(bounds(*side, along + distance)) * side[0]
-    x, y, z = position.tolist()
-    u, v, w = (position + distance * forward).tolist()
-    return Camera((x, y, z), (u, v, w))
+    return Camera(position, position + distance * forward)
 
 
 def _hidden(camera: Camera, positions: FloatArray, radii: FloatArray, ground: Ground) -> int:
     """Return the number of bodies whose tops the ground hides."""
     tops = positions + radii[:, None] * (0.0, 0.0, 1.0)
-    towards = np.asarray(camera.position) - tops
+    towards = camera.position - tops
     lengths = np.linalg.norm(towards, axis=1)
     return int((ground.distances(tops, towards, float(lengths.max())) < lengths).sum())
 
@@ -147,15 +144,13 @@ class Cameras:
             self._place(client, found)
 
     def _turn(self, client: Any, ground: Ground, sight: Sight) -> None:
-        camera = client.camera
-        width, height = max(camera.image_width, 1), max(camera.image_height, 1)
-        lens = Lens(camera.fov, width / height, PANEL / width if width > 2 * PANEL else 0.0)
+        width, height = max(client.camera.image_width, 1), max(client.camera.image_height, 1)
+        lens = Lens(client.camera.fov, width / height, PANEL / width if width > 2 * PANEL else 0.0)
         self._place(client, camera_on(*sight.bodies, lens, ground))
 
     def _place(self, client: Any, found: Camera) -> None:
         camera = client.camera
-        camera.near = NEAREST
-        camera.position, camera.look_at = np.array(found.position), np.array(found.target)
+        camera.near, camera.position, camera.look_at = NEAREST, found.position, found.target
         self._start_with(found)
 
     def _start_with(self, found: Camera) -> None:

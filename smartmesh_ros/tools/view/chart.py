@@ -54,13 +54,7 @@ def chart_data(timings: Sequence[tuple[float, Any]], now: float) -> tuple[FloatA
     for column, (_, message) in enumerate(recent):
         known = {stage.stage: 1e-3 * stage.p50_us for stage in message.stages}
         medians[:, column] = [known.get(stage, np.nan) for stage in STAGES]
-    most = np.inf
-    if recent:
-        usual = np.quantile(np.nan_to_num(medians), 1.0 - RARELY, axis=1, method="lower")
-        most = CUT * usual.max() or np.inf
+    usual = np.quantile(np.nan_to_num(medians), 1.0 - RARELY, axis=1, method="lower") if recent else np.zeros(1)
+    most = CUT * usual.max() or np.inf
     cuts = np.where((medians > most).any(axis=0), most, np.nan)
-    return (
-        np.array([came - now for came, _ in recent]),
-        *np.fmin(medians, np.where(np.isnan(medians), np.nan, most)),
-        cuts,
-    )
+    return np.array([came - now for came, _ in recent]), *np.minimum(medians, most), cuts

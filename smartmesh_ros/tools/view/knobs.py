@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, NamedTuple
 
 import yaml
 from rcl_interfaces.msg import ParameterDescriptor
@@ -14,8 +13,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.view.remote import Remote
 
-# Kind of widget, as viser calls it.
-Kind = Literal["checkbox", "dropdown", "slider", "number", "text"]
 # Prefix of a description's constraints that list choices.
 CHOICES = "one of "
 # Widest range of a slider, in multiples of the value, and minimum number of steps of a slider.
@@ -23,51 +20,41 @@ MAX_RELATIVE_RANGE = 100.0
 SLIDER_STEPS = 200
 
 
-@dataclass(frozen=True, kw_only=True)
-class Knob:
-    """A parameter that may change: ``name``, description (``hint``), present ``value``, and its range ``low`` to
-    ``high`` in steps of ``step``, or its ``choices``. Lists are YAML texts."""
+class Knob(NamedTuple):
+    """A parameter that may change: its ``name``, the ``kind`` of its widget, as viser calls it (checkbox, dropdown,
+    slider, number or text), the parameter's ``value`` as the widget shows it, and further ``options`` of the widget."""
 
     name: str
-    kind: Kind
-    hint: str
+    kind: str
     value: Any
-    low: float | int | None = None
-    high: float | int | None = None
-    step: float | int | None = None
-    choices: tuple[str, ...] = ()
+    options: dict[str, Any]
 
     def add_to(self, gui: Any) -> Any:
         """Add the widget to the page; return its handle."""
-        options: dict[str, Any] = {"options": self.choices} if self.choices else {}
-        if self.kind in ("slider", "number"):
-            options = {"min": self.low, "max": self.high, "step": self.step}
-        add = getattr(gui, f"add_{self.kind}")
-        return add(self.name.partition(".")[2] or self.name, initial_value=self.value, hint=self.hint, **options)
+        label = self.name.partition(".")[2] or self.name
+        return getattr(gui, f"add_{self.kind}")(label, initial_value=self.value, **self.options)
 
 
 def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
     """Return the knob of a parameter; None if the parameter is read-only, unset, or has no description."""
     if descriptor.read_only or not descriptor.description or value is None:
         return None
-    words, hint = descriptor.additional_constraints, descriptor.description
-    kind: Kind = "text"
-    more: dict[str, Any] = {}
+    words, kind, options = descriptor.additional_constraints, "text", {"hint": descriptor.description}
     if isinstance(value, bool):
         kind = "checkbox"
     elif isinstance(value, int | float):
         kind = "number"
         for bounds in (*descriptor.integer_range, *descriptor.floating_point_range):
             low, high, whole = bounds.from_value, bounds.to_value, isinstance(value, int)
-            hint = f"{hint} {low:g} to {high:g}."
-            more = {"low": low, "high": high, "step": 1 if whole else nice_step(value, low, high)}
+            options["hint"] += f" {low:g} to {high:g}."
+            options |= {"min": low, "max": high, "step": 1 if whole else nice_step(value, low, high)}
             if high - low <= (SLIDER_STEPS if whole and not value else MAX_RELATIVE_RANGE * abs(value)):
                 kind = "slider"
     elif not isinstance(value, str):
-        hint += f" ({words})" if words else ""
+        options["hint"] += f" ({words})" if words else ""
     elif words.startswith(CHOICES) and value in (choices := words.removeprefix(CHOICES).split(", ")):
-        kind, more = "dropdown", {"choices": tuple(choices)}
-    return Knob(name=descriptor.name, kind=kind, hint=hint, value=shown_value(value), **more)
+        kind, options["options"] = "dropdown", choices
+    return Knob(descriptor.name, kind, shown_value(value), options)
 
 
 def parameter_of(knob: Knob, given: Any) -> Parameter:
@@ -131,13 +118,12 @@ class KnobPanel:
         self._remote.parameters.describe_parameters(names).add_done_callback(self._on_descriptors)
 
     def _on_descriptors(self, answer: Any) -> None:
-        descriptors = list(answer.result().descriptors)
-        names = [descriptor.name for descriptor in descriptors]
-        self._remote.parameters.get_parameters(names).add_done_callback(
-            lambda values: self._build(descriptors, values.result().values)
+        found = answer.result().descriptors
+        self._remote.parameters.get_parameters([descriptor.name for descriptor in found]).add_done_callback(
+            lambda values: self._build(found, values.result().values)
         )
 
-    def _build(self, descriptors: list[Any], values: Any) -> None:
+    def _build(self, descriptors: Any, values: Any) -> None:
         groups: dict[str, list[Knob]] = defaultdict(list)
         for descriptor, value in zip(descriptors, values, strict=True):
             knob = knob_of(descriptor, parameter_value_to_python(value))
@@ -156,22 +142,20 @@ class KnobPanel:
         handle.on_update(lambda event: self._pending.update({knob.name: event.target.value}))
 
     def _set(self, name: str, value: Any) -> None:
+        def answered(answer: Any) -> None:
+            self._busy.discard(name)
+            result = answer.result().results[0]
+            if result.successful:
+                self._values[name] = value
+            else:
+                self._refuse(name, result.reason)
+
         try:
             parameter = parameter_of(self._knobs[name][0], value)
+            self._busy.add(name)
+            self._remote.parameters.set_parameters([parameter]).add_done_callback(answered)
         except InputError as error:
             self._refuse(name, str(error))
-            return
-        self._busy.add(name)
-        self._remote.parameters.set_parameters([parameter]).add_done_callback(
-            lambda answer: self._answered(name, value, answer.result().results[0])
-        )
-
-    def _answered(self, name: str, value: Any, result: Any) -> None:
-        self._busy.discard(name)
-        if result.successful:
-            self._values[name] = value
-        else:
-            self._refuse(name, result.reason)
 
     def _refuse(self, name: str, reason: str) -> None:
         """Show the reason, and restore the node's value."""

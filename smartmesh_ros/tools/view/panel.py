@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from queue import SimpleQueue
 from time import monotonic
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
 
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.chart import Chart
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
@@ -23,10 +21,11 @@ from smartmesh_ros.tools.view.terrain_scene import Depth
 # Time over which missed deadlines are counted [s].
 WINDOW = 10.0
 SELECT = "shows what it is"
+# What a click spawns: kind, dimensions in sizes, and volume in cubes of the size.
 SPAWNS = {
-    "spawns a ball": (SolidPrimitive.SPHERE, [0.5]),
-    "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6]),
-    "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5]),
+    "spawns a ball": (SolidPrimitive.SPHERE, [0.5], 0.52),
+    "spawns a box": (SolidPrimitive.BOX, [1.2, 0.8, 0.6], 0.58),
+    "spawns a cylinder": (SolidPrimitive.CYLINDER, [0.8, 0.5], 0.63),
 }
 # Height of a spawned body above the ground, in sizes, and its density [kg/m^3], that of wood.
 ABOVE, DENSITY = 1.5, 600.0
@@ -43,7 +42,7 @@ class Panel:
     """The controls of a viser server."""
 
     def __init__(self, server: Any, remote: Remote, scene: Scene, cameras: Cameras, tab: Any) -> None:
-        self._server, self._remote, self._scene, self._cameras = server, remote, scene, cameras
+        self._remote, self._scene = remote, scene
         self._actions: SimpleQueue[Callable[[], None]] = SimpleQueue()  # from the page's threads
         self._selected: str | None = None
         self._spawned = 0
@@ -79,11 +78,7 @@ class Panel:
         self._on(shadows.on_update, lambda: scene.light(shadows=shadows.value))
         self._on(contacts.on_update, lambda: setattr(scene, "show_contacts", contacts.value))
         self._on(sunk.on_update, lambda: setattr(scene, "show_sunk", sunk.value))
-        server.scene.on_click()(
-            lambda event: self._actions.put(
-                partial(self._clicked, np.array(event.ray_origin), np.array(event.ray_direction))
-            )
-        )
+        server.scene.on_click()(lambda event: self._actions.put(lambda: self._clicked(event)))
 
     def update(self) -> None:
         """Run the user's actions, and show the node's state."""
@@ -124,8 +119,9 @@ class Panel:
 
         self._remote.call(service, done, **fields)
 
-    def _clicked(self, origin: FloatArray, direction: FloatArray) -> None:
-        direction = direction / np.linalg.norm(direction)
+    def _clicked(self, event: Any) -> None:
+        origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+        direction /= np.linalg.norm(direction)
         if self._click.value == SELECT:
             self._selected = self._remote.sight.hit(origin, direction)
         elif np.isfinite(distance := self._remote.ground.distances(origin[None], direction[None])[0]):
@@ -134,15 +130,13 @@ class Panel:
             self._about.content = "There is no ground where you clicked."
 
     def _spawn(self, x: float, y: float, z: float) -> None:
-        (kind, proportions), size = SPAWNS[self._click.value], float(self._size.value)
-        dimensions = [size * proportion for proportion in proportions]
-        volume = float(np.prod(dimensions)) if kind == SolidPrimitive.BOX else 0.5 * size**3
+        (kind, proportions, volume), size = SPAWNS[self._click.value], float(self._size.value)
+        shape = SolidPrimitive(type=kind, dimensions=[size * proportion for proportion in proportions])
         self._spawned += 1
         while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in self._remote.sight.appearances:
             self._spawned += 1
         self._call(
-            "spawn_body", id=name, shape=SolidPrimitive(type=kind, dimensions=dimensions),
-            mass=DENSITY * volume,
+            "spawn_body", id=name, shape=shape, mass=DENSITY * volume * size**3,
             pose=Pose(position=Point(x=x, y=y, z=z + ABOVE * size), orientation=Quaternion(w=1.0)),
         )  # fmt: skip
 

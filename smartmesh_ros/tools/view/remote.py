@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from time import monotonic
 from typing import Any
@@ -31,11 +32,12 @@ OUTPUTS: dict[str, Any] = {**KINDS, "collider_patches": ColliderPatchArray, "tim
 SERVICES = {"pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody}
 # Outputs that are empty without robots.
 ROBOT_OUTPUTS = {"joint_states", "odometry"}
-# Depths of queues. Of most topics only the newest message is shown. Each robot has a message of ~/odometry. Every
-# region counts; 200 last for 3 s at 60 Hz.
-DEPTHS = dict.fromkeys(("terrain_mesh", "collider_patches", "timing", "odometry"), 100) | dict.fromkeys(
-    ("heightmap_update", "terrain_mesh_update"), 200
-)
+# Topics of which only the newest message is shown, and the depth of the others' queues: every region counts, and at
+# 60 Hz 200 last for 3 s.
+NEWEST, DEPTH = {"heightmap", *KINDS} - {"odometry"}, 200
+BEST: dict[str, Any] = {
+    "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
+}  # fmt: skip
 # Period of checks for publishers [s].
 CHECK_PERIOD = 1.0
 # Size [bytes] above which whole maps are received only once in a period [s], because the transfer to one more process
@@ -89,9 +91,6 @@ class Remote:
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
-            if monotonic() < self._no_maps_until and "heightmap" in self._subscriptions:
-                self._check_due = 0.0
-                return
 
     def watch(self, topics: set[str]) -> None:
         """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers."""
@@ -124,13 +123,11 @@ class Remote:
 
     def _apply_patches(self) -> None:
         for data in self._new.pop("collider_patches", ()):
-            try:
+            with suppress(InputError):
                 message = read_patches(data)
-            except InputError:
-                continue
-            old = self.sight.patches if message.incremental else []
-            known = {patch.name: patch for patch in old if patch.name not in message.removed}
-            self.sight.patches = list((known | {patch.name: patch for patch in message.patches}).values())
+                old = self.sight.patches if message.incremental else []
+                known = {patch.name: patch for patch in old if patch.name not in message.removed}
+                self.sight.patches = list((known | {patch.name: patch for patch in message.patches}).values())
 
     def _subscribe(self) -> None:
         """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a
@@ -147,11 +144,7 @@ class Remote:
         for topic in wanted - self._subscriptions.keys():
             if counts[topic]:
                 kind, take = MAPS[topic][0] if topic in MAPS else OUTPUTS[topic], partial(self._take, topic)
-                qos = QoSProfile(
-                    depth=DEPTHS.get(topic, 1),
-                    durability=DurabilityPolicy.BEST_AVAILABLE,
-                    reliability=ReliabilityPolicy.BEST_AVAILABLE,
-                )
+                qos = QoSProfile(depth=1 if topic in NEWEST else DEPTH, **BEST)
                 made = self.node.create_subscription(kind, f"{self.name}/{topic}", take, qos, raw=True)
                 self._subscriptions[topic] = made, counts[topic]
 
@@ -159,11 +152,11 @@ class Remote:
         if topic not in MAPS:
             if topic == "collider_patches" and not _is_incremental(data):
                 self._new.pop(topic, None)
-            self._new.setdefault(topic, deque(maxlen=DEPTHS.get(topic, 1))).append(data)
+            self._new.setdefault(topic, deque(maxlen=1 if topic in NEWEST else DEPTH)).append(data)
             return
         self.ground.take(topic, data)
         if topic == "heightmap" and len(data) > LARGE_MAP:
-            self._no_maps_until = monotonic() + LARGE_MAP_PERIOD
+            self._no_maps_until, self._check_due = monotonic() + LARGE_MAP_PERIOD, 0.0
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         own = f"{self.name.strip('/')}: "

@@ -11,16 +11,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import yourdfpy
+from smartmesh_msgs.msg import BodyDescription
 from viser.extras import ViserUrdf
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.view.sight import Appearance, Sight
+from smartmesh_ros.tools.view.sight import Sight
 from smartmesh_ros.world.robots.files import named_file
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
-# Height of a robot's label above the base link if the robot's size is unknown, and otherwise above its highest point
-# [m].
+# Height [m] of a robot's label above a base link of unknown size, and else above the robot's highest point.
 UNKNOWN_TOP, GAP = 0.6, 0.05
 _NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
 
@@ -28,13 +28,12 @@ _NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
 class Robot:
     """A robot of a viser server. ``readable``: True if its description can be drawn."""
 
-    def __init__(self, server: Any, name: str, appearance: Appearance) -> None:
+    def __init__(self, server: Any, name: str, appearance: BodyDescription) -> None:
         self.appearance, self._name = appearance, name
         self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
         self._joints: list[str] = []
         self._values: list[float] = []
-        self._root, self._top = "", UNKNOWN_TOP
-        self.readable = False
+        self._root, self._top, self.readable = "", UNKNOWN_TOP, False
         try:
             urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=str)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
@@ -67,7 +66,7 @@ class Robot:
         self._label.remove()
 
 
-def _drawable(appearance: Appearance) -> bytes:
+def _drawable(appearance: BodyDescription) -> bytes:
     """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, meshes have
     the paths of their files, and links whose meshes are missing are drawn by their collision shapes."""
     folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None

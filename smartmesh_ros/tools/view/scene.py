@@ -14,16 +14,18 @@ from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.looks import PatchLook
 from smartmesh_ros.tools.view.meshes import Mesh, Meshes
 from smartmesh_ros.tools.view.robots import Robot
-from smartmesh_ros.tools.view.sight import DEFAULT_RADIUS, Appearance, Sight, Vector
+from smartmesh_ros.tools.view.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
 from smartmesh_ros.tools.view.terrain_scene import TerrainScene
 
 # Height at which patches are drawn above the ground [m], and length of the longest arrow, in radii of a body.
 LIFT = (0.0, 0.0, 0.006)
 ARROW = 2.5
 # Light from the sky and from a low sun, whose shading makes slopes visible.
-SKY, SUN, TOWARDS_SUN = (225, 236, 255), (255, 240, 214), (-3.5, 7.0, 5.5)
-# Appearance of a robot that cannot be drawn.
-UNKNOWN = Appearance(BodyDescription.SPHERE, (2.0 * DEFAULT_RADIUS,), tracked=True)
+SKY, SUN, SUN_AT = (225, 236, 255), (255, 240, 214), (-3.5, 7.0, 5.5)
+# Key of bodies that are drawn as one batch: kind and dimensions of BodyDescription, and whether they are tracked.
+Shape = tuple[int, tuple[float, ...], bool]
+# Shape of a robot that cannot be drawn.
+UNKNOWN: Shape = (BodyDescription.SPHERE, (ROBOT_RADIUS,), True)
 
 
 class Scene:
@@ -32,7 +34,7 @@ class Scene:
     def __init__(self, server: Any) -> None:
         self._server, self._scene = server, server.scene
         self._terrain, self._patches = TerrainScene(server.scene), Meshes(server.scene)
-        self._bodies: dict[Appearance, Any] = {}
+        self._bodies: dict[Shape, Any] = {}
         self._robots: dict[str, Robot] = {}
         self.show_contacts = True
         self.show_sunk = False
@@ -45,7 +47,7 @@ class Scene:
         scene.configure_fog(near=40.0, far=160.0, color=(255, 255, 255))
         self.light(shadows=False)
         self._contacts = scene.add_arrows("/contacts", np.zeros((1, 2, 3)), looks.CONTACT, visible=False)
-        self._selected = scene.add_icosphere("/selected", 1.0, looks.SELECTED, wireframe=True, visible=False)
+        self._selected = scene.add_icosphere("/selected", color=looks.SELECTED, wireframe=True, visible=False)
 
     def show(self, ground: Ground, sight: Sight) -> None:
         """Refresh the whole scene."""
@@ -59,34 +61,32 @@ class Scene:
 
     def mark(self, position: Vector | None, radius: float = DEFAULT_RADIUS) -> None:
         """Mark a position by a wire ball; None removes it."""
-        self._selected.visible = position is not None
-        if position is not None:
-            self._selected.position, self._selected.scale = position, 1.2 * radius
+        ball = self._selected
+        ball.visible, ball.position, ball.scale = position is not None, position or (0.0, 0.0, 0.0), 1.2 * radius
 
     def light(self, *, shadows: bool) -> None:
         """Set the sun, with shadows or without."""
-        self._scene.add_light_directional(
-            "/lights/sun", color=SUN, intensity=2.3, position=TOWARDS_SUN, cast_shadow=shadows
-        )
+        self._scene.add_light_directional("/lights/sun", color=SUN, intensity=2.3, position=SUN_AT, cast_shadow=shadows)
 
     def _show_bodies(self, sight: Sight) -> None:
-        groups: dict[Appearance, list[str]] = defaultdict(list)
+        groups: dict[Shape, list[str]] = defaultdict(list)
         for name, known in sight.appearances.items():
             if name not in sight.poses or (name in self._robots and self._robots[name].readable):
                 continue
-            groups[UNKNOWN if known.urdf else known].append(name)
+            groups[UNKNOWN if known.urdf else (known.shape, tuple(known.dimensions), known.tracked)].append(name)
         for shape in self._bodies.keys() - groups.keys():
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():
             poses = [sight.poses[name] for name in names]
             positions, turns = (np.array(values, np.float32) for values in zip(*poses, strict=True))
-            colours = looks.body_colours(shape.kind, shape.tracked, [name in sight.asleep for name in names])
+            kind, dimensions, tracked = shape
+            colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
-                mesh = looks.with_edges(looks.shape_mesh(shape.kind, shape.dimensions))
-                sizes = "_".join(f"{value:g}" for value in shape.dimensions)
+                mesh = looks.with_edges(looks.shape_mesh(kind, dimensions))
+                sizes = "_".join(f"{value:g}" for value in dimensions)
                 batch = self._bodies[shape] = self._scene.add_batched_meshes_simple(
-                    f"/bodies/{shape.kind}_{sizes}{'_tracked' * shape.tracked}", mesh.vertices, mesh.faces, turns,
+                    f"/bodies/{kind}_{sizes}{'_tracked' * tracked}", mesh.vertices, mesh.faces, turns,
                     positions, batched_colors=colours, flat_shading=False, lod="off",
                 )  # fmt: skip
             batch.batched_positions, batch.batched_wxyzs, batch.batched_colors = positions, turns, colours

@@ -9,15 +9,15 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import BodyDescriptionArray, ContactArray, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.view import looks
 
 Vector = tuple[float, float, float]
-# Radius of bodies of unknown shape [m].
-DEFAULT_RADIUS = 0.25
+# Radii of bodies of unknown shape, and of robots [m].
+DEFAULT_RADIUS, ROBOT_RADIUS = 0.25, 0.5
 # Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
 CLICK_MARGIN = 0.05
 # Types of the node's topics that `Sight.take` reads. ~/odometry has a message for each robot.
@@ -38,23 +38,6 @@ class Pose(NamedTuple):
     wxyz: tuple[float, float, float, float]
 
 
-@dataclass(frozen=True)
-class Appearance:
-    """Shape of a body: the ``kind`` and ``dimensions`` [m] of BodyDescription, or a URDF and its file."""
-
-    kind: int
-    dimensions: tuple[float, ...] = ()
-    tracked: bool = False
-    urdf: str = ""
-    urdf_file: str = ""
-
-    @property
-    def radius(self) -> float:
-        """Radius [m] of the bounding sphere around the centre. Robots have a common one."""
-        robot = self.urdf or not self.dimensions
-        return 2.0 * DEFAULT_RADIUS if robot else looks.radius_of(self.kind, self.dimensions)
-
-
 @dataclass
 class Sight:
     """The newest state of everything but the terrain. ``poses`` and ``appearances`` by body; ``asleep``: simulated
@@ -62,7 +45,7 @@ class Sight:
     [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of each."""
 
     poses: dict[str, Pose] = field(default_factory=dict)
-    appearances: dict[str, Appearance] = field(default_factory=dict)
+    appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
@@ -76,14 +59,16 @@ class Sight:
         return positions, np.array([self.radius_of(name) for name in self.poses])
 
     @property
-    def robots(self) -> dict[str, Appearance]:
+    def robots(self) -> dict[str, BodyDescription]:
         """Appearances of the bodies that have a URDF."""
         return {name: known for name, known in self.appearances.items() if known.urdf}
 
     def radius_of(self, name: str) -> float:
         """Return the radius of a body [m]."""
         known = self.appearances.get(name)
-        return DEFAULT_RADIUS if known is None else known.radius
+        if known is None or known.urdf or not known.dimensions:
+            return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
+        return looks.radius_of(known.shape, tuple(known.dimensions))
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
@@ -97,10 +82,7 @@ class Sight:
         """Update with a message of a topic of `KINDS`."""
         message = deserialize_message(data, KINDS[topic])
         if topic == "body_descriptions":
-            self.appearances = {
-                body.id: Appearance(body.shape, tuple(body.dimensions), body.tracked, body.urdf, body.urdf_file)
-                for body in message.bodies
-            }
+            self.appearances = {body.id: body for body in message.bodies}
             self.poses = {name: pose for name, pose in self.poses.items() if name in self.appearances}
         elif topic == "joint_states":
             self.joints = dict(zip(message.name, message.position, strict=False))
@@ -112,9 +94,8 @@ class Sight:
         else:
             self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
         if topic == "body_states":  # only the velocities of sleeping bodies are exactly zero
-            resting = (0.0, 0.0, 0.0)
-            twists = ((body.id, body.twist) for body in message.bodies)
-            self.asleep = frozenset(i for i, v in twists if _xyz(v.linear) == resting == _xyz(v.angular))
+            moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
+            self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
 
 
 def _xyz(message: Any) -> Vector:

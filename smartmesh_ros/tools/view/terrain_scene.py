@@ -72,11 +72,10 @@ class _Relief:
 
     def __init__(self, geometry: GridGeometry, config: TerrainConfig) -> None:
         self.geometry, self._config = geometry, config
-        self._centres, self._due = np.full((1, 2), np.inf), 0.0
+        self._centres, self._due, self._sunk_due = np.full((1, 2), np.inf), 0.0, 0.0
         self._mesh = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), GROUND)
         self._made_from = self._coloured = -1  # revisions of the map
         self._sunk: list[tuple[Depth, Mesh]] = []
-        self._sunk_due = 0.0
 
     def mesh(self, tile: HeightMap, bodies: FloatArray, radii: FloatArray) -> Mesh:
         """Return the mesh for bodies at (B, 3) [m] of ``radii`` (B,) [m]."""
@@ -107,11 +106,8 @@ class _Relief:
         geometry, config = self.geometry, self._config
         centres = geometry.to_grid(bodies[:, :2])
         near = np.maximum(config.margin * radii / geometry.resolution, config.least)
-        moved = (
-            len(centres) != len(self._centres)
-            or (np.abs(centres - self._centres).max(axis=1, initial=0.0) >= 0.25 * near).any()
-        )
-        if not moved or monotonic() < self._due:
+        same = len(centres) == len(self._centres) and (np.abs(centres - self._centres) < 0.25 * near[:, None]).all()
+        if same or monotonic() < self._due:
             return False
         self._due, self._centres, self._coloured = monotonic() + config.period, centres, -1
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)

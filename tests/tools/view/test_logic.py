@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
+from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
@@ -23,12 +23,13 @@ from tests.examples import examples
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
 from smartmesh_ros.tools.view import looks
+from smartmesh_ros.tools.view.chart import CUT, chart_data
 from smartmesh_ros.tools.view.ground import Ground
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server
 from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.sight import Appearance, Pose, Sight
+from smartmesh_ros.tools.view.sight import Pose, Sight
 from smartmesh_ros.tools.view.terrain_scene import Depth, TerrainConfig, TerrainScene, triangles_by_depth
 
 
@@ -53,12 +54,13 @@ def test_knobs_hold_to_the_bounds_and_choices_of_the_node() -> None:
         knob = knobs().get(spec.name)
         if knob is None:
             continue
-        assert spec.description in knob.hint
-        assert knob.choices == spec.choices
+        assert spec.description in knob.options["hint"]
+        assert tuple(knob.options.get("options", ())) == spec.choices
         if isinstance(spec.default, int | float) and not isinstance(spec.default, bool):
-            assert (knob.low, knob.high) == (spec.low, spec.high)
-            assert knob.low <= knob.value <= knob.high
-            assert type(knob.step) is type(spec.default)
+            low, high = knob.options["min"], knob.options["max"]
+            assert (low, high) == (spec.low, spec.high)
+            assert low <= knob.value <= high
+            assert type(knob.options["step"]) is type(spec.default)
         sent = parameter_of(knob, knob.value).value
         assert declaring._checked(spec, declaring.plain_value(parameter_of(knob, knob.value))) == spec.default, sent
 
@@ -90,6 +92,32 @@ def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
     assert shown_value([0.0, 1.0]) == "[0.0, 1.0]"
 
 
+def timings_of(totals: list[float]) -> list[tuple[float, Timing]]:
+    """Messages of ~/timing a second apart, with the medians of a step [ms]."""
+    stages = (
+        [StageTiming(stage="total", p50_us=1e3 * total), StageTiming(stage="step", p50_us=1.0)] for total in totals
+    )
+    return [(float(at), Timing(stages=of_message)) for at, of_message in enumerate(stages)]
+
+
+@given(totals=st.lists(st.floats(1.0, 1.9), min_size=2, max_size=50), data=st.data())
+@examples(50)
+def test_a_stall_is_cut_and_marked_and_the_rest_is_shown_as_it_is(totals: list[float], data: st.DataObject) -> None:
+    stalled = data.draw(st.integers(0, len(totals) - 1))
+    totals[stalled] = 1000.0
+    _, shown, *_, cuts = chart_data(timings_of(totals), len(totals))
+    assert shown.max() <= CUT * max(total for total in totals if total < 1000.0) + 1e-6
+    assert np.flatnonzero(~np.isnan(cuts)).tolist() == [stalled]
+    assert np.allclose(np.delete(shown, stalled), np.delete(totals, stalled), rtol=1e-5)
+
+
+def test_a_longer_load_is_not_cut() -> None:
+    totals = [1.0] * 40 + [20.0] * 10
+    _, shown, *_, cuts = chart_data(timings_of(totals), 50.0)
+    assert np.allclose(shown, totals, rtol=1e-5)
+    assert np.isnan(cuts).all()
+
+
 def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
     seen = {patch_look(kind, stride) for kind in KINDS.values() for stride in (1, 2, 3, 4, 5, 100)}
     assert seen == set(PatchLook)
@@ -114,7 +142,7 @@ def test_shapes_are_closed_and_reach_as_far_as_their_radius(
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
-    assert Appearance(kind, dimensions).radius == pytest.approx(radius, rel=1e-3)
+    assert looks.radius_of(kind, dimensions) == pytest.approx(radius, rel=1e-3)
 
 
 def contacts_of(forces: list[float]) -> np.ndarray:
@@ -163,7 +191,7 @@ def test_a_click_beside_the_ground_meets_none() -> None:
 
 
 def test_a_click_meets_the_nearest_body_on_its_way() -> None:
-    ball = Appearance(BodyDescription.SPHERE, (0.5,))
+    ball = BodyDescription(shape=BodyDescription.SPHERE, dimensions=[0.5])
     sight = Sight(
         poses={name: Pose((x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, x in (("far", 8.0), ("near", 4.0))},
         appearances={"far": ball, "near": ball},
@@ -232,7 +260,7 @@ def test_a_robot_has_its_name_above_it() -> None:
         try:
             sight = Sight(
                 poses={"rover": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
-                appearances={"rover": Appearance(BodyDescription.ROBOT, urdf=text)},
+                appearances={"rover": BodyDescription(shape=BodyDescription.ROBOT, urdf=text)},
                 bases={"b": Pose((3.0, 4.0, 1.0), (1.0, 0.0, 0.0, 0.0))},
             )
             scene = Scene(server)
@@ -253,7 +281,7 @@ def test_each_of_two_robots_is_where_its_own_frame_is() -> None:
     server = start_server("127.0.0.1", 0)
     try:
         poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
-        appearances = {name: Appearance(BodyDescription.ROBOT, urdf=urdf) for name in places}
+        appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=urdf) for name in places}
         sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
         Scene(server).show(Ground(), sight)
         for name, place in places.items():
