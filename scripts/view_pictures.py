@@ -33,7 +33,7 @@ FALL, HISTORY = 1.0, 20.0
 MAX_TILT, MAX_HEIGHT = math.radians(25.0), 0.4
 # Limit of the wait for a suitable instant [s].
 TIMEOUT = 60.0
-# The node keeps up at a real-time factor above this one, with at most so many deadlines missed in the page's window: one
+# The node keeps up at a real-time factor above this one, with at most so many deadlines missed in the page window: one
 # step in fifty.
 REAL_TIME, MOST_MISSED = 0.95, 48
 # Time in which a browser without a graphics card redraws the page [ms].

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,7 +59,6 @@ def patch_look(kind: str, stride: float) -> PatchLook:
     return [look for look in PatchLook if look.least <= max(stride, 1)][-1]
 
 
-@cache
 def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     """Return the mesh of a primitive shape of BodyDescription with its ``dimensions`` [m]. Not for robots."""
     make: Any = trimesh.creation
@@ -71,12 +69,6 @@ def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
     if kind == BodyDescription.CAPSULE:
         return make.capsule(dimensions[1], dimensions[0], count=(SECTIONS, SECTIONS))
     return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
-
-
-@cache
-def radius_of(kind: int, dimensions: tuple[float, ...]) -> float:
-    """Return the radius [m] of a shape's bounding sphere around its centre."""
-    return float(np.linalg.norm(shape_mesh(kind, dimensions).vertices, axis=1).max())
 
 
 def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uint8]:

@@ -20,6 +20,7 @@ from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.domains import isolated_unless_chosen
 from smartmesh_ros.tools.demo.demo import COLLIDER, SOURCE, Demo, node_process
+from smartmesh_ros.tools.view.remote import Remote
 
 
 def main(args: list[str] | None = None) -> None:
@@ -34,7 +35,6 @@ def main(args: list[str] | None = None) -> None:
     options = parser.parse_args(own_arguments(given))
     try:
         from smartmesh_ros.tools.view.page import Page
-        from smartmesh_ros.tools.view.remote import Remote
     except ModuleNotFoundError as error:
         sys.exit(f"the view needs {error.name}, which is not installed; pip install 'viser[urdf]'")
     use_large_message_profile()

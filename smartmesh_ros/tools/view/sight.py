@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,7 +14,6 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArr
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.view import looks
 
 Vector = tuple[float, float, float]
 # Radii of bodies of unknown shape, and of robots [m].
@@ -64,11 +64,16 @@ class Sight:
         return {name: known for name, known in self.appearances.items() if known.urdf}
 
     def radius_of(self, name: str) -> float:
-        """Return the radius of a body [m]."""
+        """Return the radius [m] of a body's bounding sphere around its centre."""
         known = self.appearances.get(name)
         if known is None or known.urdf or not known.dimensions:
             return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
-        return looks.radius_of(known.shape, tuple(known.dimensions))
+        sizes = known.dimensions
+        if known.shape == BodyDescription.BOX:
+            return 0.5 * math.hypot(*sizes)
+        if known.shape == BodyDescription.CYLINDER:
+            return math.hypot(sizes[0], 0.5 * sizes[1])
+        return float(sizes[0] + (0.5 * sizes[1] if known.shape == BodyDescription.CAPSULE else 0.0))
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""

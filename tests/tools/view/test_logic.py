@@ -142,7 +142,9 @@ def test_shapes_are_closed_and_reach_as_far_as_their_radius(
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
-    assert looks.radius_of(kind, dimensions) == pytest.approx(radius, rel=1e-3)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(radius, rel=1e-3)
+    described = BodyDescription(shape=kind, dimensions=dimensions)
+    assert Sight(appearances={"body": described}).radius_of("body") == pytest.approx(radius, rel=1e-9)
 
 
 def contacts_of(forces: list[float]) -> np.ndarray:
