@@ -22,7 +22,7 @@ from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.main import demo_running
 from smartmesh_ros.tools.view.page import Page
 from smartmesh_ros.tools.view.panel import WINDOW
-from smartmesh_ros.tools.view.remote import Remote
+from smartmesh_ros.tools.view.remote import OUTPUTS, Remote
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 TINY, LARGE, WIDE = ({"width": width, "height": height} for width, height in ((320, 200), (1280, 940), (1280, 640)))
@@ -49,11 +49,12 @@ class Stage:
         self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
 
     def run(self, seconds: float) -> None:
-        """Run the demo and refresh the page for ``seconds`` [s]."""
+        """Run the demo for ``seconds`` [s] without showing it, because drawing takes processor time from the node."""
         end = monotonic() + seconds
         while monotonic() < end:
+            self.remote.watch(set(OUTPUTS))
             self.remote.spin(0.04)
-            self.page.refresh()
+            self.remote.apply_waiting()
             self.demo.drive()
             self.opened.wait_for_timeout(10)
 
@@ -77,15 +78,14 @@ class Stage:
         return bool(recent) and recent[-1].real_time_factor > REAL_TIME and missed <= MOST_MISSED
 
     def shoot(self, path: Path, size: Any, place_camera: Callable[[], None]) -> None:
-        """Take a picture at an instant when the robot stands on its wheels. Until then the page is small, and while the
-        browser draws it large it is not refreshed, because drawing takes processor time from the node."""
+        """Take a picture of an instant when the robot stands on its wheels and the node keeps up."""
         end = monotonic() + TIMEOUT
         while not (self.on_wheels() and self.keeps_up()):
             if monotonic() > end:
-                sys.exit(
-                    "no picture: the robot is off its wheels, or the machine is too busy to run the demo in real time"
-                )
+                busy = "" if self.keeps_up() else ", the machine is too busy to run the demo in real time"
+                sys.exit("no picture" + (busy or ", the robot is off its wheels"))
             self.run(0.1)
+        self.page.refresh()
         self.opened.set_viewport_size(size)
         self.opened.wait_for_timeout(DRAWING)
         place_camera()

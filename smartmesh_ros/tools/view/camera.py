@@ -22,13 +22,15 @@ class CameraConfig:
     a fraction of the picture's width and height. ``nearest`` [m]: minimum distance, so that a small body is shown with
     some ground around. ``far``: bodies further than this many median distances from the median position are ignored,
     because a few that rolled away would make all others too small to see.
+    ``halvings``: bisection steps in the search for the middle of the picture.
     """
 
     bearing: float = math.radians(-130.0)
-    elevations: tuple[float, ...] = tuple(math.radians(angle) for angle in (32.0, 45.0, 60.0, 80.0))
+    elevations: tuple[float, ...] = tuple(math.radians(angle) for angle in (40.0, 50.0, 65.0, 80.0))
     spare: float = 0.06
     nearest: float = 4.0
-    far: float = 2.5
+    far: float = 1.5
+    halvings: int = 30
 
 
 CONFIG = CameraConfig()
@@ -84,21 +86,27 @@ def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: flo
     along = (positions - middle) @ forward
     half, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
     sides = [
-        (right, lens.aspect * half * -edge, lens.aspect * half * (edge - 2.0 * lens.covered)),
-        (up, half * -edge, half * edge),
+        (
+            right,
+            (positions - middle) @ right,
+            lens.aspect * half * -edge,
+            lens.aspect * half * (edge - 2 * lens.covered),
+        ),
+        (up, (positions - middle) @ up, half * -edge, half * edge),
     ]
 
-    def bounds(axis: FloatArray, low: float, high: float, depth: FloatArray) -> tuple[float, float]:
-        across = (positions - middle) @ axis
-        return float((across + radii - high * depth).max()), float((across - radii - low * depth).min())
-
     distance = max(CONFIG.nearest, float((radii - along).max()))
-    for axis, low, high in sides:
-        least, most = bounds(axis, low, high, along)
-        distance = max(distance, (least - most) / (high - low))
-    position = middle - distance * forward
-    for side in sides:
-        position = position + 0.5 * sum(bounds(*side, along + distance)) * side[0]
+    for _, across, low, high in sides:
+        least, most = (across + radii - high * along).max(), (across - radii - low * along).min()
+        distance = max(distance, float(least - most) / (high - low))
+    position, depth = middle - distance * forward, np.maximum(distance + along, 1e-6)
+    for axis, across, low, high in sides:
+        least, most = float((across + radii - high * depth).max()), float((across - radii - low * depth).min())
+        for _ in range(CONFIG.halvings):  # until the margins at both edges are equal
+            shift = 0.5 * (least + most)
+            room = float(((across + radii - shift) / depth).max() + ((across - radii - shift) / depth).min())
+            least, most = (shift, most) if room > low + high else (least, shift)
+        position = position + 0.5 * (least + most) * axis
     return Camera(position, position + distance * forward)
 
 

@@ -21,7 +21,6 @@ STAGES = {
 # Times above this many times what a stage rarely exceeds are cut, so that a stall does not flatten the rest. Rarely: in
 # this share of the messages.
 CUT, RARELY = 2.0, 0.1
-CUT_COLOUR = "#d62728"
 
 
 class Chart:
@@ -29,11 +28,12 @@ class Chart:
 
     def __init__(self, gui: Any) -> None:
         self._due = 0.0
-        series = [{"label": stage, "stroke": colour, "width": 2} for stage, colour in STAGES.items()]
-        points = {"show": True, "size": 9, "fill": CUT_COLOUR}
         self._plot = gui.add_uplot(
-            data=chart_data([], 0.0),
-            series=({"label": "s"}, *series, {"label": "cut off", "stroke": CUT_COLOUR, "width": 0, "points": points}),
+            data=chart_data([], 0.0)[0],
+            series=(
+                {"label": "s"},
+                *({"label": label, "stroke": stroke, "width": 2} for label, stroke in STAGES.items()),
+            ),
             scales={"x": {"time": False, "range": [-MINUTE, 0.0]}},
             aspect=1.3,
             legend=uplot.Legend(live=False),  # live values would be those under the mouse only
@@ -43,12 +43,12 @@ class Chart:
         """Show messages of ~/timing with their times [s], if it is time for that."""
         if (now := monotonic()) >= self._due:
             self._due = now + PERIOD
-            self._plot.data = chart_data(timings, now)
+            self._plot.data, self._plot.title = chart_data(timings, now)
 
 
-def chart_data(timings: Sequence[tuple[float, Any]], now: float) -> tuple[FloatArray, ...]:
-    """Return times relative to ``now`` [s], the median of each of `STAGES` [ms], cut where it is far too long, and the
-    places of the cuts (NaN = no cut), from messages of ~/timing with their times [s]."""
+def chart_data(timings: Sequence[tuple[float, Any]], now: float) -> tuple[tuple[FloatArray, ...], str | None]:
+    """Return times relative to ``now`` [s] with the median of each of `STAGES` [ms], cut where it is far too long, and
+    words on what was cut (None = nothing), from messages of ~/timing with their times [s]."""
     recent = [(came, message) for came, message in timings if came > now - MINUTE]
     medians = np.full((len(STAGES), len(recent)), np.nan)
     for column, (_, message) in enumerate(recent):
@@ -56,5 +56,8 @@ def chart_data(timings: Sequence[tuple[float, Any]], now: float) -> tuple[FloatA
         medians[:, column] = [known.get(stage, np.nan) for stage in STAGES]
     usual = np.quantile(np.nan_to_num(medians), 1.0 - RARELY, axis=1, method="lower") if recent else np.zeros(1)
     most = CUT * usual.max() or np.inf
-    cuts = np.where((medians > most).any(axis=0), most, np.nan)
-    return np.array([came - now for came, _ in recent]), *np.minimum(medians, most), cuts
+    words = None
+    if (cut := (medians > most).any(axis=0)).any():
+        last = now - recent[np.flatnonzero(cut)[-1]][0]
+        words = f"{cut.sum()} x cut, at most {np.nanmax(medians):.0f} ms, the last {last:.0f} s ago"
+    return (np.array([came - now for came, _ in recent]), *np.minimum(medians, most)), words

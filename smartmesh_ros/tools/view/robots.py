@@ -35,7 +35,7 @@ class Robot:
         self._values: list[float] = []
         self._root, self._top, self.readable = "", UNKNOWN_TOP, False
         try:
-            urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=str)
+            urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=lambda fname: fname)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
             self._root, self._joints = urdf.base_link, list(urdf.actuated_joint_names)
             if (bounds := urdf.scene.bounds) is not None:
