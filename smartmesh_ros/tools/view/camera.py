@@ -84,17 +84,12 @@ def _fitted(positions: FloatArray, radii: FloatArray, lens: Lens, elevation: flo
     up = np.cross(right, forward)
     middle = positions.mean(axis=0)
     along = (positions - middle) @ forward
-    half, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
+    tall, edge = math.tan(0.5 * lens.field_of_view), 1.0 - CONFIG.spare
+    wide = lens.aspect * tall
     sides = [
-        (
-            right,
-            (positions - middle) @ right,
-            lens.aspect * half * -edge,
-            lens.aspect * half * (edge - 2 * lens.covered),
-        ),
-        (up, (positions - middle) @ up, half * -edge, half * edge),
+        (right, (positions - middle) @ right, -edge * wide, (edge - 2.0 * lens.covered) * wide),
+        (up, (positions - middle) @ up, -edge * tall, edge * tall),
     ]
-
     distance = max(CONFIG.nearest, float((radii - along).max()))
     for _, across, low, high in sides:
         least, most = (across + radii - high * along).max(), (across - radii - low * along).min()

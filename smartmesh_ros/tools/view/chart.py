@@ -30,10 +30,7 @@ class Chart:
         self._due = 0.0
         self._plot = gui.add_uplot(
             data=chart_data([], 0.0)[0],
-            series=(
-                {"label": "s"},
-                *({"label": label, "stroke": stroke, "width": 2} for label, stroke in STAGES.items()),
-            ),
+            series=({"label": "s"}, *({"label": name, "stroke": line, "width": 2} for name, line in STAGES.items())),
             scales={"x": {"time": False, "range": [-MINUTE, 0.0]}},
             aspect=1.3,
             legend=uplot.Legend(live=False),  # live values would be those under the mouse only
