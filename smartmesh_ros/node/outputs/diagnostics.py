@@ -57,11 +57,11 @@ def statuses(node_name: str, world: World, health: Health) -> list[DiagnosticSta
     """Return one status per task of the node with a fully qualified name: terrain, bodies, physics, inputs,
     connections."""
     return [
-        _status(node_name, "terrain", *_terrain(world, health)),
-        _status(node_name, "bodies", *_bodies(world, health)),
-        _status(node_name, "physics", *_physics(health)),
-        _status(node_name, "inputs", *_inputs(health)),
-        _status(node_name, "connections", *_connections(health)),
+        task_status(node_name, "terrain", *_terrain(world, health)),
+        task_status(node_name, "bodies", *_bodies(world, health)),
+        task_status(node_name, "physics", *_physics(health)),
+        task_status(node_name, "inputs", *_inputs(health)),
+        task_status(node_name, "connections", *_connections(health)),
     ]
 
 
@@ -162,7 +162,8 @@ def task_name(node_name: str, task: str) -> str:
     return f"{node_name.strip('/')}: {task}"
 
 
-def _status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+def task_status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+    """Return a status of a node with its values by key."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     name = task_name(node_name, task)
     return DiagnosticStatus(level=level, name=name, message=text, hardware_id=node_name, values=pairs)

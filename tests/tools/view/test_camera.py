@@ -20,7 +20,7 @@ LENSES = st.builds(Lens, st.floats(0.5, 1.4), st.floats(0.5, 3.0), st.floats(0.0
 
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground = Ground()
-    ground.take_map(serialize_message(heightmap_message(heights, **options)))
+    ground.take("heightmap", serialize_message(heightmap_message(heights, **options)))
     ground.apply_waiting()
     return ground
 
