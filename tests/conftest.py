@@ -32,7 +32,6 @@ COSTS = {
     "newcomer/test_workspace.py": 48,
     "newcomer/test_wheel.py": 39,
     "world/test_robots_asleep.py": 38,
-    "studies/test_consumer.py": 36,
     "node/test_processes.py": 35,
     "newcomer/test_pybullet.py": 25,
     "newcomer/test_core.py": 20,
