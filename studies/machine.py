@@ -1,0 +1,19 @@
+"""The machine of a run, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from smartmesh_ros.tools.evaluation.machine import describe
+
+
+def short() -> str:
+    """The machine, by cores and processor."""
+    found = describe()
+    return f"{found['cores']} cores, {found['cpu']}"
+
+
+def measured_on(found: dict[str, Any]) -> str:
+    """What `describe` found, with versions, as a sentence."""
+    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+    return f"Measured on {found['cores']} cores of {found['cpu']}; {versions}."
