@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 Mode = Literal["full", "regions"]
-Kind = Literal["terrain_collider", "naive", "apart"]
+Kind = Literal["terrain_collider", "naive"]
 
 RESOLUTION = 0.1
 # Distance of the bodies, and their radius [m].
@@ -119,9 +119,7 @@ def executors(*, quick: bool) -> list[Case]:
     base = Case(side=1024, bodies=100, mode="full", map_rate=30.0, physics_rate=240.0, markers=False)
     kinds = ["events", "single_threaded"] if quick else ["events", "single_threaded", "multi_threaded"]
     seconds = 4.0 if quick else 8.0
-    return [replace(base, executor=kind, seconds=seconds) for kind in kinds] + [
-        replace(base, kind="apart", executor="single_threaded", seconds=seconds)
-    ]
+    return [replace(base, executor=kind, seconds=seconds) for kind in kinds]
 
 
 def rest(*, quick: bool) -> list[Case]:

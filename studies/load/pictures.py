@@ -61,10 +61,8 @@ def _ways(summaries: list[Summary], machine: str, path: Path, title: str, *, exe
     """Lateness, latency and processor time of several ways to do the same."""
     names = []
     for s in summaries:
-        way = s.case.executor if executors and s.case.kind == "terrain_collider" else KINDS[s.case.kind]
-        names.append(
-            way if executors else f"{way}: {s.case.bodies} bodies,\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
-        )
+        load = f"{s.case.bodies} bodies,\n{s.case.side}$^2$, {s.case.physics_rate:g} Hz"
+        names.append(s.case.executor if executors else f"{KINDS[s.case.kind]}: {load}")
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
     place = np.arange(len(summaries))
     colours = ["#d95f0e" if s.case.kind == "naive" else "#084594" for s in summaries]

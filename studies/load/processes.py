@@ -40,7 +40,7 @@ def node_command(case: Case, parameters: Path) -> list[str]:
     if case.kind == "terrain_collider":
         start = [str(Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / "terrain_collider")]
     else:
-        start = [sys.executable, "-m", f"studies.load.{case.kind}"]
+        start = [sys.executable, "-m", "studies.load.naive"]
     return [*start, "--ros-args", "--params-file", str(parameters)]
 
 

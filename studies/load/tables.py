@@ -10,7 +10,7 @@ from studies.load.summary import UPDATE, Summary
 
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
-KINDS = {"terrain_collider": "ours", "naive": "naive", "apart": "physics apart"}
+KINDS = {"terrain_collider": "ours", "naive": "naive"}
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -35,9 +35,7 @@ def ways(summaries: list[Summary], *, executors: bool) -> str:
             "markers [ms]", "ingest [ms]", "in to out 50 / 99 / 100 % [ms]", "CPUs", "lost"]  # fmt: skip
     rows = []
     for s in summaries:
-        way = KINDS[s.case.kind]
-        if executors and s.case.kind == "terrain_collider":
-            way = s.case.executor
+        way = s.case.executor if executors else KINDS[s.case.kind]
         rows.append([
             way, str(s.case.bodies), f"{s.case.side}^2", f"{s.case.physics_rate:g}", f"{s.real_time_factor:.2f}",
             f"{100 * s.missed:.2f} %", _three(s.stage("lateness")), _ms(s.stage("publish")[0]),
