@@ -51,7 +51,6 @@ COSTS = {
     "studies/test_bench.py": 12,
     "node/test_soil.py": 11,
     "node/test_testing.py": 11,
-    "studies/test_mapper.py": 11,
     "node/test_robots.py": 10,
     "node/test_markers.py": 10,
     "node/test_robot_outputs.py": 10,
