@@ -164,7 +164,7 @@ def at_rest_in_noise(measure: str, kind: str, sigma: float, method: PatchConfig)
 def _row(
     name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str, *, quick: bool = False
 ) -> Row:
-    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, quick=quick, skip=OTHERS)
+    return Row(name, figure, limit, unit, source, quick=quick, skip=OTHERS)
 
 
 KINDS = (*SHAPES, *ROBOTS)

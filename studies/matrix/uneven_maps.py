@@ -108,7 +108,7 @@ def thrown_of_even(name: str, frequency: int, rate: float, even_rate: float, met
 
 
 def _row(name: str, figure: Callable[[PatchConfig], float], limit: float, unit: str, source: str) -> Row:
-    return Row(name=name, figure=figure, limit=limit, unit=unit, source=source, skip=OTHERS)
+    return Row(name, figure, limit, unit, source, skip=OTHERS)
 
 
 STAMPS: dict[str, Callable[[float], tuple[float, ...]]] = {
