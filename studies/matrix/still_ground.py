@@ -224,6 +224,13 @@ def sinks(shape: Shape, ground: dict[str, Any], size: int, resolution: float, dr
 
 
 _RIPPLES = {"kind": "sinusoid", "amplitude": 0.04, "wavelength": 1.0}
+_TWICE = "main mesh, 99 %; twice the tolerance"
+_SMALL_BALL = sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0)
+_LARGE_BALL = sinks(Sphere(1.25), _RIPPLES, 161, 0.05, 1.3, 1.5)
+_LARGE_BOX = sinks(Box(2.0, 1.6, 0.3), _RIPPLES, 121, 0.05, 0.2, 1.5)
+_WIDE = {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}
+_THIN_BOX = sinks(Box(2.0, 0.1, 0.05), _WIDE, 61, 0.1, 0.1, 1.5)
+_BOXES = sinks(Box(0.4, 0.3, 0.2), {"kind": "noise", "deviation": 0.02}, 61, 0.1, 0.2, 2.0)
 ROWS = (
     Row("T1 sliding box", _slide_error(Box(0.4, 0.4, 0.4), 0.2), 1.0, "mm", "a plane, 1 s at 3 m/s", quick=True),
     Row("T1 sliding sphere", _slide_error(Sphere(0.2), 0.2), 1.0, "mm", "a plane, 1 s at 3 m/s"),
@@ -239,41 +246,9 @@ ROWS = (
     Row("bouncing, e = 0.5", bounces, 20.0, "%", "theory: e^2; PyBullet's bounce"),
     Row("ball in a trough", hovers_in_trough, 1.0, "mm", "theory: r sec(slope)", quick=True),
     Row("T8 box on 5-50 cm cells", wide_box, 1.0, "mm", "a plane", quick=True, skip=("prisms",)),
-    Row(
-        "ball of a fifth of a cell",
-        sinks(Sphere(0.05), {"kind": "noise", "deviation": 0.05}, 41, 0.25, 0.06, 3.0),
-        1.0,
-        "mm",
-        "main mesh, 99 %",
-    ),
-    Row(
-        "ball of 50 cells",
-        sinks(Sphere(1.25), _RIPPLES, 161, 0.05, 1.3, 1.5),
-        4.0,
-        "mm",
-        "main mesh, 99 %; twice the tolerance",
-        skip=("prisms",),
-    ),
-    Row(
-        "box of 40 cells on ripples",
-        sinks(Box(2.0, 1.6, 0.3), _RIPPLES, 121, 0.05, 0.2, 1.5),
-        4.0,
-        "mm",
-        "main mesh, 99 %; twice the tolerance",
-        skip=("prisms",),
-    ),
-    Row(
-        "long thin box",
-        sinks(Box(2.0, 0.1, 0.05), {"kind": "sinusoid", "amplitude": 0.05, "wavelength": 2.0}, 61, 0.1, 0.1, 1.5),
-        4.0,
-        "mm",
-        "main mesh, 99 %; twice the tolerance",
-    ),
-    Row(
-        "boxes on noise",
-        sinks(Box(0.4, 0.3, 0.2), {"kind": "noise", "deviation": 0.02}, 61, 0.1, 0.2, 2.0),
-        4.0,
-        "mm",
-        "main mesh, 99 %",
-    ),
+    Row("ball of a fifth of a cell", _SMALL_BALL, 1.0, "mm", "main mesh, 99 %"),
+    Row("ball of 50 cells", _LARGE_BALL, 4.0, "mm", _TWICE, skip=("prisms",)),
+    Row("box of 40 cells on ripples", _LARGE_BOX, 4.0, "mm", _TWICE, skip=("prisms",)),
+    Row("long thin box", _THIN_BOX, 4.0, "mm", _TWICE),
+    Row("boxes on noise", _BOXES, 4.0, "mm", "main mesh, 99 %"),
 )

@@ -156,22 +156,12 @@ def trench_opens(method: PatchConfig) -> float:
         return 1e3 * max(float(arena.positions()[0, 2]) + 0.3, 0.0)
 
 
+_BALL = rests_in_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01)
+_BOX = rests_in_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005)
+_THIN_BOX = sinks(Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8)
 ROWS = (
-    Row(
-        "ball on the corner of four cells",
-        rests_in_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01),
-        1.0,
-        "mm",
-        "geometry: r sqrt(1 + 2 s^2)",
-        quick=True,
-    ),
-    Row(
-        "small box on the corner of four cells",
-        rests_in_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005),
-        0.5,
-        "mm",
-        "geometry: stands on its corners",
-    ),
+    Row("ball on the corner of four cells", _BALL, 1.0, "mm", "geometry: r sqrt(1 + 2 s^2)", quick=True),
+    Row("small box on the corner of four cells", _BOX, 0.5, "mm", "geometry: stands on its corners"),
     Row("rolling along a seam", rolls_along_seam, 5.0, "mm", "theory: v t, r sec(slope); PyBullet gains 2 % of speed"),
     Row("rolling over corners of cells", rolls_over_corners, 1.0, "mm", "main mesh"),
     Row(
@@ -192,12 +182,5 @@ ROWS = (
     Row("a bar that spins into a wall", spins_into_wall, 4.0, "deg", "geometry; two steps at 8 rad/s", quick=True),
     Row("ball on the lips of a trench", ball_on_trench, 1.0, "mm", "geometry: sqrt(r^2 - (width / 2)^2)", quick=True),
     Row("one of them sinks away", trench_opens, 0.0, "mm", "it falls in", quick=True),
-    Row(
-        "long thin box on fine noise",
-        sinks(Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8),
-        4.0,
-        "mm",
-        "main mesh, 99 %; a step at 1 m/s",
-        skip=("prisms",),
-    ),
+    Row("long thin box on fine noise", _THIN_BOX, 4.0, "mm", "main mesh, 99 %; a step at 1 m/s", skip=("prisms",)),
 )
