@@ -11,9 +11,10 @@ from typing import Any
 
 from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import read_scenes
+from studies.body_contest import run_scene
 from studies.chart import draw_all, draw_scene
 from studies.configurations import configurations
-from studies.contest import PIECES, Result, run_scene
+from studies.contest import Result
 from studies.matrix.picture import draw_matrix, matrix_table
 from studies.matrix.real_maps_picture import draw_box
 from studies.matrix.row import METHODS, Outcome
@@ -99,7 +100,7 @@ def _charts(options: argparse.Namespace, images: Path, blocks: dict[str, str], d
     chosen = configurations(options.quick)
     families = {configuration.name: configuration.family for configuration in chosen}
     for scene in scenes:
-        results[scene.name] = run_scene(scene, chosen, say, pieces=PIECES)
+        results[scene.name] = run_scene(scene, chosen, say)
         title = f"{scene.title} ({scene.bodies.count} bodies)"
         draw_scene(images / f"{scene.name}.png", title, results[scene.name], families)
         data["scenes"] = {

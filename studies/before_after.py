@@ -15,8 +15,9 @@ from typing import Any
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.evaluation.machine import describe
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
+from studies.body_contest import run_scene
 from studies.configurations import Configuration
-from studies.contest import Result, run_scene
+from studies.contest import Result
 from studies.engines.checkout import HERE, CheckoutOptions
 from studies.progress import Progress
 from studies.tables import table
