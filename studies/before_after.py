@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,9 @@ from studies.body_contest import run_scene
 from studies.configurations import Configuration
 from studies.contest import Result
 from studies.engines.checkout import HERE, CheckoutOptions
+from studies.markdown import table
 from studies.progress import Progress
-from studies.tables import table
+from studies.results_file import records, save_results
 
 BEFORE, NOW = "before", "now"
 
@@ -43,9 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     page = f"# Before and now\n\nBefore: {commits[BEFORE]}; now: {commits[NOW]}. {HEAD}\n\n{speed_table(results)}\n"
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "before_after.md").write_text(page)
-    found = {title: {side: asdict(result) for side, result in sides.items()} for title, sides in results.items()}
-    data = {"machine": describe(), "commits": commits, "kind": options.kind, "scenes": found}
-    (options.out / "before_after.json").write_text(json.dumps(data, indent=1) + "\n")
+    data = {"machine": describe(), "commits": commits, "kind": options.kind, "scenes": records(results)}
+    save_results(options.out / "before_after.json", data)
     print(page)
     print(f"wrote {options.out}/before_after.md and .json in {say.elapsed:.0f} s")
     return 0

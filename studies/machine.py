@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from smartmesh_ros.tools.evaluation.machine import describe
@@ -13,7 +14,7 @@ def short() -> str:
     return f"{found['cores']} cores, {found['cpu']}"
 
 
-def measured_on(found: dict[str, Any]) -> str:
-    """What `describe` found, with versions, as a sentence."""
+def measured_on(found: Mapping[str, Any]) -> str:
+    """What `describe` found, with versions, as the beginning of a sentence."""
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
-    return f"Measured on {found['cores']} cores of {found['cpu']}; {versions}."
+    return f"Measured on {found['cores']} cores of {found['cpu']}; {versions}"

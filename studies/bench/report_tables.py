@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from studies.bench import report
-from studies.bench.markdown import RATIO, beside, number, size, table, times
 from studies.bench.measure import Results
 from studies.bench.targets import update_per_body
+from studies.markdown import RATIO, beside, number, size, table, times
 
 SEARCHES = {
     "brute_force": "brute force",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from studies.bench import crowds, report, searching
-from studies.bench.markdown import RATIO, beside, number, size, table
 from studies.bench.measure import LONGEST_FRAME, Results
 from studies.bench.report_tables import SEARCHES, table_1, table_2, table_3, table_4, table_5, table_6
 from studies.bench.targets import TARGETS, collect_per_body, search_per_body, update_per_body
+from studies.markdown import RATIO, beside, number, size, table
 
 _SIMPLE = {
     "physx": "PhysX, cooked",

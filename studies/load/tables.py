@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from studies.load.summary import UPDATE, Summary
+from studies.markdown import table
 
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
 KINDS = {"terrain_collider": "ours", "naive": "naive"}
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def runs(summaries: list[Summary]) -> str:
