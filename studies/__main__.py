@@ -9,7 +9,7 @@ import sys
 STUDIES = {
     "accuracy": ("studies.accuracy", "speed against accuracy, and the stability matrix"),
     "before-after": ("studies.before_after", "this code against that of another checkout"),
-    "bench": ("studies.bench", "running times against the report's tables"),
+    "bench": ("studies.bench.cli", "running times against the report's tables"),
     "fleet": ("studies.fleet.study", "several nodes on one terrain, in networks of their own"),
     "load": ("studies.load.study", "the node under load over DDS"),
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),

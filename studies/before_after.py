@@ -71,11 +71,8 @@ def compare(scene: Scene, folders: Mapping[str, Path], kind: str, say: Any) -> d
 
 def same(before: Result, now: Result) -> bool:
     """Return True if every figure but the times is equal."""
-    return repr(_without_times(before)) == repr(_without_times(now))
-
-
-def _without_times(result: Result) -> Result:
-    return replace(result, cost=0.0, spread=(0.0, 0.0), update=0.0, note="")
+    one, other = (repr(replace(side, cost=0.0, spread=(0.0, 0.0), update=0.0, note="")) for side in (before, now))
+    return one == other
 
 
 def speed_table(results: Mapping[str, Mapping[str, Result]]) -> str:

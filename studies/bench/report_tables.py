@@ -30,8 +30,7 @@ def table_1(results: Results) -> str:
         for side in report.SIMPLE_PHYSX
     ]
     return table(
-        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO],
-        rows,
+        ["main mesh", "PhysX, report", "today", RATIO, "Bullet (refit), report", "PyBullet (anew), today", RATIO], rows
     )
 
 

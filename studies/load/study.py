@@ -20,8 +20,7 @@ from studies.pages import digest_of, fill
 
 def groups(*, quick: bool) -> dict[str, list[Case]]:
     """Everything that is run."""
-    makers = {"grid": cases.grid, "naive": cases.naive, "executors": cases.executors, "memory": cases.memory,
-              "rest": cases.rest}  # fmt: skip
+    makers = {"grid": cases.grid, "executors": cases.executors, "memory": cases.memory, "rest": cases.rest}
     return {name: make(quick=quick) for name, make in makers.items()}
 
 
@@ -56,8 +55,7 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     blocks = {
         "targets": tables.targets(summaries),
         "grid": tables.runs(summaries["grid"]),
-        "naive": tables.ways(summaries["naive"], executors=False),
-        "executors": tables.ways(summaries["executors"], executors=True),
+        "executors": tables.executors(summaries["executors"]),
         "memory": tables.memory(summaries["memory"]),
         "rest": tables.runs(summaries["rest"]),
         "machine": f"Machine: {data['machine']}.",

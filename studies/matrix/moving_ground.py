@@ -14,7 +14,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.patches.config import PatchConfig
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, deepest, lost_in, square
+from studies.matrix.arena import HUSKY, Arena, deepest, lost_in, square
 from studies.matrix.row import Row
 
 BALL = Sphere(0.2)
@@ -130,11 +130,8 @@ def crowd(method: PatchConfig) -> float:
 
 def robot(method: PatchConfig) -> float:
     """Links of a driving four-wheeled robot whose centre is ever below the ground on slow waves."""
-    import pybullet_data
-
     with Arena(method, WAVES[1], size=61, map_rate=60.0) as arena:
-        urdf = f"{pybullet_data.getDataPath()}/husky/husky.urdf"
-        arena.world.spawn_robot("husky", urdf, BodyState((0.0, 0.0, 0.6)))
+        arena.world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.6)))
         for joint in arena.world.bodies["husky"].joints:
             arena.world.drive("husky", joint, 5.0)
         gone: set[str] = set()
