@@ -71,7 +71,7 @@ def test_a_body_below_the_ground_is_put_onto_it(client: Any, z: float) -> None:
 
 @pytest.mark.parametrize("speed", [5.0, 20.0, 45.0])
 @pytest.mark.parametrize("phase", [0.0, 0.4, 0.8])
-def test_a_fast_body_is_clamped_before_impact(client: Any, speed: float, phase: float) -> None:
+def test_a_fast_body_stops_at_the_surface(client: Any, speed: float, phase: float) -> None:
     """Wherever in a step it meets the ground; 45 m/s are nine radii a step."""
     body = ball(client, 1.0 + phase * speed * DT)
     client.resetBaseVelocity(body, (0.0, 0.0, -speed))

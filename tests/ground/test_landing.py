@@ -240,7 +240,6 @@ def test_a_body_at_rest_rides_on_ground_that_starts_to_rise_at_once(speed: float
 
 @pytest.mark.parametrize("speed", [2.0, 5.0])
 def test_a_body_at_rest_on_rough_ground_that_starts_to_rise_is_not_thrown(speed: float) -> None:
-    """There its collider is off the ground by up to the tolerance, so its distance from the ground tells little."""
     rng = np.random.default_rng(3)
     found = clearances_where_ground_starts(speed, PhysicsConfig(), rng.normal(scale=0.02, size=(SIDE, SIDE)))
     assert max(found) <= 1e-3
@@ -262,7 +261,7 @@ def test_a_body_at_rest_that_is_sent_into_flat_ground_stays_on_it(speed: float) 
         assert min(heights) >= -1e-3
 
 
-def test_a_body_in_contact_is_clamped_where_it_runs_into_a_wall() -> None:
+def test_a_body_in_contact_stops_where_it_runs_into_a_wall() -> None:
     """A ball that rolls at 20 m/s meets a wall: the floor that it touches is no reason to let it in."""
     heights = np.zeros((SIDE, SIDE))
     heights[:, 30:] = 1.0
