@@ -13,6 +13,7 @@ import pybullet_data
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
+from smartmesh_ros.terrain.trimesh import grid_triangles
 from tests.coal_shapes import coal_hull, coal_triangle
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
@@ -194,17 +195,16 @@ class Case:
     def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
         """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
         pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
+        ground = self.ground
+        place = ground.heights, ground.resolution, ground.yaw
+        return np.asarray(_core.find_contacts(self.body.core, pose, *place, motion_of(way), 1.0, self.margin))
+
+    def mesh_contacts(self, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """Returns the contacts with the mesh of the same ground."""
+        pose = np.ascontiguousarray(np.vstack([self.turn, self.position]))
+        vertices, triangles = np.ascontiguousarray(self.ground.points), grid_triangles(*self.ground.heights.shape)
         return np.asarray(
-            _core.find_contacts(
-                self.body.core,
-                pose,
-                self.ground.heights,
-                self.ground.resolution,
-                self.ground.yaw,
-                motion_of(way),
-                1.0,
-                self.margin,
-            )
+            _core.find_mesh_contacts(self.body.core, pose, vertices, triangles, motion_of(way), 1.0, self.margin)
         )
 
     def distance(self, within: float, deep: bool = False) -> float:

@@ -6,14 +6,12 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
-from tests.core.contact_cases import SHAPES as CASES
-from tests.core.contact_cases import Case, motion_of, random_case, random_ground
+from tests.core.contact_cases import random_case, random_ground
 from tests.core.ground_world import BALL, BOX, CYLINDER, SHAPES, STEP, GroundWorld, Shape
 from tests.core.mesh_parts import Parts
 
@@ -272,34 +270,6 @@ def test_a_height_map_and_its_mesh_give_the_same_rest(shape: Shape) -> None:
     np.testing.assert_allclose(found[0], found[1], atol=RESTING)
 
 
-def mesh_contacts(case: Case, way: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
-    """Return the contacts of a body with the mesh of a height map in a second in which it goes a ``way`` [m]."""
-    pose = np.ascontiguousarray(np.vstack([case.turn, case.position]))
-    vertices, triangles = np.ascontiguousarray(case.ground.points), grid_triangles(*case.ground.heights.shape)
-    return np.asarray(
-        _core.find_mesh_contacts(case.body.core, pose, vertices, triangles, motion_of(way), 1.0, case.margin)
-    )
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_distances_from_a_mesh_are_those_of_coal_and_of_the_same_height_map(name: str) -> None:
-    wrong, deep, differ = [], 0, 0
-    for seed in range(300):
-        rng = np.random.default_rng(seed)
-        if seed % 20 == 0:
-            ground = random_ground(rng)
-        case = random_case(name, ground, rng)
-        of_map, found = (float(c[:, 6].min(initial=np.inf)) for c in (case.contacts(), mesh_contacts(case)))
-        true = case.distance(case.margin + EXACT)
-        if true <= EXACT:  # a mesh has no inside: the way out of a deep body may be another one
-            deep += 1
-            differ += abs(found - of_map) > EXACT
-        elif not np.allclose((found, of_map), true, rtol=0.0, atol=EXACT) and min(true, found) < case.margin - EXACT:
-            wrong.append((seed, true, found, of_map))
-    assert not wrong
-    assert deep > 50 and differ <= 0.05 * deep
-
-
 def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
     missed, met = [], 0
     for seed in range(1000):
@@ -317,7 +287,7 @@ def test_a_ball_is_held_back_before_what_it_meets_in_the_step() -> None:
         if first == 0.0:
             continue
         met += 1
-        for contacts in (case.contacts(way), mesh_contacts(case, way)):
+        for contacts in (case.contacts(way), case.mesh_contacts(way)):
             is_held = np.any(contacts[:, 6] + contacts[:, 3:6] @ way * first < 0.0)
             missed += [] if is_held else [seed]
     assert met > 100 and not missed

@@ -132,7 +132,7 @@ def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path:
 
 
 def test_what_the_page_on_testing_names_is_there() -> None:
-    from smartmesh_ros import testing
+    from smartmesh_ros.tools import testing
 
     page = (ROOT / "docs" / "testing.md").read_text()
     table = page[page.index("## What there is") : page.index("The vertices of a patch")]
