@@ -144,14 +144,6 @@ def test_bodies_sleep_and_wake_when_their_ground_falls() -> None:
         assert world.state("box").position[2] == pytest.approx(-0.4, abs=1e-3)
 
 
-@pytest.fixture
-def client() -> Any:
-    bullet = BulletClient(pb.DIRECT)
-    bullet.setGravity(0.0, 0.0, -9.81)
-    yield bullet
-    bullet.disconnect()
-
-
 def ball(client: Any) -> int:
     shape = client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2)
     return int(client.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.5)))

@@ -1,7 +1,6 @@
 """`Ground.step` in a PyBullet world of the user's own: as safe as `World`, by the same code."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -35,14 +34,6 @@ URDF = """
     "INERTIA",
     '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>',
 )
-
-
-@pytest.fixture
-def client() -> Iterator[Any]:
-    bullet = BulletClient(pb.DIRECT)
-    bullet.setGravity(0.0, 0.0, -9.81)
-    yield bullet
-    bullet.disconnect()
 
 
 def flat(height: float = 0.0) -> HeightMap:

@@ -1,7 +1,7 @@
 """Worlds refuse what cannot be, and track, drive and reset bodies."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -36,12 +36,6 @@ CART = """
   </joint>
 </robot>
 """
-
-
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0))) as made:
-        yield made
 
 
 @pytest.mark.parametrize(
