@@ -37,7 +37,7 @@ prepare:  ## environment and install/ only
 fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
 
-fleet-study:  ## what fleets carry, how their bodies meet, and faults (about 40 minutes; ARGS=--quick: two)
+fleet-study:  ## how many bodies fleets carry in real time (about 20 minutes; ARGS=--quick: one)
 	@$(RUN) load -- $(STUDIES) fleet $(ARGS)
 
 bench:  ## running times against the report's tables

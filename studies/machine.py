@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "rapier3d", "coal")
 
@@ -33,3 +35,15 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "not installed"
     return found
+
+
+def short() -> str:
+    """The machine, by cores and processor."""
+    found = describe()
+    return f"{found['cores']} cores, {found['cpu']}"
+
+
+def measured_on(found: Mapping[str, Any]) -> str:
+    """What `describe` found, with versions, as the beginning of a sentence."""
+    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+    return f"Measured on {found['cores']} cores of {found['cpu']}; {versions}"

@@ -41,9 +41,7 @@ class PhysxTrimesh(Engine):
         self._steps = 0
         # These are global to SAPIEN and read when a scene, a shape or a body is made.
         physx.set_scene_config(
-            gravity=np.array(setup.gravity, np.float32),
-            bounce_threshold=chosen.bounce_threshold,
-            enable_ccd=chosen.ccd,
+            gravity=np.array(setup.gravity, np.float32), bounce_threshold=chosen.bounce_threshold, enable_ccd=chosen.ccd
         )
         self._contact_offset = chosen.contact_offset
         physx.set_shape_config(contact_offset=self._contact_offset)

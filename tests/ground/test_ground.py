@@ -124,23 +124,6 @@ def test_colliders_never_pile_up(client: Any) -> None:
     assert client.getNumBodies() == 4
 
 
-def test_a_hole_carries_nothing_and_its_rim_does(client: Any) -> None:
-    client.setGravity(0, 0, -9.81)
-    heights = np.zeros((60, 60))
-    heights[20:41, 20:41] = np.nan
-    heightmap = HeightMap(heights, resolution=0.1)
-    over_hole = sphere(client, (3.0, 3.0, 0.3), 0.1)
-    at_rim = sphere(client, (1.85, 3.0, 0.1), 0.1)
-    ground = Ground(client, heightmap)
-    for body in (over_hole, at_rim):
-        ground.attach(body)
-    for step in range(240):
-        ground.update(step * DT, DT)
-        client.stepSimulation()
-    assert client.getBasePositionAndOrientation(over_hole)[0][2] < -3.0
-    assert client.getBasePositionAndOrientation(at_rim)[0][2] == pytest.approx(0.1, abs=1e-3)
-
-
 def test_settings_change_while_bodies_rest(client: Any) -> None:
     client.setGravity(0, 0, -9.81)
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)

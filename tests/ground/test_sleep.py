@@ -20,7 +20,7 @@ from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.patches.supports import Support
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from studies.matrix.sleeping import HUSKY
+from studies.matrix.arena import HUSKY
 from tests.examples import examples
 
 SIDE, SPACING, RATE = 61, 0.1, 240

@@ -18,8 +18,8 @@ from smartmesh_ros.world.guest_config import GuestConfig
 from smartmesh_ros.world.guests import Guests
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import simulated_states
-from studies.fleet.worlds import RATE, Peers, Start, flat_world, peers
 from tests.bodies import random_turn, rotation, turn_about
+from tests.peers import RATE, Peers, Start, flat_world, peers
 
 BALL = Sphere(0.2)
 ROVER = str(Path(__file__).parent.parent / "data" / "rover.urdf")

@@ -189,8 +189,8 @@ class Publishing:
             output, rate = self._outputs[name], getattr(rates, name)
             new = self._shown.get(name) != self._world.refreshes
             if rate > 0.0 and (now or (new and time >= self._due[name])):
-                # Keeps the phase, unless a message was missed.
-                self._due[name] = max(self._due[name] + 1.0 / rate, time)
+                # Keeps the phase, unless a message was missed or came before it was due.
+                self._due[name] = max(min(self._due[name], time) + 1.0 / rate, time)
                 if output.publisher.get_subscription_count():
                     if name in self._shown:
                         self._shown[name] = self._world.refreshes

@@ -1,4 +1,4 @@
-"""Several worlds in one process that exchange the states of their bodies, with delay and loss."""
+"""Several worlds in one process that exchange the states of their bodies, with delay."""
 
 from __future__ import annotations
 
@@ -18,20 +18,14 @@ from smartmesh_ros.world.states import simulated_states
 RATE = 240.0
 
 
-# Radius of a rover's wheels [m].
-WHEEL = 0.15
-
-
 class Start(NamedTuple):
-    """A body: its shape, None = a rover, whose wheels go on turning; its mass [kg], where and how fast along x it
-    starts [m, m/s], without spin."""
+    """A body: its shape, its mass [kg], where and how fast along x it starts [m, m/s], without spin."""
 
-    shape: Shape | None
+    shape: Shape
     mass: float
     x: float
     speed: float
     z: float
-    y: float = 0.0
 
 
 def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> World:
@@ -41,20 +35,9 @@ def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> Wor
 
 
 class Peers:
-    """Worlds that step together and exchange the states of their bodies after ``late`` steps; a fraction ``loss`` of
-    the messages is dropped."""
+    """Worlds that step together and exchange the states of their bodies after ``late`` steps."""
 
-    def __init__(
-        self,
-        count: int,
-        late: int,
-        physics: PhysicsConfig,
-        guests: GuestConfig | None = None,
-        *,
-        loss: float = 0.0,
-        seed: int = 0,
-    ) -> None:
-        self._loss, self._rng = loss, np.random.default_rng(seed)
+    def __init__(self, count: int, late: int, physics: PhysicsConfig, guests: GuestConfig | None = None) -> None:
         self.worlds = [flat_world(physics, guests) for _ in range(count)]
         self._late = late
         self._mail: deque[list[tuple[StateTable, float]]] = deque()
@@ -73,7 +56,7 @@ class Peers:
             return
         for teller, (states, time) in enumerate(self._mail.popleft()):
             for hearer, world in enumerate(self.worlds):
-                if hearer != teller and self._rng.random() >= self._loss:
+                if hearer != teller:
                     world.guests.take(f"world {teller}", states, time)
 
     def state(self, name: str) -> BodyState:
@@ -89,53 +72,22 @@ def peers(
     physics: PhysicsConfig | None = None,
     guests: GuestConfig | None = None,
     *,
-    loss: float = 0.0,
     seed: int = 0,
     phases: bool = False,
 ) -> Iterator[Peers]:
     """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through. ``phases``: whether the worlds
     step at different instants, as nodes do; bodies start where they would be then."""
-    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests, loss=loss, seed=seed)
+    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests)
     number = 0
     share = np.random.default_rng(seed).random(len(starts)) if phases else np.zeros(len(starts))
     for world, bodies, phase in zip(made.worlds, starts, share.tolist(), strict=True):
         world.time = phase * world.config.physics.dt
         for body in bodies:
-            spawn(world, f"b{number}", body._replace(x=body.x + body.speed * world.time))
+            state = BodyState((body.x + body.speed * world.time, 0.0, body.z), linear=(body.speed, 0.0, 0.0))
+            world.spawn(f"b{number}", body.shape, body.mass, state)
             number += 1
     try:
         yield made
     finally:
         for world in made.worlds:
             world.close()
-
-
-def spawn(world: World, name: str, body: Start) -> None:
-    """Adds a body."""
-    state = BodyState((body.x, body.y, body.z), linear=(body.speed, 0.0, 0.0))
-    if body.shape is not None:
-        world.spawn(name, body.shape, body.mass, state)
-        return
-    world.spawn_robot(name, rover(body.mass), state)
-    for joint in world.bodies[name].joints:
-        world.drive(name, joint, body.speed / WHEEL)
-
-
-def rover(mass: float) -> str:
-    """The URDF of a frame of such a ``mass`` [kg] on four wheels of 1 kg."""
-    wheels = [(x, y) for x in (-0.3, 0.3) for y in (-0.25, 0.25)]
-    links = [_link("frame", mass, 0.3, '<origin xyz="0 0 0.1"/><geometry><box size="0.7 0.35 0.1"/></geometry>')]
-    links += [_link(f"wheel_{k}", 1.0, 0.01, f'<geometry><sphere radius="{WHEEL}"/></geometry>') for k in range(4)]
-    joints = [
-        f'<joint name="axle_{k}" type="continuous"><parent link="frame"/><child link="wheel_{k}"/>'
-        f'<origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/><limit effort="30" velocity="50"/></joint>'
-        for k, (x, y) in enumerate(wheels)
-    ]
-    return f'<robot name="rover">{"".join(links + joints)}</robot>'
-
-
-def _link(name: str, mass: float, inertia: float, shape: str) -> str:
-    spins = f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
-    return (
-        f'<link name="{name}"><inertial><mass value="{mass}"/>{spins}</inertial><collision>{shape}</collision></link>'
-    )
