@@ -11,16 +11,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray
 
-FloatGrid = NDArray[np.float32]
 # Number of map samples per lattice point: the sample itself and its two neighbours in the row.
 STENCIL = 3
 
 
 class Lattice(NamedTuple):
-    """State of the lattice points, a ring buffer of (n, m).
+    """State of the lattice points, a ring buffer of (n, m), for ``CORE.moved_as_one`` and ``CORE.compare_maps``.
+
+    The latter returns the median of the changes [m], and the numbers of points that are *known* in this map and the one
+    before; *changed* now and before; of these, *reversed*, with opposite signs; *tilted*, with changes that differ from
+    those of both neighbours; of these, *agreeing*, with differences of the same sign; and the *tilt* [m], the sum of
+    the differences to one neighbour.
 
     ``cells`` (n, m, 2): row and column of each point in the lattice of the world. ``heights`` (n, m, STENCIL) [m]: last
     heights there, NaN = unknown. ``steps`` (n, m) [m]: last change of each point, zero = none yet. ``stride``: distance
@@ -33,53 +36,8 @@ class Lattice(NamedTuple):
     stride: tuple[int, int]
 
 
-class Counts(NamedTuple):
-    """Numbers of lattice points.
-
-    ``known``: in this map and the one before. ``changed``: now and before. ``reversed``: of these, with opposite signs.
-    ``tilted``: with changes that differ from those of both neighbours. ``agreeing``: of these, with differences of the
-    same sign. ``tilt`` [m]: sum of the differences to one neighbour.
-    """
-
-    known: float
-    changed: float
-    reversed: float
-    tilted: float
-    agreeing: float
-    tilt: float
-
-    def after(self, before: Counts, fading: float) -> Counts:
-        """Return these numbers and those ``before``, which decay by the factor ``fading`` [-]."""
-        return Counts(*(fading * old + new for old, new in zip(before, self, strict=True)))
-
-
-NO_COUNTS = Counts(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
     """Return an empty lattice for maps of ``shape`` (rows, columns), with about ``samples`` points along each side."""
     rows, columns = (max(-(-size // samples), 1) for size in shape)
-    places = (-(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1)  # one more if the map is not aligned
-    return Lattice(
-        np.zeros((*places, 2), np.int64), np.full((*places, STENCIL), math.nan), np.zeros(places), (rows, columns)
-    )
-
-
-def moved_as_one(lattice: Lattice, heights: FloatGrid, z: float, first: tuple[int, int], least: float) -> bool:
-    """Return True if the samples of a map differ from those with the same indices in the map before by a constant.
-
-    Then the ground moved together with the map. ``least`` [m]: tolerance. Other arguments as in `compare`.
-    """
-    return bool(CORE.moved_as_one(*lattice, heights, z, first, least))
-
-
-def compare(
-    lattice: Lattice, heights: FloatGrid, z: float, first: tuple[int, int], least: float
-) -> tuple[Counts, float]:
-    """Return the `Counts` of a map compared to the map before, and the median of the changes [m].
-
-    ``heights`` (rows, columns) [m]: above ``z`` [m]. ``first``: row and column of sample (0, 0) in the world [samples].
-    Changes below ``least`` [m] are ignored.
-    """
-    counts, median = CORE.compare_maps(*lattice, heights, z, first, least)
-    return Counts(*counts), median
+    n, m = -(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1  # one more if the map is not aligned
+    return Lattice(np.zeros((n, m, 2), np.int64), np.full((n, m, STENCIL), math.nan), np.zeros((n, m)), (rows, columns))

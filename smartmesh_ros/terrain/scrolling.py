@@ -39,7 +39,7 @@ def velocities_across(
 def follow_across(before: HeightMap, after: HeightMap) -> None:
     """Estimate the motion of a map from the map before it, which it replaces, unless its velocities were given."""
     if not after.has_velocities:
-        if levelled(before.geometry, after.geometry) == before.geometry:
+        if _levelled(before.geometry, after.geometry) == before.geometry:
             after.go_on_from(before)
         else:
             velocities = velocities_across(before, after.geometry, after.heights, after.time)
@@ -60,37 +60,26 @@ def carry_friction(before: HeightMap, after: HeightMap) -> None:
     their places if the map was scrolled by whole cells, and on the samples of a map that slides. New ground has 1, and
     so has a map on another grid.
     """
+    known, motion = before.friction, after.motion
     if after.has_friction or not before.has_friction:
         return
-    motion = after.motion
+    if isinstance(known, float):
+        after.friction = known
+        return
     if motion.corrects:
-        moved = cells_moved(before.geometry, levelled(before.geometry, after.geometry))
+        moved = cells_moved(before.geometry, _levelled(before.geometry, after.geometry))
     else:
         _, moved = follow(before.track, after.geometry, after.time, motion.max_interval, motion.max_velocity)
-    friction = friction_moved(before.friction, moved)
-    if friction is not None:
-        after.friction = friction
-
-
-def friction_moved(
-    known: float | NDArray[np.float32] | None, moved: tuple[int, int] | None
-) -> float | NDArray[np.float32] | None:
-    """Return the coefficients of friction (rows, columns) after a map ``moved`` by (rows, columns), NaN on new ground.
-
-    One coefficient stays; None: nothing is known, as after an unknown move (None).
-    """
-    if known is None or isinstance(known, float):
-        return known
     if moved is None:
-        return None
+        return
     (new_rows, old_rows), (new_columns, old_columns) = (
         overlap(cells, size) for cells, size in zip(moved, known.shape, strict=True)
     )
     friction = np.full(known.shape, np.nan, np.float32)
     friction[new_rows, new_columns] = known[old_rows, old_columns]
-    return friction
+    after.friction = friction
 
 
-def levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:
+def _levelled(before: GridGeometry, after: GridGeometry) -> GridGeometry:
     """Return the grid ``after`` at the height of the grid ``before`` it."""
     return replace(after, origin=(*after.origin[:2], before.origin[2]))

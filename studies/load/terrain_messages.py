@@ -60,17 +60,6 @@ class TerrainMessages:
         return _stamped(self._region, stamp_ns)
 
 
-def naive_map(case: Case, heights: NDArray[np.float32], stamp_ns: int) -> Heightmap:
-    """The same map as most code makes it: a list of floats in a message object."""
-    grid = np.zeros((case.side, case.side), np.float32)
-    grid[: len(heights), : len(heights)] = heights
-    message = Heightmap(heights=grid.ravel().tolist())
-    message.header.frame_id = FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
-    message.info.resolution, message.info.width, message.info.height = RESOLUTION, case.side, case.side
-    return message
-
-
 def _stamped(buffer: NDArray[np.uint8], stamp_ns: int) -> bytes:
     struct.pack_into("<iI", buffer.data, 4, *divmod(stamp_ns, 1_000_000_000))
     return buffer.tobytes()

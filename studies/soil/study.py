@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from time import thread_time
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.soil.soils import soil_named, soils_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.world.world import World
+from studies.markdown import table
 from studies.pages import ROOT, fill
 from studies.soil.trials import (
     RIGID,
@@ -56,12 +56,6 @@ SMOOTH = (
     Measured(0.9, 1.5, 25.7, 25.7e-3),
 )  # fmt: skip
 K10 = Wheel(radius=0.058, width=0.05, load=24.6)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def plates() -> str:
@@ -199,14 +193,8 @@ def boxes() -> str:
                     rest = "sleeps" if world.is_asleep("box") else "awake"
                 row.append(f"{1e3 * sunk:.2f} ({100.0 * (sunk / wanted - 1.0):+.0f} %), {last:.2f} s, {rest}")
             rows.append(row)
-    head = [
-        "soil",
-        "grid [mm]",
-        "closed form [mm]",
-        "update at each step (240 Hz)",
-        "update at each fourth step (60 Hz) by the mean of four",
-    ]
-    return table(head, rows)
+    updates = "update at each step (240 Hz)", "update at each fourth step (60 Hz) by the mean of four"
+    return table(["soil", "grid [mm]", "closed form [mm]", *updates], rows)
 
 
 def nodes() -> str:

@@ -29,5 +29,5 @@ def take_map(
         heights, geometry=geometry, time=time, velocities=velocities, variance=variances, friction=friction,
         motion=settings.motion,
     )  # fmt: skip
-    require_usable(settings.world.patch, new)
+    require_usable(settings.world.patch, new, exact=False)
     terrain.put(tile, new)
