@@ -1,4 +1,4 @@
-"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of sunk and slippery ground."""
+"""The terrain on the page: a mesh a tile, at full resolution near bodies, and the colours of depth and friction."""
 
 from __future__ import annotations
 
