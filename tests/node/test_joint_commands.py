@@ -14,6 +14,7 @@ from smartmesh_ros.world.joints import JointCommand
 from tests.node.test_robot_outputs import ARM
 
 NAN = math.nan
+TRACK = '<surface_drive name="track" link="trunk"><axis xyz="0 1 0"/><limit velocity="2"/></surface_drive>'
 
 
 @pytest.fixture

@@ -122,6 +122,13 @@ void BulletWorld::enable(int index, bool enabled) {
   world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
 }
 
+void BulletWorld::drive(int index, const Belt& belt) {
+  find_objects();
+  Slot& slot = slots_[index];
+  slot.belt = belt;
+  if (slot.object != nullptr) wake(slot);
+}
+
 void BulletWorld::find_objects() {
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();

@@ -70,8 +70,8 @@ class BulletWorld {
   // Sets whether a body that sleeps in PyBullet is left to sleep when its ground changes.
   void hold(int slot, bool held) { slots_[slot].held = held; }
 
-  // Moves the surface of the body in a slot.
-  void drive(int slot, const Belt& belt) { slots_[slot].belt = belt; }
+  // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.
+  void drive(int slot, const Belt& belt);
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
