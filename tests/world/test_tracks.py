@@ -21,7 +21,10 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from smartmesh_ros.patches.config import PatchKind
+from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.scenes.tracks import robot_file
+from smartmesh_ros.soil.bodies import BulletBodies
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
@@ -84,14 +87,14 @@ def test_it_drives_straight_at_the_speed_of_its_tracks(urdf: str, commanded: flo
         assert after[0] - before[0] == pytest.approx(2.0 * commanded, rel=0.01)
         assert (after[1], yaw(world)) == pytest.approx((0.0, 0.0), abs=1e-3)
         drive(world, 0.0, 0.0)
-        world.step(480)  # it rocks on the middles of its tracks for a second
+        world.step(480)  # it rocks on the middles of its tracks for one or two seconds
         assert world.state(NAME).linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
 
 
 def test_a_command_beyond_the_limit_drives_at_the_limit() -> None:
     with standing(slope()) as world:
         drive(world, 9.0, 9.0)
-        world.step(240)
+        world.step(600)
         assert speed(world) == pytest.approx(1.5, rel=0.01)
         assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
             ("left_track", 1.5, 1.5),
@@ -136,6 +139,23 @@ def test_it_climbs_20_degrees_with_enough_friction(urdf: str) -> None:
         world.step(480)
         assert speed(world) == pytest.approx(0.5, rel=0.01)
         assert world.state(NAME).position[2] - before == pytest.approx(math.sin(math.radians(20.0)), rel=0.01)
+
+
+def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
+    with World(ramp()) as world:
+        soil = Soil(world.terrain, "lete_sand", BulletBodies(world.client, world))
+        world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((5.3, 0.0, 0.0)), on_ground=True, align=True)
+        for step in range(720):
+            if step == 120:
+                drive(world, 0.5, 0.5)
+            if step == 360:
+                before = world.state(NAME).position
+            world.step()
+            soil.apply(world.contacts(), world.dt, world.time)
+        x, _, z = np.array(world.state(NAME).position) - before
+        assert 0.8 * 0.75 < math.hypot(x, z) < 0.75, "slower than its tracks"
+        assert math.degrees(math.atan2(z, x)) == pytest.approx(20.0, abs=1.0)
+        assert 0.003 < soil.sinkage().max() < 0.05
 
 
 @pytest.mark.parametrize("driven", [0.0, 0.5])
@@ -235,7 +255,7 @@ def test_the_undercarriage_turns_on_the_spot_as_without_slip() -> None:
 def test_one_faster_track_makes_a_curve() -> None:
     with standing(slope()) as world:
         drive(world, 0.3, 0.5)
-        world.step(120)
+        world.step(360)
         for _ in range(8):
             world.step(60)
             assert world.state(NAME).angular[2] == pytest.approx(0.2 / GAUGE, rel=0.1)
@@ -272,18 +292,42 @@ def test_it_sleeps_only_while_its_tracks_stand_still() -> None:
         world.step(240)
         assert speed(world) == pytest.approx(0.5, rel=0.01)
         drive(world, 0.0, 0.0)
-        world.step(480)
+        world.step(720)
         assert world.is_asleep(NAME)
 
 
-def test_blocked_by_a_wall_it_stays_awake() -> None:
+def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:
+    """Each contact runs along its own ground: up at the wall, forward below."""
     heights = np.zeros((201, 201))
-    heights[:, 111:] = 1.5  # from 0.3 m before its tracks on
-    with World(HeightMap(heights, geometry=LEVEL), WorldConfig(physics=PhysicsConfig(friction=0.2))) as world:
-        world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((0.0, 0.0, 0.0)), on_ground=True)
+    heights[:, 109:] = 1.5
+    with standing(HeightMap(heights, geometry=LEVEL), FLAT_TRACKS, sleep=True, friction=0.2) as world:
+        before = world.state(NAME).position[2]
         drive(world, 0.3, 0.3)
-        world.step(960)
-        assert world.state(NAME).position[0] < 0.4 and not world.is_asleep(NAME)
+        for _ in range(96):
+            world.step(10)
+            assert world.state(NAME).position[2] == pytest.approx(before, abs=5e-3)
+        assert 0.15 < world.state(NAME).position[0] < 0.3 and not world.is_asleep(NAME)
+
+
+def test_at_the_foot_of_a_slope_its_rear_stays_on_the_level() -> None:
+    heights = np.tile(np.clip(0.1 * np.arange(201) - 11.0, 0.0, None) * math.tan(math.radians(20.0)), (201, 1))
+    with standing(HeightMap(heights, geometry=LEVEL), FLAT_TRACKS) as world:
+        drive(world, 0.5, 0.5)
+        for _ in range(480):
+            world.step()
+            rear = min(contact.position[0] for contact in world.contacts())
+            assert rear - world.state(NAME).position[0] < -0.5
+        assert world.state(NAME).position[0] > 0.9
+
+
+def test_contacts_are_where_the_surface_touches_the_ground() -> None:
+    with standing(slope(), FLAT_TRACKS) as world:
+        drive(world, 1.5, 1.5)
+        world.step(120)
+        x, y, _ = world.state(NAME).position
+        places = sorted((contact.position[0] - x, contact.position[1] - y) for contact in world.contacts())
+        corners = [(end, side) for end in (-0.6, 0.6) for side in (-0.5, -0.3, 0.3, 0.5)]
+        np.testing.assert_allclose(sorted(places), corners, atol=1.5 * 2.0 / 240.0)
 
 
 @pytest.fixture
@@ -318,7 +362,7 @@ def test_a_change_of_settings_keeps_the_tracks_running(driven: World) -> None:
     for kind, expected in steps:
         config = WorldConfig(physics=driven.config.physics, patch=PatchConfig(kind=kind))
         driven.configure(config)
-        driven.step(240)
+        driven.step(600)
         assert math.hypot(*driven.state(NAME).linear) == pytest.approx(expected, abs=0.02), kind
 
 
