@@ -197,7 +197,7 @@ def test_tracks_are_driven_by_joint_commands_under_their_names(shared: Probe) ->
     def drives() -> bool:
         publisher.publish(JointState(name=["left_track", "right_track"], velocity=[0.3, 0.5]))
         step(shared, 1)
-        return twist().linear.x > 0.05
+        return bool(twist().linear.x > 0.05)
 
     shared.wait_for(drives)
     for _ in range(2):
