@@ -9,6 +9,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
 
+# Shortest axis [any unit].
+LEAST_AXIS = 1e-6
+
 
 @dataclass(frozen=True)
 class Belt:
@@ -24,7 +27,7 @@ class Belt:
 
     def __post_init__(self) -> None:
         length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
-        if not 0.0 < length <= FARTHEST_BODY:
+        if not LEAST_AXIS <= length <= FARTHEST_BODY:
             raise InputError("surface", f"the axis of a surface is {self.axis}; it must be three numbers, not all zero")
         if not abs(self.speed) <= FASTEST:  # also True for NaN
             raise InputError(

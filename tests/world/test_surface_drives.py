@@ -160,6 +160,8 @@ DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 
         (DRIVE.replace("left_track_link", "wheel"), "'wheel', which does not exist"),
         (DRIVE.replace("left_track_link", "right_track_link"), "one surface"),
         (DRIVE.replace("0 1 0", "0 0 0"), "axis .* zero"),
+        (DRIVE.replace("0 1 0", "0 1e-200 0"), "axis .* zero"),
+        (DRIVE.replace("0 1 0", "0 1e200 0"), "no length"),
         (DRIVE.replace("0 1 0", "0 1"), "3 numbers"),
         (DRIVE.replace("0 1 0", "0 1 nan"), "finite"),
         (DRIVE.replace('<axis xyz="0 1 0"/>', ""), "0 elements <axis>"),
@@ -214,6 +216,16 @@ def test_in_a_pybullet_world_of_ones_own(client: BulletClient) -> None:
     ground.detach(0)
     ground.attach(0)
     assert run(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 0.0), (0.0, math.nan, 0.0), (0.0, 1e200, 0.0), (0.0, 1.0)])
+@pytest.mark.parametrize("speed_", [1.0, math.inf])
+def test_an_axis_without_direction_is_refused(client: BulletClient, axis: tuple[float, ...], speed_: float) -> None:
+    ground = Ground(client, slope())
+    ground.attach(0)
+    with pytest.raises(InputError):
+        ground.drive(0, -1, axis, speed_)  # type: ignore[arg-type]
+    assert run(ground, client, 24) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_command_wakes_a_body_that_sleeps_in_pybullet(client: BulletClient) -> None:

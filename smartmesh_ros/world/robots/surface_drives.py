@@ -6,11 +6,13 @@ stands beside the links and joints. Other loaders skip what they do not know.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.limits import FASTEST
+from smartmesh_ros.ground.belt import LEAST_AXIS
+from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.world.robots.description import Description
 from smartmesh_ros.world.robots.quantities import numbers
@@ -53,8 +55,8 @@ def _drive(element: ElementTree.Element, robot: Description) -> SurfaceDrive:
         raise InputError("urdf", f"link {link!r} of {what} has no collision shape, so that it touches nothing")
     x, y, z = numbers(_only(element, "axis", what), "xyz", what, 3)
     [limit] = numbers(_only(element, "limit", what), "velocity", what, 1)
-    if not any((x, y, z)):
-        raise InputError("urdf", f"the axis of {what} is zero")
+    if not LEAST_AXIS <= math.hypot(x, y, z) <= FARTHEST_BODY:
+        raise InputError("urdf", f"the axis of {what} is ({x:g}, {y:g}, {z:g}), which is zero or has no length")
     if not 0.0 < limit <= FASTEST:
         raise InputError("urdf", f"the limit of {what} is {limit:g} m/s; it must be above zero, to {FASTEST:g}")
     return SurfaceDrive(link, (x, y, z), limit)
