@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction
+.PHONY: help demo view pictures renders test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -63,6 +63,9 @@ height-scan:  ## what a legged robot's policy observes of moving ground, printed
 
 rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
 	@$(RUN) studies -- $(STUDIES) rover $(ARGS)
+
+tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
+	@$(RUN) studies -- $(STUDIES) tracks $(ARGS)
 
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only plates" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)

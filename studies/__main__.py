@@ -18,6 +18,7 @@ STUDIES = {
     "robots": ("studies.robots.study", "robots on rough and moving ground, beside other engines"),
     "rover": ("studies.soil.rover", "a wheeled robot on soil: pictures of its ruts"),
     "soil": ("studies.soil.study", "soil against closed forms, a measured wheel, and its cost"),
+    "tracks": ("studies.soil.tracks", "a tracked machine on soil: pictures of its turn and its climb"),
     "soak": ("studies.load.soak", "the node for minutes or hours of everything changing"),
 }
 

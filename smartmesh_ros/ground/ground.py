@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.belt import Belt
 from smartmesh_ros.ground.body_shapes import links_with_shape, shape_of
 from smartmesh_ros.ground.bullet_sleep import is_fixed
 from smartmesh_ros.ground.colliders.patch_contacts import PatchContacts
@@ -25,6 +27,7 @@ from smartmesh_ros.ground.sleep_config import SleepConfig
 from smartmesh_ros.ground.sleep_contacts import SleepContacts
 from smartmesh_ros.ground.sleeping import Sleeping
 from smartmesh_ros.ground.solver import gravity_of, time_step_of
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.ground.update_schedule import UpdateSchedule
 from smartmesh_ros.ground.usable import require_usable
 from smartmesh_ros.patches.config import PatchConfig
@@ -129,6 +132,26 @@ class Ground:
             self.patches.remove(slot)
             self.followers.remove(slot)
         self._stale = True
+
+    def drive(self, body: int, link: int, axis: Vector, speed: float) -> None:
+        """Move the surface of an attached ``body``'s ``link`` (-1 = the base) at a ``speed`` [m/s] from now on, as that
+        of a track; zero stops it.
+
+        Where the ground touches it with a normal n, the surface moves along n x ``axis``, a vector in the frame of the
+        link's centre of mass: a positive speed drives as a wheel that turns about the axis. The body wakes, and does
+        not sleep while its surface moves. On colliders of PyBullet's own, which `configure` may choose meanwhile, the
+        surface stands still. Raises `InputError` if there are such colliders, no such link, or impossible numbers.
+        """
+        belt, follower = Belt(axis, speed), self.followers.at(body, link)
+        if follower is None or not follower.solid:
+            raise InputError(
+                "unknown_body", f"body {body}, link {link} has no contacts with the ground; attach it first"
+            )
+        contacts = self.require_belts()
+        if follower.belt != belt:
+            follower.belt = belt
+            contacts.drive(follower)
+            self.wake(body)
 
     def let_sleep(self, may_sleep: Callable[[int], bool] | None, config: SleepConfig | None = None) -> None:
         """Put bodies at rest to sleep from now on, without contacts, if ``may_sleep`` returns True for the PyBullet
@@ -301,6 +324,13 @@ class Ground:
         """Raise `InputError` if a mesh cannot be ground with these settings, or the present ones (None)."""
         config = config or self.config
         require_usable(config, mesh, exact=self._is_exact(config))
+
+    def require_belts(self) -> MapContacts:
+        """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
+        if isinstance(self._contacts, MapContacts):
+            return self._contacts
+        cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
+        raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 
     def _require_usable(self, config: PatchConfig) -> None:
         for mesh in self.terrain.tiles.values():

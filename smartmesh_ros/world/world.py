@@ -177,7 +177,7 @@ class World(Population):
         return Snapshot(
             time=self.time,
             bodies=tuple(
-                body_snapshot(self.client, body, self.state(name))
+                body_snapshot(self.client, body, self.state(name), self._belts(body))
                 for name, body in self.bodies.items()
                 if not body.owner
             ),
@@ -192,8 +192,10 @@ class World(Population):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Replace the bodies by those of a snapshot, in a new PyBullet client; the terrain stays. Raises `InputError`
-        and changes nothing if a robot of it is refused."""
+        and changes nothing if a robot of it is refused, or a surface moves and contacts are PyBullet's own."""
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
+        if any(body.belts for body in snapshot.bodies):
+            self.ground.require_belts()
         self.close()
         self._refreshes, self._rescues = self.refreshes, self.rescues
         self._start()
@@ -212,6 +214,7 @@ class World(Population):
                 self.client.resetJointState(new.uid, new.joints[joint], position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
+            self._move_belts(new, body.belts)
 
     def shown_batches(self) -> list[PatchBatch]:
         """Return the patches as of the last update, without those of remote bodies, which their owners publish."""

@@ -122,6 +122,13 @@ void BulletWorld::enable(int index, bool enabled) {
   world_->getPairCache()->removeOverlappingPairsContainingProxy(bounds, world_->getDispatcher());
 }
 
+void BulletWorld::drive(int index, const Belt& belt) {
+  find_objects();
+  Slot& slot = slots_[index];
+  slot.belt = belt;
+  if (slot.object != nullptr) wake(slot);
+}
+
 void BulletWorld::find_objects() {
   for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
   auto& objects = world_->getCollisionObjectArray();
@@ -169,6 +176,18 @@ void BulletWorld::after_step() {
   if (world_ == nullptr) return;
   duration = world_->getDispatchInfo().m_timeStep;
   time += duration;
+  if (std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.belt.speed != 0.0; })) return;
+  btDispatcher& dispatcher = *world_->getDispatcher();
+  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
+    const bool ground_is_b = is_driven(*manifold.getBody1());
+    if (ground_is_b || is_driven(*manifold.getBody0())) put_back_places(manifold, ground_is_b);
+  }
+}
+
+bool BulletWorld::is_driven(const btCollisionObject& ground) const {
+  const auto found = slot_of_ground_.find(ground.getCollisionShape());
+  return found != slot_of_ground_.end() && slots_[found->second].belt.speed != 0.0;
 }
 
 void BulletWorld::place(Slot& slot) {
@@ -207,8 +226,6 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->origin = foot.getOrigin();
   ground.setWorldTransform(foot);
   ground.setInterpolationWorldTransform(foot);
-  slot.ground_linear = motion.linear;
-  slot.normals = {};
   ground.setLinearVelocity(to_bullet(motion.linear));
   ground.setAngularVelocity(to_bullet(motion.angular));
   if (moved > 0.0 || norm2(motion.angular) > 0.0) wake(slot);
@@ -272,23 +289,16 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     const SurfaceReader ground_now = surface.reader(time, INSTANT);
     for (Contact& contact : contacts_) contact.friction = ground_now.tiles.friction(contact.point.x, contact.point.y);
   }
-  double softness = 0.0;
+  Touching touching{body, ground, approach, world_->getSolverInfo().m_erp2};
   if (slot.belt.speed != 0.0) {
-    run_belt(slot, contacts_);
+    const btVector3 axis = slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis);
+    touching.belt = from_bullet(axis.normalized() * slot.belt.speed);
+    const double share = world_->getSolverInfo().m_frictionERP;  // of a distance, closed in a step
+    touching.anchor_time = share > 0.0 ? step / share : 0.0;
     // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
-    softness = step / mass_of(*slot.object);
+    touching.softness = step / mass_of(*slot.object);
   }
-  write_contacts(contacts_, before_, {body, ground, approach, world_->getSolverInfo().m_erp2, softness},
-                 manifold);
-}
-
-// A proxy has one velocity, so that contacts with several normals share the mean one.
-void BulletWorld::run_belt(Slot& slot, const std::vector<Contact>& contacts) {
-  for (const Contact& contact : contacts) slot.normals = slot.normals + contact.normal;
-  const Vec3 axis = from_bullet(slot.object->getWorldTransform().getBasis() * to_bullet(slot.belt.axis));
-  const Vec3 along = cross(axis, slot.normals);
-  if (!(norm2(along) > 0.0)) return;
-  slot.ground->setLinearVelocity(to_bullet(slot.ground_linear + along * (slot.belt.speed / norm(along))));
+  write_contacts(contacts_, before_, touching, manifold);
 }
 
 double BulletWorld::margin_in(double step) const { return margin + world_->getGravity().length() * step * step; }
