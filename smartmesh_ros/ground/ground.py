@@ -327,8 +327,8 @@ class Ground:
 
     def require_belts(self) -> MapContacts:
         """Return the contacts, in which surfaces can move; raises `InputError` if they are PyBullet's own."""
-        if isinstance(self._contacts, MapContacts):
-            return self._contacts
+        if isinstance(self.contacts, MapContacts):
+            return self.contacts
         cause = self.no_proxies or f"the kind of patch is {self.config.kind!r}; choose 'auto'"
         raise InputError("surface", f"a surface moves only where contacts come from the map itself: {cause}")
 

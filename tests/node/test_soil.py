@@ -236,7 +236,7 @@ def test_the_links_of_a_robot_are_where_its_base_and_joints_put_them() -> None:
         wheel = bodies.read("bot/wheel")
         assert wheel is not None
         assert wheel.shape.kind == ShapeKind.CYLINDER
-        assert wheel.shape.size == pytest.approx([0.1, 0.05], abs=1e-3)
+        assert wheel.shape.record["half"] == pytest.approx([0.1, 0.1, 0.025], abs=1e-3)
         assert wheel.state[:3] == pytest.approx([0.8, 2.3, 2.9], abs=1e-4)
         assert np.linalg.norm(wheel.state[10:]) == pytest.approx(2.0, abs=1e-3)
         assert bodies.read("bot/nothing") is None
