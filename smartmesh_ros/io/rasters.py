@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.masked import unmasked
 
 FloatGrid = NDArray[np.float32]
 FirstRow = Literal["top", "bottom"]

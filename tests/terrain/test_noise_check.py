@@ -16,8 +16,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck, NoiseCheckConfig
-from smartmesh_ros.terrain.sample_lattice import Lattice
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck, NoiseCheckConfig
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
